@@ -1,0 +1,28 @@
+"""What can go wrong with devices.
+
+    HardwareError
+    ├── MotionRefused        before a motion: nothing has moved
+    ├── ArmFault             during a motion: the arm has stopped
+    ├── CameraError          no frame, or not in time
+    └── DeviceUnavailable    a device is not there or not answering
+"""
+
+
+class HardwareError(Exception):
+    """Base of everything that devices raise."""
+
+
+class MotionRefused(HardwareError):
+    """A path breaks a limit; nothing has moved. The message names joint, time, value and limit."""
+
+
+class ArmFault(HardwareError):
+    """The arm stopped during a motion; it is at rest and needs an explicit recovery."""
+
+
+class CameraError(HardwareError):
+    """The camera gave no frame, or not in time."""
+
+
+class DeviceUnavailable(HardwareError):
+    """A device cannot be reached."""

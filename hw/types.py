@@ -1,0 +1,122 @@
+"""Values that cross the boundary to the devices: frames, paths, states.
+
+Frames of reference: B is the robot base (X forward, Z up, table top at z = 0), C the
+colour camera, D the depth camera, F the flange, T the tool. `X_AB` is the 4 x 4 pose of
+frame B in frame A; `p_AB_m` is a position in metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+PATH_RATE_HZ = 1000.0
+"""Sampling rate of every `JointPath`: the rate at which the Franka interfaces take set points."""
+
+
+def frozen_array(value: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
+    """A read-only float64 copy of `value`; `shape` may leave sizes open with None.
+
+    Raises ValueError when the shape differs or a value is not finite.
+    """
+    array = np.array(value, dtype=np.float64)
+    if shape is not None and (
+        array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True))
+    ):
+        raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} has values that are not finite")
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """A pinhole camera with OpenCV's rational distortion (pixel centres at integers)."""
+
+    width: int
+    height: int
+    K: Array  # (3, 3)
+    distortion: Array = field(default_factory=lambda: np.zeros(8))  # (8,) k1 k2 p1 p2 k3 k4 k5 k6
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K", frozen_array(self.K, (3, 3), "K"))
+        object.__setattr__(self, "distortion", frozen_array(self.distortion, (8,), "distortion"))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraModel:
+    """Factory calibration of an RGB-D camera."""
+
+    serial: str
+    colour: Intrinsics
+    depth: Intrinsics
+    X_CD: Array  # (4, 4) depth camera in the colour camera
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "X_CD", frozen_array(self.X_CD, (4, 4), "X_CD"))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One synchronised colour and depth image, each in its own camera's geometry."""
+
+    t_s: float  # middle of the exposure, on the arm's clock
+    colour: NDArray[np.uint8]  # (Hc, Wc, 3) RGB
+    depth_mm: NDArray[np.uint16]  # (Hd, Wd) distance along the depth camera's optical axis; 0 = no reading
+
+
+@dataclass(frozen=True, eq=False)
+class ContactWindow:
+    """The only stretch of a path in which the tool may be commanded to touch the table."""
+
+    start_s: float
+    end_s: float
+    depth_m: float  # deepest commanded position below the table top, positive
+    force_N: float  # largest predicted normal force
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """A motion the arm may be asked to make, sampled at 1 kHz, at rest at both ends."""
+
+    t_s: Array  # (N,) from 0, every 1 ms
+    q_rad: Array  # (N, 7)
+    contact: ContactWindow | None = None
+
+    def __post_init__(self) -> None:
+        t_s = frozen_array(self.t_s, (None,), "t_s")
+        q_rad = frozen_array(self.q_rad, (len(t_s), 7), "q_rad")
+        if len(t_s) < 2 or abs(t_s[0]) > 1e-12 or not np.allclose(np.diff(t_s), 1.0 / PATH_RATE_HZ, atol=1e-9):
+            raise ValueError("a joint path starts at t = 0 and has a sample every millisecond")
+        object.__setattr__(self, "t_s", t_s)
+        object.__setattr__(self, "q_rad", q_rad)
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.t_s[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """What the arm reports of itself."""
+
+    t_s: float
+    q_rad: Array  # (7,)
+    dq_rad_s: Array  # (7,)
+    fault: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What the arm did with a path: commanded and measured joints on one clock."""
+
+    t_start_s: float  # arm clock at the path's t = 0
+    t_s: Array  # (M,) since t_start_s
+    q_commanded_rad: Array  # (M, 7)
+    q_measured_rad: Array  # (M, 7)
+    control_success_rate: float  # share of 1 kHz cycles that were answered in time

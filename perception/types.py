@@ -1,0 +1,51 @@
+"""What tracking hands on: one value, whether the frames came from a camera or a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+
+
+class Outcome(StrEnum):
+    """How a trial ended."""
+
+    ON_BLADE = "on_blade"
+    ON_TABLE = "on_table"
+    UPRIGHT = "upright"
+    TIPPED = "tipped"
+    SETTLED = "settled"
+    LOST = "lost"  # out of sight, or off the table
+    SOLVER_FAILED = "solver_failed"  # simulation only
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectTrack:
+    """The object's state through one trial, in the base frame.
+
+    `t_s` counts from the start of the tool's motion. `state` has one row a time: the object's
+    centre (x, y, z) in metres for the contact tasks, joint angles in rad for the pendulum.
+    """
+
+    t_s: Array  # (N,)
+    state: Array  # (N, d)
+    outcome: Outcome
+    end_in_tool_m: Array  # (3,) object centre in the tool frame at the end; NaN where there is no tool
+    confidence: Array  # (N,) 0 lost ... 1 fully visible and well fitted; simulation: 1
+    flags: tuple[str, ...] = ()  # what an operator should know, in words
+
+    def __post_init__(self) -> None:
+        t_s = frozen_array(self.t_s, (None,), "t_s")
+        object.__setattr__(self, "t_s", t_s)
+        object.__setattr__(self, "state", frozen_array(self.state, (len(t_s), None), "state"))
+        object.__setattr__(self, "confidence", frozen_array(self.confidence, (len(t_s),), "confidence"))
+        end = np.array(self.end_in_tool_m, dtype=np.float64).reshape(3)
+        end.flags.writeable = False
+        object.__setattr__(self, "end_in_tool_m", end)
+
+    def at(self, times_s: Array) -> Array:
+        """State interpolated at `times_s` (M,) -> (M, d); held constant beyond the ends."""
+        return np.stack([np.interp(times_s, self.t_s, column) for column in self.state.T], axis=-1)

@@ -1,0 +1,1 @@
+"""Tasks, simulation and learning: everything that knows physics."""

@@ -1,0 +1,77 @@
+"""What a method of adaptation is to the rest of the program: particles in, particles out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Particle:
+    """One parameter distribution E that adapts through a session, as samples in units.
+
+    AdaptSim's Gaussian is so narrow that its one sample is its mean; UDR holds many over all of Omega.
+    """
+
+    samples: Array  # (m, p)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "samples", frozen_array(self.samples, (None, None), "samples"))
+
+    @property
+    def mean(self) -> Array:
+        """(p,) mean of the samples, in units."""
+        return self.samples.mean(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One real execution as the learning sees it."""
+
+    context: Array  # (c,) in units
+    action: Array  # (a,) commanded, in units
+    observation: Array  # (size,) normalised
+    reward: float
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleTrials:
+    """What one particle saw in one iteration."""
+
+    particle: Particle
+    trials: tuple[Trial, ...]
+
+
+Iteration = tuple[ParticleTrials, ...]
+"""One iteration of a session: every particle with its trials."""
+
+
+class Method(Protocol):
+    """A way to choose the next parameter distributions from the trials so far."""
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The first `n` particles."""
+        ...
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The next particles, one for each of the last iteration, given all iterations so far (oldest first)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The parameters a session would go with, and how good they are estimated to be on the real target."""
+
+    particle: Particle
+    mean_reward: float
+    ci95: tuple[float, float]
+    trials: int  # how many trials the estimate rests on
+
+
+Verdict = str
+"""What the data say of the session in one sentence, e.g. that the simulator cannot express this object."""

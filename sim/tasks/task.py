@@ -1,0 +1,157 @@
+"""The contract of a task: what differs between scooping, pushing and the pendulum, and nothing else.
+
+Physics, planning and scoring of one task live in its folder; everything that learns, stores or
+walks an operator takes a `Task` and never asks which one it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.types import Space, ToolMotion
+
+if TYPE_CHECKING:
+    import pydrake.multibody.plant as drake_plant
+    import pydrake.multibody.tree as drake_tree
+
+
+@dataclass(frozen=True)
+class AdaptationSettings:
+    """Hyperparameters of the adaptation policy (paper, Table A1)."""
+
+    horizon: int  # I, iterations of a session
+    delta: float  # step, fraction of each parameter's range
+    discount: float
+    threshold: float  # sparse reward: R counts only where R >= threshold
+    trials_per_iteration: int
+    learning_rate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What the adaptation policy sees of one trial: the state at fixed times, normalised with fixed bounds."""
+
+    times_s: Array  # (M,)
+    columns: tuple[int, ...]  # which entries of ObjectTrack.state
+    low: Array  # (len(columns),) maps to 0
+    high: Array  # (len(columns),) maps to 1
+    noise_mean: Array  # (len(columns),) added to simulated observations, in state units
+    noise_std: Array  # (len(columns),)
+
+    @property
+    def size(self) -> int:
+        return len(self.times_s) * len(self.columns)
+
+    def __call__(self, track: ObjectTrack) -> Array:
+        """(size,) normalised, time-major: x(t0), y(t0), x(t1), ..."""
+        return self.normalise(track.at(self.times_s)[:, list(self.columns)])
+
+    def normalise(self, states: Array) -> Array:
+        """(..., M, k) in state units -> (..., size)."""
+        unit = (states - self.low) / (self.high - self.low)
+        return unit.reshape(*states.shape[:-2], self.size)
+
+    def denormalise(self, observation: Array) -> Array:
+        """(..., size) -> (..., M, k) in state units."""
+        shape = (*observation.shape[:-1], len(self.times_s), len(self.columns))
+        return self.low + observation.reshape(shape) * (self.high - self.low)
+
+    def with_noise(self, observation: Array, rng: np.random.Generator) -> Array:
+        """(..., size) of a simulation -> the same with the camera's noise."""
+        states = self.denormalise(observation)
+        noise = self.noise_mean + self.noise_std * rng.standard_normal(states.shape)
+        return self.normalise(states + noise)
+
+
+class Simulate(Protocol):
+    """One training rollout: the tool driven directly, no arm, no camera."""
+
+    def __call__(
+        self, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+    ) -> ObjectTrack:
+        """All in units, unnormalised: parameters (p,), context (c,), executed action (a,), nuisance (n,).
+
+        Deterministic. Parameters may lie outside of their ranges. `unmodelled` (an instance of
+        `Task.unmodelled`) adds effects of a lab's world; None in training. A solver that does not
+        converge gives a track with outcome SOLVER_FAILED and the reason in `flags`, never an exception.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """A coloured triangle mesh fixed to a body of the plant (or to the world), as a camera sees it."""
+
+    body: str  # name of the body in the plant; "world" for what never moves
+    vertices_m: Array  # (V, 3) in the body's frame
+    triangles: NDArray[np.int32]  # (F, 3)
+    rgb: tuple[float, float, float]  # albedo, linear, 0..1
+
+
+@dataclass(frozen=True, eq=False)
+class SceneBodies:
+    """What `BuildScene` added to a plant."""
+
+    tool: str  # name of the tool's body; its body frame is T
+    object: str  # name of the object's free body; its body frame is at the centre, Z up at rest
+    visuals: tuple[Visual, ...]  # tool, object, table
+
+
+class BuildScene(Protocol):
+    """Adds table, object and tool to a plant: the same physics whether the tool is driven directly or by an arm."""
+
+    def __call__(
+        self,
+        plant: drake_plant.MultibodyPlant,
+        tool_parent: drake_tree.Frame,
+        X_PT: Array,
+        parameters: Array,
+        nuisance: Array,
+        unmodelled: Any,
+    ) -> SceneBodies:
+        """Weld (or flex-mount) the tool at X_PT (4, 4) in `tool_parent`; also sets the plant's contact model."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Everything that is particular to one task."""
+
+    name: str
+    title: str
+    parameters: Space  # Omega
+    margin: Space  # Omega and a margin around it: where datasets are drawn
+    context: Space
+    action: Space
+    nuisance: Space  # what varies from trial to trial and nobody chooses (may be empty)
+    action_noise: Array  # (a,) half-width of the uniform error of executed actions
+    observation: Observation
+    adaptation: AdaptationSettings
+    unmodelled: type[Any]  # frozen dataclass of a world's effects that no parameter expresses; all have defaults
+    simulate: Simulate
+    build_scene: BuildScene | None  # None: no lab scene
+    time_step_s: Callable[[Any], float]  # of the plant, given the unmodelled effects (None: training)
+    rest_pose: Callable[[Array, Array, Array, Any], Array]
+    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
+    plan: Callable[[Array, Array], ToolMotion] | None  # (context, action) -> motion; None: no hardware
+    X_FT: Array  # (4, 4) the tool in the arm's flange
+    reference_context: Array  # (c,) where datasets are drawn: contexts differ from it by `relocate` alone
+    relocate: Callable[[Array, Array], Array]  # observation (..., size) at reference, context (..., c) -> there
+    succeeded: Callable[[ObjectTrack], bool]
+    end_state: Callable[[ObjectTrack], Array]  # (k,) what the reward of a success depends on
+    reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
+    object_name: str  # how a person calls it, e.g. "piece of food"
+    tracker: str  # the key of the tracker in adaptsim_cli.wiring
+
+    def score(self, track: ObjectTrack, context: Array) -> float:
+        """Reward of one trial in [0, 1]."""
+        if not self.succeeded(track):
+            return 0.0
+        return float(self.reward_of_success(self.end_state(track), context))

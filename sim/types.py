@@ -1,0 +1,131 @@
+"""Spaces, motions and policies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, ContactWindow, frozen_array
+from sim.errors import OutOfRange
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One named quantity with its range; `scale` says how it is normalised."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    scale: Literal["linear", "log", "integer"] = "linear"
+
+    @property
+    def label(self) -> str:
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+@dataclass(frozen=True)
+class Space:
+    """A box of named quantities. Normalised, each runs from 0 (low) to 1 (high); outside stays outside."""
+
+    dimensions: tuple[Dimension, ...]
+
+    def __len__(self) -> int:
+        return len(self.dimensions)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(d.name for d in self.dimensions)
+
+    @property
+    def low(self) -> Array:
+        return np.array([d.low for d in self.dimensions])
+
+    @property
+    def high(self) -> Array:
+        return np.array([d.high for d in self.dimensions])
+
+    @property
+    def _log(self) -> NDArray[np.bool_]:
+        return np.array([d.scale == "log" for d in self.dimensions], dtype=bool)
+
+    @property
+    def _integer(self) -> NDArray[np.bool_]:
+        return np.array([d.scale == "integer" for d in self.dimensions], dtype=bool)
+
+    def normalise(self, value: Array) -> Array:
+        """(..., n) in units -> (..., n) normalised."""
+        value = np.asarray(value, dtype=np.float64)
+        low, high, log = self.low, self.high, self._log
+        linear = (value - low) / (high - low)
+        if not log.any():
+            return linear
+        with np.errstate(divide="ignore", invalid="ignore"):
+            safe = np.where(log, value, 1.0)
+            low_log, high_log = np.log(np.where(log, low, 1.0)), np.log(np.where(log, high, np.e))
+            return np.where(log, (np.log(safe) - low_log) / (high_log - low_log), linear)
+
+    def denormalise(self, unit: Array) -> Array:
+        """(..., n) normalised -> (..., n) in units; integer quantities are rounded."""
+        unit = np.asarray(unit, dtype=np.float64)
+        low, high, log = self.low, self.high, self._log
+        linear = low + unit * (high - low)
+        ratio = np.where(log, high, 1.0) / np.where(log, low, 1.0)
+        value = np.where(log, np.where(log, low, 1.0) * ratio**unit, linear)
+        return np.where(self._integer, np.round(value), value)
+
+    def step(self, value: Array, directions: NDArray[np.int_], delta: float) -> Array:
+        """Move `value` by `delta` of each range times `directions` in {-1, 0, 1}, clipped to the box.
+
+        Integer quantities move by one.
+        """
+        size = np.where(self._integer, 1.0 / (self.high - self.low), delta)
+        return self.denormalise(np.clip(self.normalise(value) + size * directions, 0.0, 1.0))
+
+    def contains(self, value: Array) -> bool:
+        value = np.asarray(value, dtype=np.float64)
+        tol = 1e-9 * (self.high - self.low)
+        return bool(((value >= self.low - tol) & (value <= self.high + tol)).all())
+
+    def check(self, value: Array, what: str) -> Array:
+        """`value` as a read-only (n,) array. Raises OutOfRange naming the first offender."""
+        array = frozen_array(value, (len(self),), what)
+        for d, v in zip(self.dimensions, array, strict=True):
+            if not d.low - 1e-9 * (d.high - d.low) <= v <= d.high + 1e-9 * (d.high - d.low):
+                raise OutOfRange(f"{what}: {d.label} = {v:.4g} lies outside of [{d.low:g}, {d.high:g}]")
+        return array
+
+    def sample(self, rng: np.random.Generator, n: int) -> Array:
+        """(n, len) uniform in the normalised box."""
+        unit = rng.random((n, len(self)))
+        value = self.denormalise(unit)
+        whole = self._integer
+        if whole.any():
+            draws = np.floor(self.low + unit * (self.high - self.low + 1))
+            value = np.where(whole, np.minimum(draws, self.high), value)
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class ToolMotion:
+    """Where the tool goes: poses of the tool frame T in the base frame B, at 1 kHz, at rest at both ends."""
+
+    t_s: Array  # (N,) from 0
+    X_BT: Array  # (N, 4, 4)
+    contact: ContactWindow | None = None
+
+    def __post_init__(self) -> None:
+        t_s = frozen_array(self.t_s, (None,), "t_s")
+        object.__setattr__(self, "t_s", t_s)
+        object.__setattr__(self, "X_BT", frozen_array(self.X_BT, (len(t_s), 4, 4), "X_BT"))
+
+
+class TaskPolicy(Protocol):
+    """Open loop: context -> action, trained for one distribution of simulation parameters."""
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units, inside the executable part of the action space."""
+        ...

@@ -1,0 +1,73 @@
+# Everything a newcomer or CI needs; the tools live in .venv and nothing else is touched.
+#
+#   make demo    one scooping iteration in the simulated lab, ending in a report
+#   make test    the default tests (make test-slow: the long ones)
+#
+# Variables: PYTHON (3.11 or 3.12), TORCH_INDEX (address of PyTorch's CPU wheel index, where pip finds no CPU wheel itself)
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+# Open3D loads the first three, Drake the fourth.
+DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
+
+.PHONY: setup demo test test-slow check format bench lock clean system
+.DEFAULT_GOAL := setup
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml requirements.lock
+	@$(MAKE) --no-print-directory system
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else f"adaptsim needs Python 3.11 or 3.12, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(if $(TORCH_INDEX),$(BIN)/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
+	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	@$(BIN)/python -c 'import open3d, pydrake, torch' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
+	@touch $@
+
+system:
+	@missing=""; for p in $(DEBIAN); do dpkg -s $$p >/dev/null 2>&1 || missing="$$missing $$p"; done; \
+	$(PYTHON) -c 'import ensurepip' 2>/dev/null || missing="$$missing python3-venv"; \
+	if [ -z "$$missing" ]; then exit 0; fi; \
+	if ! command -v apt-get >/dev/null; then \
+	  echo "This system has no apt-get. Install what these Debian packages hold, then run make again:$$missing" >&2; \
+	elif [ "$$(id -u)" = 0 ]; then \
+	  echo "Installing system packages:$$missing"; apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $$missing >/dev/null; \
+	else \
+	  echo "System packages are missing. Run this line, then make again:" >&2; echo "  sudo apt-get install -y$$missing" >&2; exit 1; \
+	fi
+
+demo: $(STAMP)
+	$(BIN)/adaptsim run-iteration --task scooping --world bent-blade --seed 0 --yes
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --durations 10
+
+test-slow: $(STAMP)
+	$(BIN)/python -m pytest -n 2 -m slow --durations 10
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(STAMP)
+	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python $$b || exit 1; done
+
+# Resolve pyproject.toml afresh and write down what was found.
+lock:
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet '.[dev]'
+	{ echo "# Exact versions of everything, for Python 3.11 and 3.12 on Linux x86-64. Made by make lock."; \
+	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed 's/+cpu$$//' ; } > requirements.lock
+	rm -rf .venv-lock
+
+clean:
+	rm -rf $(VENV) .venv-lock build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,14 +1,18 @@
 """What can go wrong in tasks, simulation and learning.
 
-    SimError
-    ├── UnknownName          no such task, world, method; the message lists what there is
-    ├── WorldError           a world file is malformed; the message names the key
-    ├── OutOfRange           a value lies outside of its space; the message names value and range
-    ├── NotExecutable        no joint path within the limits does this action
-    ├── SolverFailed         the simulation did not converge
-    ├── DatasetError         a stored dataset is corrupt or of another kind
-    └── CheckpointError      a checkpoint is corrupt, or of another task or version
+SimError
+├── UnknownName          no such task, world, method; the message lists what there is
+├── WorldError           a world file is malformed; the message names the key
+├── OutOfRange           a value lies outside of its space; the message names value and range
+├── NotExecutable        no joint path within the limits does this action
+├── SolverFailed         the simulation did not converge
+├── RolloutError         a rollout raised or its worker died; keeps what was finished
+├── DatasetError         a stored dataset is corrupt or of another kind
+└── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
+
+from collections.abc import Mapping
+from typing import Any
 
 
 class SimError(Exception):
@@ -33,6 +37,14 @@ class NotExecutable(SimError):
 
 class SolverFailed(SimError):
     """The simulation did not converge."""
+
+
+class RolloutError(SimError):
+    """A rollout raised, or its worker died; `completed` maps the first index of each finished chunk to its results."""
+
+    def __init__(self, message: str, completed: Mapping[int, Any]) -> None:
+        super().__init__(message)
+        self.completed = completed
 
 
 class DatasetError(SimError):

@@ -26,7 +26,7 @@ class Particle:
     @property
     def mean(self) -> Array:
         """(p,) mean of the samples, in units."""
-        return self.samples.mean(axis=0)
+        return np.asarray(self.samples.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

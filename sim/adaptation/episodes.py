@@ -1,0 +1,91 @@
+"""Meta-episodes: what a distribution of parameters shows and earns in a simulated target, many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.method import Particle, Trial
+from sim.emulator import Emulator
+from sim.rollouts.run import Requests, Rollouts
+from sim.sampling import spread
+from sim.task_policy import SolverSettings, expected_reward, train_many
+from sim.tasks.task import Task
+
+Roll = Callable[[Requests], Rollouts]
+"""True rollouts: `run_many` on some executor, or cached."""
+
+
+@dataclass(frozen=True)
+class EpisodeSettings:
+    """How a step of an episode is computed."""
+
+    solver: SolverSettings = field(default_factory=lambda: SolverSettings(scenarios=8))
+    contexts: int = 8  # that a reward is averaged over
+    draws: int = 8  # of action error and nuisance, likewise
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """What B distributions showed and earned in their targets."""
+
+    observations: Array  # (B, T * size) with camera noise: true rollouts of the target
+    rewards: Array  # (B,) expected, of the emulator
+
+
+def visit(
+    task: Task,
+    emulator: Emulator,
+    roll: Roll,
+    means: Array,
+    targets: Array,
+    rng: np.random.Generator,
+    settings: EpisodeSettings,
+) -> Visit:
+    """Train the task policies of `means` (B, p), run each `trials_per_iteration` times in its target (B, p).
+
+    The trajectories are true rollouts. The reward is the emulator's: it is an expectation over contexts, nuisance
+    and action error, which would take hundreds of rollouts; the evaluation compares it with true rollouts.
+    """
+    policies = train_many(task, emulator, means[:, None, :], rng, settings=settings.solver)
+    trials, count = task.adaptation.trials_per_iteration, len(means)
+    own = task.context.sample(rng, count * trials).reshape(count, trials, -1)
+    shared = task.context.sample(rng, settings.contexts)
+    actions = np.stack([p.actions(np.concatenate([c, shared])) for p, c in zip(policies, own, strict=True)])
+    requests = trial_requests(
+        task, np.repeat(targets, trials, axis=0), own.reshape(count * trials, -1), _rows(actions[:, :trials]), rng
+    )
+    seen = task.observation.with_noise(roll(requests).observation, rng)
+    rewards = expected_reward(emulator, targets, shared, actions[:, trials:], rng, settings.draws)
+    return Visit(seen.reshape(count, -1), rewards)
+
+
+def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
+    """Rollouts as the target would execute them: commanded actions (N, a) with their error, nuisance by chance."""
+    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
+    nuisance = spread(task.nuisance, rng.random((len(actions), len(task.nuisance))))
+    return Requests(targets, contexts, actions + error, nuisance)
+
+
+def simulated_trials(
+    task: Task, policy: Callable[[Array], Array], target: Array, roll: Roll, n: int, rng: np.random.Generator
+) -> tuple[Trial, ...]:
+    """`n` trials of a policy in a simulated target (p,), as a session would see them."""
+    contexts = task.context.sample(rng, n)
+    actions = np.stack([policy(c) for c in contexts])
+    results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))
+    seen = task.observation.with_noise(results.observation, rng)
+    rewards = results.rewards(task, contexts)
+    return tuple(Trial(c, a, o, float(r)) for c, a, o, r in zip(contexts, actions, seen, rewards, strict=True))
+
+
+def random_particles(task: Task, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+    """`n` distributions with means uniform in Omega."""
+    return tuple(Particle(mean[None]) for mean in task.parameters.sample(rng, n))
+
+
+def _rows(values: Array) -> Array:
+    return values.reshape(-1, values.shape[-1])

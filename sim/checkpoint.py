@@ -1,0 +1,152 @@
+"""Checkpoints: what pretraining hands on to sessions.
+
+A folder `<task>/<name>/` with `model.safetensors` (emulator and adaptation policy) and `card.toml` (task, ranges,
+seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie beside this file.
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from sim.adaptation.q_network import QNetwork, restore_network
+from sim.adaptation.step import state_size
+from sim.emulator import Emulator
+from sim.errors import CheckpointError
+from sim.files import read_toml, sha256, whole_file, write_toml
+from sim.tasks.fingerprint import fingerprint, interface
+from sim.tasks.task import Task
+
+SHIPPED = Path(__file__).parent / "checkpoints"
+MODEL, CARD = "model.safetensors", "card.toml"
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A loaded checkpoint, verified against its card and its task."""
+
+    path: Path
+    card: Mapping[str, Any]
+    emulator: Emulator
+    q_network: QNetwork
+
+    @property
+    def sha256(self) -> str:
+        """Of the weights: what a session records of it."""
+        return str(self.card["sha256"])
+
+
+def save_checkpoint(
+    task: Task, folder: Path, emulator: Emulator, q_network: QNetwork, facts: Mapping[str, Any]
+) -> Path:
+    """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder."""
+    tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()}
+    tensors |= {f"q_network.{name}": t.detach() for name, t in q_network.state_dict().items()}
+    save_tensors(folder / MODEL, tensors)
+    card = {
+        "format": FORMAT,
+        "task": task.name,
+        "fingerprint": fingerprint(task),
+        "created": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        "sha256": sha256(folder / MODEL),
+        "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
+        **facts,
+        "interface": interface(task),
+    }
+    write_toml(folder / CARD, card)
+    return folder
+
+
+def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
+    """The shipped checkpoint `name` of `task`, or the one in the folder `name`. Raises CheckpointError."""
+    shipped = SHIPPED / task.name / name
+    path = shipped if (shipped / CARD).exists() else Path(name)
+    card = read_card(path, task.name)
+    if card["task"] != task.name:
+        raise CheckpointError(f"the checkpoint in {path} is for {card['task']}, not for {task.name}")
+    if card["fingerprint"] != fingerprint(task):
+        raise CheckpointError(
+            f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}: "
+            f"pretrain again with `adaptsim pretrain --task {task.name}`"
+        )
+    verify_weights(path, card)
+    tensors = load_tensors(path / MODEL)
+    inputs, branches = state_size(task), len(task.parameters)
+    return Checkpoint(
+        path=path,
+        card=card,
+        emulator=Emulator(task, _part(tensors, "emulator.")),
+        q_network=restore_network(inputs, branches, _part(tensors, "q_network.")),
+    )
+
+
+def list_checkpoints() -> list[tuple[str, str, Path]]:
+    """(task, name, folder) of every shipped checkpoint, sorted."""
+    return sorted((card.parent.parent.name, card.parent.name, card.parent) for card in SHIPPED.glob(f"*/*/{CARD}"))
+
+
+def read_card(path: Path, task: str) -> dict[str, Any]:
+    """The card of the checkpoint in `path`. Raises CheckpointError."""
+    if not (path / CARD).exists():
+        have = ", ".join(f"{t}/{n}" for t, n, _ in list_checkpoints()) or "none"
+        raise CheckpointError(
+            f"no checkpoint {str(path)!r} for {task} (shipped: {have}): give the name of a shipped one or a folder "
+            f"that holds {CARD}, or make one with `adaptsim pretrain --task {task}`"
+        )
+    try:
+        card = read_toml(path / CARD)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CheckpointError(f"{path / CARD} is not valid TOML ({error}): make the checkpoint again") from error
+    missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
+    if missing:
+        raise CheckpointError(f"{path / CARD} lacks {', '.join(sorted(missing))}: install or make the checkpoint again")
+    if card["format"] != FORMAT:
+        raise CheckpointError(
+            f"{path} has checkpoint format {card['format']}, this version reads {FORMAT}: pretrain again"
+        )
+    return card
+
+
+def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
+    """Raises CheckpointError unless the weights in `path` are those that the card names."""
+    model = path / MODEL
+    if not model.exists():
+        raise CheckpointError(f"{model} is missing: install or make the checkpoint again")
+    found = sha256(model)
+    if found != card["sha256"]:
+        raise CheckpointError(
+            f"{model} is damaged or was changed: its SHA-256 is {found[:12]}..., the card says "
+            f"{card['sha256'][:12]}...; install or make the checkpoint again"
+        )
+
+
+def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    with whole_file(path) as temporary:
+        save_file({name: t.contiguous() for name, t in tensors.items()}, temporary)
+
+
+def load_tensors(path: Path) -> dict[str, Tensor]:
+    """Raises CheckpointError."""
+    try:
+        return dict(load_file(path))
+    except (OSError, SafetensorError) as error:
+        raise CheckpointError(f"{path} cannot be read as safetensors ({error}): make it again") from error
+
+
+def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
+
+
+def _difference(card: Mapping[str, Any], task: Task) -> str:
+    now, then = interface(task), card["interface"]
+    return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"

@@ -1,0 +1,44 @@
+"""Rollouts that are never simulated twice: how a killed training goes on without repeating the simulations."""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from sim.rollouts.dataset import read_rollouts, stored_count, write_rollouts
+from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class CachedRollouts:
+    """Callable: requests -> rollouts, from `folder` where the same requests were simulated before."""
+
+    task: Task
+    folder: Path
+    executor: Executor
+
+    def __call__(self, requests: Requests) -> Rollouts:
+        path = self.folder / f"{_key(requests)}.npz"
+        stored = read_rollouts(path, requests)
+        if stored is not None:
+            return stored
+        results = run_many(self.task, requests, self.executor)
+        write_rollouts(path, requests, results)
+        return results
+
+    def count(self) -> int:
+        """Rollouts in the folder."""
+        files = sorted(self.folder.glob("[!.]*.npz"))
+        return sum(stored_count(path) for path in files)
+
+
+def _key(requests: Requests) -> str:
+    total = hashlib.sha256()
+    for field in fields(requests):
+        total.update(np.ascontiguousarray(getattr(requests, field.name)).tobytes())
+    return total.hexdigest()[:24]

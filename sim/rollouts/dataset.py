@@ -1,0 +1,208 @@
+"""The shared dataset of a task: rollouts over parameters, actions and nuisance, drawn once, used by all learning.
+
+A folder holds `dataset.toml` (what was drawn, and probe rollouts that tell whether the scene is still the
+same) and shards. Shard i holds rollouts i*SHARD and on of a scrambled Sobol sequence, so a dataset is a
+function of (task, seed, size), a larger one extends a smaller one, and a killed run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+import zipfile
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from sim.errors import DatasetError
+from sim.files import read_toml, whole_file, write_toml
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
+from sim.sampling import sobol, spread
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.task import Task
+
+SHARD = 256
+"""Rollouts a file: about half a minute of one core, the most that a kill can cost."""
+
+MANIFEST = "dataset.toml"
+
+PROBE_TOLERANCE = 1e-3
+"""Largest difference of a probe's normalised observation that still counts as the same scene."""
+
+_REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
+_RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Rollouts at the task's reference context. All arrays are read-only, in units."""
+
+    parameters: Array  # (N, p) over the task's margin
+    action: Array  # (N, a) executed: the action space and its noise around it
+    nuisance: Array  # (N, n)
+    observation: Array  # (N, size) normalised, without camera noise
+    end_state: Array  # (N, k); not a number where there is none
+    succeeded: NDArray[np.bool_]  # (N,)
+    outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
+    identity: str  # hash of all of the above
+
+    def __len__(self) -> int:
+        return len(self.succeeded)
+
+
+def dataset_requests(task: Task, seed: int, size: int) -> Requests:
+    """The rollouts of the dataset (task, seed, size): scrambled Sobol over margin, action with noise, nuisance."""
+    p, a = len(task.margin), len(task.action)
+    unit = sobol(size, p + a + len(task.nuisance), np.random.default_rng(seed))
+    low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
+    return Requests(
+        parameters=spread(task.margin, unit[:, :p]),
+        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (size, 1)),
+        action=low + unit[:, p : p + a] * (high - low),
+        nuisance=spread(task.nuisance, unit[:, p + a :]),
+    )
+
+
+def build_dataset(
+    task: Task, folder: Path, size: int, seed: int, executor: Executor, progress: Progress | None = None
+) -> Dataset:
+    """Simulate what is missing in `folder` and return the whole.
+
+    Raises DatasetError when the folder holds a dataset of another task, seed or scene.
+    """
+    _agree_on_manifest(task, folder, size, seed, executor)
+    requests = dataset_requests(task, seed, size)
+    for start in range(0, size, SHARD):
+        part = requests[start : start + SHARD]
+        path = _shard_path(folder, start)
+        if read_rollouts(path, part) is None:
+            results = run_many(task, part, executor, _offset(progress, start, size))
+            write_rollouts(path, part, results)
+        if progress is not None:
+            progress(min(start + SHARD, size), size)
+    return load_dataset(folder, task)
+
+
+def load_dataset(folder: Path, task: Task) -> Dataset:
+    """The dataset in `folder`, every shard verified. Raises DatasetError."""
+    manifest = _read_manifest(folder)
+    if manifest is None:
+        raise DatasetError(f"{folder} holds no dataset ({MANIFEST} is missing): build one with `adaptsim pretrain`")
+    if manifest["interface"] != fingerprint(task):
+        raise DatasetError(
+            f"the dataset in {folder} was made for {manifest['task']} with other ranges "
+            f"({manifest['interface']}, now {fingerprint(task)}): build one in a new folder"
+        )
+    size = int(manifest["size"])
+    requests = dataset_requests(task, int(manifest["seed"]), size)
+    parts = []
+    for start in range(0, size, SHARD):
+        rows = read_rollouts(_shard_path(folder, start), requests[start : start + SHARD])
+        if rows is None:
+            raise DatasetError(
+                f"{_shard_path(folder, start)} is missing, truncated or changed: run the same `adaptsim pretrain` "
+                f"again, it redoes that shard alone"
+            )
+        parts.append(rows)
+    results = concatenate(parts)
+    columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
+    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
+    return Dataset(**columns, identity=_digest(columns)[:16])
+
+
+def _agree_on_manifest(task: Task, folder: Path, size: int, seed: int, executor: Executor) -> None:
+    """Write the manifest of a new dataset; compare that of an old one with what is asked for and with the scene."""
+    probe = run_many(task, _probe_requests(task), executor).observation
+    manifest = _read_manifest(folder)
+    if manifest is not None:
+        for key, wanted in (("task", task.name), ("interface", fingerprint(task)), ("seed", seed)):
+            if manifest[key] != wanted:
+                raise DatasetError(
+                    f"the dataset in {folder} has {key} = {manifest[key]}, wanted {wanted}: use a new folder"
+                )
+        stored = np.asarray(manifest["probe"], dtype=np.float64)
+        if stored.shape != probe.shape or np.abs(stored - probe).max() > PROBE_TOLERANCE:
+            raise DatasetError(
+                f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
+                f"elsewhere): use a new folder"
+            )
+        probe = stored
+    write_toml(
+        folder / MANIFEST,
+        {"task": task.name, "interface": fingerprint(task), "seed": seed, "size": size, "probe": probe.tolist()},
+    )
+
+
+def _probe_requests(task: Task) -> Requests:
+    """Two rollouts, at a third and two thirds of everything: enough to notice another scene."""
+    third = np.array([[1 / 3], [2 / 3]])
+    return Requests(
+        parameters=spread(task.parameters, np.tile(third, (1, len(task.parameters)))),
+        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (2, 1)),
+        action=spread(task.action, np.tile(third, (1, len(task.action)))),
+        nuisance=spread(task.nuisance, np.tile(third, (1, len(task.nuisance)))),
+    )
+
+
+def _read_manifest(folder: Path) -> dict[str, Any] | None:
+    path = folder / MANIFEST
+    if not path.exists():
+        return None
+    try:
+        manifest = read_toml(path)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path} is not valid TOML ({error}): remove the folder and build it again") from error
+    missing = {"task", "interface", "seed", "size", "probe"} - manifest.keys()
+    if missing:
+        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")
+    return manifest
+
+
+def _shard_path(folder: Path, start: int) -> Path:
+    return folder / f"shard-{start // SHARD:05d}.npz"
+
+
+def _digest(columns: dict[str, Any]) -> str:
+    total = hashlib.sha256()
+    for name in sorted(columns):
+        total.update(name.encode() + np.ascontiguousarray(columns[name]).tobytes())
+    return total.hexdigest()
+
+
+def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
+    columns = {name: getattr(requests, name) for name in _REQUEST_FIELDS}
+    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
+    digest = np.frombuffer(bytes.fromhex(_digest(columns)), dtype=np.uint8)
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, digest=digest, **columns)
+
+
+def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
+    """The results in a shard, or None where it is missing, damaged, or of other requests."""
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS)}
+            digest = file["digest"].tobytes().hex()
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    same = all(np.array_equal(columns[name], getattr(requests, name)) for name in _REQUEST_FIELDS)
+    if not same or digest != _digest(columns):
+        return None
+    return Rollouts(**{name: columns[name] for name in _RESULT_FIELDS})
+
+
+def stored_count(path: Path) -> int:
+    """How many rollouts a shard holds."""
+    with np.load(path, allow_pickle=False) as file:
+        return len(file["succeeded"])
+
+
+def _offset(progress: Progress | None, start: int, size: int) -> Progress | None:
+    return None if progress is None else lambda done, _: progress(start + done, size)

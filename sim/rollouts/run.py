@@ -1,0 +1,161 @@
+"""Many rollouts on an Executor: the same results whatever the number of workers and their order."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, frozen_array
+from perception.types import Outcome
+from sim.errors import RolloutError, UnknownName
+from sim.tasks import get_task
+from sim.tasks.task import Task
+
+OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
+"""`Rollouts.outcome` holds positions in this tuple."""
+
+CHUNK = 8
+"""Rollouts in one call of a worker: half a second of work, so that little is repeated after a crash."""
+
+IN_FLIGHT = 64
+"""Chunks handed to the executor at a time, so that a large request does not fill its queue."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Requests:
+    """What to simulate, in units; row i of each array belongs to rollout i."""
+
+    parameters: Array  # (N, p)
+    context: Array  # (N, c)
+    action: Array  # (N, a) as executed
+    nuisance: Array  # (N, n)
+
+    def __post_init__(self) -> None:
+        n = len(self.parameters)
+        for field in fields(self):
+            object.__setattr__(self, field.name, frozen_array(getattr(self, field.name), (n, None), field.name))
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __getitem__(self, index: slice) -> Requests:
+        return Requests(self.parameters[index], self.context[index], self.action[index], self.nuisance[index])
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """What came of them."""
+
+    observation: Array  # (N, size) normalised, without camera noise
+    end_state: Array  # (N, k); not a number where there is none
+    succeeded: NDArray[np.bool_]  # (N,)
+    outcome: NDArray[np.int8]  # (N,) position in OUTCOMES
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            getattr(self, field.name).flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.succeeded)
+
+    def rewards(self, task: Task, context: Array) -> Array:
+        """(N,) rewards, had the rollouts been scored at `context` (N, c)."""
+        end = np.where(self.succeeded[:, None], self.end_state, 0.0)
+        return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
+
+
+def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
+    rows = list(parts)
+    return Rollouts(*(np.concatenate([getattr(r, f.name) for r in rows]) for f in fields(Rollouts)))
+
+
+def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
+    """Simulate every request, in their order.
+
+    Raises RolloutError when a rollout raises or a worker dies: it names the requests that were running and
+    keeps the finished ones in `completed`. The executor stays the caller's.
+    """
+    if len(requests) == 0:
+        raise ValueError("run_many was given no requests")
+    source = _reference(task)
+    starts = iter(range(0, len(requests), CHUNK))
+    running: dict[Future[Rollouts], int] = {}
+    done: dict[int, Rollouts] = {}
+    try:
+        while len(done) * CHUNK < len(requests):
+            for start in itertools.islice(starts, IN_FLIGHT - len(running)):
+                running[_submit(executor, source, requests, start, done)] = start
+            ready, _ = wait(running, return_when=FIRST_COMPLETED)
+            # Keep every success before an error ends the run, and name the first of several errors.
+            for future in sorted(ready, key=lambda f: (f.exception() is not None, running[f])):
+                error = future.exception()
+                if error is not None:
+                    raise _failure(requests, sorted(running.values()), running[future], error, done) from error
+                done[running.pop(future)] = future.result()
+            if progress is not None:
+                progress(sum(map(len, done.values())), len(requests))
+    finally:
+        for future in running:
+            future.cancel()
+    return concatenate(done[start] for start in sorted(done))
+
+
+def _submit(
+    executor: Executor, source: str | Task, requests: Requests, start: int, done: dict[int, Rollouts]
+) -> Future[Rollouts]:
+    try:
+        return executor.submit(_run_chunk, source, requests[start : start + CHUNK])
+    except BrokenExecutor as error:
+        raise _failure(requests, [start], start, error, done) from error
+
+
+def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
+    """In a worker: simulate a few requests."""
+    task = _resolve(source)
+    tracks = [
+        task.simulate(p, c, a, n)
+        for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
+    ]
+    return Rollouts(
+        observation=np.stack([task.observation(track) for track in tracks]),
+        end_state=np.stack([np.atleast_1d(task.end_state(track)).astype(np.float64) for track in tracks]),
+        succeeded=np.array([bool(task.succeeded(track)) for track in tracks]),
+        outcome=np.array([OUTCOMES.index(track.outcome) for track in tracks], dtype=np.int8),
+    )
+
+
+def _reference(task: Task) -> str | Task:
+    """The name of a registered task, which a fresh process can look up; another task travels itself."""
+    try:
+        return task.name if get_task(task.name) is task else task
+    except UnknownName:
+        return task
+
+
+def _resolve(source: str | Task) -> Task:
+    if not isinstance(source, str):
+        return source
+    return get_task(source)
+
+
+def _failure(
+    requests: Requests, running: list[int], failed: int, error: BaseException, done: dict[int, Rollouts]
+) -> RolloutError:
+    """Name the chunk that raised; when a process died, all that were running, since any of them may be to blame."""
+    lost = running if isinstance(error, BrokenExecutor) else [failed]
+    spans = ", ".join(f"{s}-{min(s + CHUNK, len(requests)) - 1}" for s in lost[:4]) + (" ..." if len(lost) > 4 else "")
+    first = requests[lost[0] : lost[0] + 1]
+    what = "a worker died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
+    message = (
+        f"rollouts {spans} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
+        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. "
+        f"Run it alone to see why, with a fresh pool; {sum(map(len, done.values()))} finished rollouts are kept."
+    )
+    return RolloutError(message, completed=done)

@@ -1,0 +1,178 @@
+"""Task policies from the emulator: the solver that pretraining, sessions and every baseline share.
+
+For one distribution of parameters the reward of a fixed set of candidate actions is averaged over parameters,
+nuisance and the error of the executed action (common random numbers), taken pessimistically over the
+ensemble, and the winner refined. Physics is context-free up to `Task.relocate`, so the candidates are
+evaluated once for all contexts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.emulator import Emulator
+from sim.errors import NotExecutable
+from sim.sampling import sobol, spread
+from sim.tasks.task import Task
+
+Executable = Callable[[Array, Array], bool]
+"""(context (c,), action (a,)) in units -> whether the arm can do it within its limits."""
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How finely the solver searches, and how cautious it is."""
+
+    candidates: int = 256
+    scenarios: int = 16  # parameters x nuisance x action errors an action is averaged over
+    refine: int = 32  # points around the winner; 0: none
+    kappa: float = 0.5  # reward counted: mean - kappa * standard deviation of the ensemble
+    attempts: int = 64  # candidates offered to the executability check before giving up
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Draws that every action is judged on."""
+
+    parameters: Array  # (S, p) in units
+    nuisance: Array  # (S, n) in units
+    error: Array  # (S, a) added to the action
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Actions near a candidate with what the emulator expects of them."""
+
+    actions: Array  # (L + 1, a)
+    success: Array  # (M, L + 1, S)
+    end_state: Array  # (M, L + 1, S, k)
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorPolicy:
+    """Open loop: context -> action, for one distribution of parameters. Made by `train_task_policy`."""
+
+    task: Task
+    emulator: Emulator
+    settings: SolverSettings
+    scenarios: Scenarios
+    candidates: Array  # (C, a) in units
+    success: Array  # (M, C, S) probability
+    end_state: Array  # (M, C, S, k)
+    local: Array  # (L, a) normalised offsets tried around the winner
+    executable: Executable | None = field(default=None)
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best candidates can be executed."""
+        scores = self._lower(self._rewards(self.success, self.end_state, context))
+        near = self._around(int(np.argmax(scores)))
+        values = self._lower(self._rewards(near.success, near.end_state, context))
+        if self.executable is None:
+            return frozen_array(near.actions[int(np.argmax(values))])
+        actions, values = np.concatenate([near.actions, self.candidates]), np.concatenate([values, scores])
+        for i in np.argsort(-values, kind="stable")[: self.settings.attempts]:
+            if self.executable(context, actions[i]):
+                return frozen_array(actions[i])
+        raise NotExecutable(
+            f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
+            f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
+        )
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check: for training in simulation."""
+        known: dict[int, _Near] = {}  # what is near a winner does not depend on the context
+        chosen = []
+        for context in contexts:
+            best = int(np.argmax(self._lower(self._rewards(self.success, self.end_state, context))))
+            if best not in known:
+                known[best] = self._around(best)
+            near = known[best]
+            values = self._lower(self._rewards(near.success, near.end_state, context))
+            chosen.append(near.actions[int(np.argmax(values))])
+        return np.stack(chosen)
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of this policy at `context`, were its parameters true: mean, low, high.
+
+        Low and high are two standard deviations of the ensemble, within the rewards there are.
+        """
+        success, end_state = self._outcomes(self(context)[None])
+        rewards = self._rewards(success, end_state, context)[:, 0]
+        mean, std = float(rewards.mean()), float(rewards.std())
+        return mean, max(0.0, mean - 2.0 * std), min(1.0, mean + 2.0 * std)
+
+    def _around(self, best: int) -> _Near:
+        """A candidate and the points around it."""
+        space = self.task.action
+        local = space.denormalise(np.clip(space.normalise(self.candidates[best]) + self.local, 0.0, 1.0))
+        actions = np.concatenate([self.candidates[best][None], local])
+        return _Near(actions, *self._outcomes(actions))
+
+    def _outcomes(self, actions: Array) -> tuple[Array, Array]:
+        """(A, a) -> success (M, A, S), end state (M, A, S, k)."""
+        s = self.scenarios
+        return self.emulator.outcomes(s.parameters, actions[:, None, :] + s.error, s.nuisance)
+
+    def _rewards(self, success: Array, end_state: Array, context: Array) -> Array:
+        """(M, A, S), (M, A, S, k) -> (M, A) rewards, averaged over the scenarios."""
+        return np.asarray((success * self.task.reward_of_success(end_state, context)).mean(axis=-1))
+
+    def _lower(self, rewards: Array) -> Array:
+        return np.asarray(rewards.mean(axis=0) - self.settings.kappa * rewards.std(axis=0))
+
+
+def train_task_policy(
+    task: Task,
+    emulator: Emulator,
+    samples: Array,
+    rng: np.random.Generator,
+    executable: Executable | None = None,
+    settings: SolverSettings | None = None,
+) -> EmulatorPolicy:
+    """The task policy for the distribution of parameters that `samples` (m, p), in units, stand for."""
+    return train_many(task, emulator, np.asarray(samples)[None], rng, executable, settings)[0]
+
+
+def train_many(
+    task: Task,
+    emulator: Emulator,
+    samples: Array,
+    rng: np.random.Generator,
+    executable: Executable | None = None,
+    settings: SolverSettings | None = None,
+) -> tuple[EmulatorPolicy, ...]:
+    """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
+    settings = settings or SolverSettings()
+    m = samples.shape[1]
+    n = max(settings.scenarios, min(m, 4 * settings.scenarios))
+    a = len(task.action)
+    unit = sobol(n, a + len(task.nuisance), rng)
+    error, nuisance = (2.0 * unit[:, :a] - 1.0) * task.action_noise, spread(task.nuisance, unit[:, a:])
+    candidates = spread(task.action, sobol(settings.candidates, a, rng))
+    local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
+    drawn = samples[:, np.arange(n) % m]  # (B, n, p)
+    policies = []
+    for parameters in drawn:
+        success, end_state = emulator.outcomes(parameters, candidates[:, None, :] + error, nuisance)
+        scenarios = Scenarios(parameters, nuisance, error)
+        policies.append(
+            EmulatorPolicy(task, emulator, settings, scenarios, candidates, success, end_state, local, executable)
+        )
+    return tuple(policies)
+
+
+def expected_reward(
+    emulator: Emulator, parameters: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+) -> Array:
+    """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+    task = emulator.task
+    unit = sobol(draws, len(task.action) + len(task.nuisance), rng)
+    error = (2.0 * unit[:, : len(task.action)] - 1.0) * task.action_noise
+    nuisance = spread(task.nuisance, unit[:, len(task.action) :])
+    success, end = emulator.outcomes(parameters[:, None, None, :], actions[:, :, None, :] + error, nuisance)
+    rewards = success * task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
+    return np.asarray(rewards.mean(axis=(0, 2, 3)))

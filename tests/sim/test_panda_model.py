@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+
+from hw.joint_limits import LIMITS
+from hw.kinematics import FLANGE, link_poses
+from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda, urdf
+from sim.panda.shapes import PRIMITIVES, mesh, visuals
+
+
+@pytest.fixture(scope="module")
+def plant() -> MultibodyPlant:
+    plant = MultibodyPlant(0.001)
+    add_panda(plant)
+    plant.Finalize()
+    return plant
+
+
+def test_drakes_kinematics_equal_the_numpy_model(plant: MultibodyPlant) -> None:
+    context = plant.CreateDefaultContext()
+    limits = LIMITS["panda"]
+    rng = np.random.default_rng(3)
+    names = [*(f"panda_link{i}" for i in range(8)), FLANGE_NAME]
+    for q in rng.uniform(limits.q_min_rad, limits.q_max_rad, (25, 7)):
+        plant.SetPositions(context, q)
+        poses = [plant.GetBodyByName(n).EvalPoseInWorld(context).GetAsMatrix4() for n in names]
+        assert np.abs(np.array(poses) - link_poses(q)).max() < 1e-9
+    assert len(names) == FLANGE + 1
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_joints_are_in_order_with_actuators_and_the_makers_limits(model: str) -> None:
+    plant = MultibodyPlant(0.001)
+    instance = add_panda(plant, model)
+    plant.Finalize()
+    assert plant.num_positions(instance) == 7
+    assert [plant.GetJointByName(name).position_start() for name in JOINT_NAMES] == list(range(7))
+    assert plant.num_actuators() == 7
+    assert np.allclose(plant.GetPositionLowerLimits(), LIMITS[model].q_min_rad)
+    assert np.allclose(plant.GetPositionUpperLimits(), LIMITS[model].q_max_rad)
+
+
+def test_mass_is_that_of_the_description(plant: MultibodyPlant) -> None:
+    """Links 0 to 7 together 16.7 kg, and the hand 0.73 kg."""
+    context = plant.CreateDefaultContext()
+    assert plant.CalcTotalMass(context) == pytest.approx(16.691 + 0.73, abs=0.01)
+
+
+def test_meshes_are_closed_and_point_outward() -> None:
+    """The enclosed volume by the divergence theorem is that of the solid, up to the facets."""
+    for primitive in PRIMITIVES:
+        vertices, triangles = mesh(primitive)
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        volume = np.einsum("ij,ij->i", a - vertices.mean(axis=0), np.cross(b - a, c - a)).sum() / 6.0
+        if primitive.kind == "box":
+            expected = np.prod(primitive.size)
+        elif primitive.kind == "cylinder":
+            expected = np.pi * primitive.size[0] ** 2 * primitive.size[1]
+        else:
+            expected = 4.0 / 3.0 * np.pi * primitive.size[0] ** 3
+        assert volume == pytest.approx(expected, rel=0.08)
+        edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+        assert sorted(map(tuple, edges)) == sorted(map(tuple, edges[:, ::-1]))
+
+
+def test_looks_and_urdf_have_one_source(plant: MultibodyPlant) -> None:
+    seen = visuals()
+    assert {v.body for v in seen} == {p.link for p in PRIMITIVES}
+    for visual in seen:
+        assert plant.HasBodyNamed(visual.body)
+        assert visual.triangles.max() < len(visual.vertices_m)
+    assert urdf().count("<visual>") == len(PRIMITIVES)
+    only = visuals(frozenset({"panda_hand"}))
+    assert {v.body for v in only} == {"panda_hand"}
+
+
+def test_the_urdf_draws_cylinders_where_the_meshes_are() -> None:
+    """Axis of a URDF cylinder is Z turned by roll, pitch, yaw; ends of the mesh must lie along it."""
+    for primitive in PRIMITIVES:
+        if primitive.kind == "cylinder":
+            vertices, _ = mesh(primitive)
+            spread = np.ptp(vertices, axis=0)
+            assert spread["xyz".index(primitive.axis)] == pytest.approx(primitive.size[1])

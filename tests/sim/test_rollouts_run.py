@@ -1,0 +1,91 @@
+import dataclasses
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from toy_task import TOY, simulate
+
+from perception.types import Outcome
+from sim.errors import RolloutError
+from sim.rollouts import Requests, process_pool, run_many, serial_executor
+from sim.rollouts.dataset import dataset_requests
+from sim.rollouts.run import OUTCOMES
+
+
+def raising(parameters, context, action, nuisance, unmodelled=None):
+    if parameters[0] > 0.44:
+        raise ZeroDivisionError("the scene fell apart")
+    return simulate(parameters, context, action, nuisance, unmodelled)
+
+
+def dying(parameters, context, action, nuisance, unmodelled=None):
+    os._exit(3)
+
+
+def equal(one, two):
+    return all(
+        np.array_equal(getattr(one, f.name), getattr(two, f.name), equal_nan=f.name == "end_state")
+        for f in dataclasses.fields(one)
+    )
+
+
+def test_each_row_is_the_rollout_of_its_request():
+    requests = dataset_requests(TOY, 0, 21)
+    with serial_executor() as executor:
+        rollouts = run_many(TOY, requests, executor)
+    for i in (0, 7, 8, 20):
+        track = simulate(requests.parameters[i], requests.context[i], requests.action[i], requests.nuisance[i])
+        assert np.array_equal(rollouts.observation[i], TOY.observation(track))
+        assert rollouts.succeeded[i] == (track.outcome is Outcome.ON_BLADE)
+        assert OUTCOMES[rollouts.outcome[i]] is track.outcome
+        assert rollouts.rewards(TOY, requests.context)[i] == pytest.approx(TOY.score(track, requests.context[i]))
+
+
+def test_same_numbers_for_threads_processes_and_one_after_the_other():
+    requests = dataset_requests(TOY, 1, 50)
+    with serial_executor() as one, ThreadPoolExecutor(3) as threads, process_pool(2) as processes:
+        first = run_many(TOY, requests, one)
+        assert equal(first, run_many(TOY, requests, threads))
+        assert equal(first, run_many(TOY, requests, processes))
+
+
+def test_progress_counts_up_to_all():
+    seen = []
+    with serial_executor() as executor:
+        run_many(TOY, dataset_requests(TOY, 0, 20), executor, lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (20, 20)
+    assert seen == sorted(seen)
+
+
+def test_a_raising_rollout_is_named_and_the_finished_ones_are_kept():
+    task = dataclasses.replace(TOY, simulate=raising)
+    requests = dataset_requests(TOY, 0, 64)
+    with serial_executor() as executor, pytest.raises(RolloutError, match="scene fell apart") as caught:
+        run_many(task, requests, executor)
+    first_bad = int(np.flatnonzero(requests.parameters[:, 0] > 0.44)[0])
+    start = first_bad // 8 * 8
+    assert f"rollouts {start}-{start + 7} of 64" in str(caught.value)
+    assert set(caught.value.completed) >= set(range(0, start, 8))
+    assert start not in caught.value.completed
+
+
+def test_a_dead_worker_is_an_error_that_names_the_requests():
+    task = dataclasses.replace(TOY, simulate=dying)
+    with process_pool(1) as executor, pytest.raises(RolloutError, match=r"rollouts 0-7.*a worker died"):
+        run_many(task, dataset_requests(TOY, 0, 16), executor)
+
+
+def test_a_broken_pool_refuses_with_the_same_error():
+    task = dataclasses.replace(TOY, simulate=dying)
+    with process_pool(1) as executor:
+        for _ in range(2):
+            with pytest.raises(RolloutError, match="a worker died"):
+                run_many(task, dataset_requests(TOY, 0, 8), executor)
+
+
+def test_nothing_to_run_and_wrong_shapes_are_refused():
+    with serial_executor() as executor, pytest.raises(ValueError, match="no requests"):
+        run_many(TOY, dataset_requests(TOY, 0, 8)[:0], executor)
+    with pytest.raises(ValueError, match="action has shape"):
+        Requests(np.zeros((3, 4)), np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))

@@ -1,0 +1,45 @@
+"""What several tests of learning share: one small emulator of the toy task, made once."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from toy_task import TOY
+
+from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.emulator import Emulator
+from sim.emulator_training import EmulatorReport, EmulatorSettings, train_emulator
+from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
+
+SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)
+
+
+def roll(requests: Requests) -> Rollouts:
+    with serial_executor() as executor:
+        return run_many(TOY, requests, executor)
+
+
+@functools.cache
+def dataset() -> Dataset:
+    with tempfile.TemporaryDirectory() as folder, serial_executor() as executor:
+        return build_dataset(TOY, Path(folder), 1500, 0, executor)
+
+
+@functools.cache
+def trained() -> tuple[Emulator, EmulatorReport]:
+    return train_emulator(TOY, dataset(), 0, SETTINGS)
+
+
+def iteration(*tried: tuple[np.ndarray, list[float]]) -> Iteration:
+    """(mean, rewards) of each particle; contexts and observations without meaning."""
+    size = TOY.observation.size
+    return tuple(
+        ParticleTrials(
+            Particle(mean[None]),
+            tuple(Trial(TOY.reference_context, TOY.action.low, np.zeros(size), reward) for reward in rewards),
+        )
+        for mean, rewards in tried
+    )

@@ -3,6 +3,7 @@
     HardwareError
     ├── MotionRefused        before a motion: nothing has moved
     ├── ArmFault             during a motion: the arm has stopped
+    │   └── StoppedByPedal   because the operator let go of the enabling pedal
     ├── CameraError          no frame, or not in time
     └── DeviceUnavailable    a device is not there or not answering
 """
@@ -18,6 +19,10 @@ class MotionRefused(HardwareError):
 
 class ArmFault(HardwareError):
     """The arm stopped during a motion; it is at rest and needs an explicit recovery."""
+
+
+class StoppedByPedal(ArmFault):
+    """The operator released the enabling pedal; the arm has braked along its path."""
 
 
 class CameraError(HardwareError):

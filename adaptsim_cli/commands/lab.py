@@ -1,0 +1,73 @@
+"""`adaptsim lab show/list`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
+
+_Task = Annotated[str | None, typer.Option("--task", help="Which task the world is for.")]
+_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+
+@app.command()
+def show(
+    world: Annotated[str | None, typer.Option("--world", help="Name of a world, or the path of a TOML file.")] = None,
+    task: _Task = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the lab.", min=0)] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="Write here what the camera sees.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """The truth about a world, which neither learning nor tracking may read: for checking them.
+
+    Example: adaptsim lab show --task scooping --world ood-1 --json
+    """
+    from adaptsim_cli import config, console, views
+    from sim.lab import SimulatedLab
+    from sim.tasks import get_task
+    from sim.world import load_world
+
+    chosen = config.load({"task": task, "world": world, "seed": seed}).config
+    the_task = get_task(chosen.task)
+    lab = SimulatedLab(the_task, load_world(chosen.world, the_task), chosen.seed)
+    truth = lab.truth()
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data(truth)
+    else:
+        screen.plain(f"{truth['world']}: {truth['description']}")
+        groups = ("parameters", "nuisance", "unmodelled", "sensing", "faults")
+        body = [(group, name, str(value)) for group in groups for name, value in truth[group].items()]
+        body += [
+            ("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row)) for i, row in enumerate(truth["X_BC"])
+        ]
+        screen.show(views.rows(("", "name", "value"), body))
+    if png is not None:
+        import cv2
+
+        from adaptsim_cli.session import durable
+
+        durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
+        screen.plain(f"Written: {png}")
+
+
+@app.command("list")
+def list_all(task: _Task = None, as_json: _Json = False) -> None:
+    """The worlds that ship with a task.
+
+    Example: adaptsim lab list --task scooping
+    """
+    from adaptsim_cli import config, console, views
+    from sim.tasks import get_task
+    from sim.world import list_worlds, load_world
+
+    the_task = get_task(config.load({"task": task}).config.task)
+    worlds = [load_world(name, the_task) for name in list_worlds(the_task)]
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data([{"name": w.name, "task": w.task, "description": w.description} for w in worlds])
+    else:
+        screen.show(views.rows(("world", "what it is"), [(w.name, w.description) for w in worlds]))

@@ -1,0 +1,78 @@
+"""An arm that plays paths at once, for tests of what surrounds it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw import limits
+from hw.collision import BARE_HAND, KeepOut, Tool
+from hw.errors import ArmFault, DeviceUnavailable
+from hw.fake.clock import FakeClock
+from hw.types import ArmState, Execution, JointPath, frozen_array
+
+
+class FakeArm:
+    """Refuses what `hw.limits` refuses, else is at the end of the path at once, its clock moved by the duration.
+
+    `executed` holds the paths that were begun, oldest first. `faults` maps the number of an execution (from 1)
+    to the fault that stops it half way.
+    """
+
+    def __init__(
+        self,
+        q_rad: ArrayLike,
+        clock: FakeClock,
+        *,
+        model: str = "panda",
+        keep_out: tuple[KeepOut, ...] = (),
+        tool: Tool = BARE_HAND,
+        faults: Mapping[int, ArmFault] | None = None,
+    ) -> None:
+        self._q_rad, self._clock, self._model = frozen_array(q_rad, (7,), "q_rad"), clock, model
+        self._keep_out, self._tool, self._faults = keep_out, tool, dict(faults or {})
+        self._connected = False
+        self._fault: str | None = None
+        self.executed: list[JointPath] = []
+
+    @property
+    def model(self) -> str:
+        return self._model
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> ArmState:
+        self._need_connection()
+        return ArmState(self._clock.now_s(), self._q_rad, np.zeros(7), self._fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        self._need_connection()
+        if self._fault is not None:
+            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
+        limits.require(path, self._model, self._q_rad, self._keep_out, self._tool)
+        self.executed.append(path)
+        fault = self._faults.get(len(self.executed))
+        last = len(path.t_s) - 1 if fault is None else len(path.t_s) // 2
+        t_start_s = self._clock.now_s()
+        self._clock.sleep(float(path.t_s[last]))
+        self._q_rad = frozen_array(path.q_rad[last])
+        if fault is not None:
+            self._fault = str(fault)
+            raise fault
+        return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def recover(self) -> None:
+        self._need_connection()
+        self._fault = None
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the fake arm is not connected: enter it with `with` first")

@@ -1,0 +1,80 @@
+"""The lab's arm, as `hw.ports.Arm`."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from hw import limits
+from hw.collision import KeepOut, Tool
+from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
+from hw.types import ArmState, Array, Execution, JointPath
+from sim.lab.motion import DivergedError
+from sim.lab.room import Room
+
+
+class LabArm:
+    """A Panda under joint impedance. Refuses what `hw.limits` refuses, and fails when the world says so."""
+
+    def __init__(self, room: Room, keep_out: tuple[KeepOut, ...], tool: Tool) -> None:
+        self._room, self._keep_out, self._tool = room, keep_out, tool
+        self._connected = False
+        self._fault: str | None = None
+
+    @property
+    def model(self) -> str:
+        return "panda"
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> ArmState:
+        self._need_connection()
+        return ArmState(self._room.t_s, self._room.cell.q_rad, np.zeros(7), self._fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        self._need_connection()
+        if self._fault is not None:
+            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
+        limits.require(path, self.model, self._room.cell.q_rad, self._keep_out, self._tool)
+        if not self._room.needs_physics(path):
+            return self._room.carry(path)
+        stop_s = self._room.chance.stop_fraction * path.duration_s
+        if self._comes("arm_reflex"):
+            keep = path.t_s <= stop_s
+            self._simulate(path.t_s[keep], path.q_rad[keep])
+            raise self._stopped(ArmFault, f"reflex {stop_s:.3f} s into the path: an external force was too large")
+        if self._comes("pedal_release"):
+            braked = limits.brake(path, stop_s, self.model)
+            self._simulate(braked.t_s, braked.q_rad)
+            raise self._stopped(StoppedByPedal, f"the pedal was released {stop_s:.3f} s into the path")
+        return self._simulate(path.t_s, path.q_rad)
+
+    def recover(self) -> None:
+        self._need_connection()
+        self._fault = None
+
+    def _comes(self, fault: str) -> bool:
+        if fault not in self._room.faults_due:
+            return False
+        self._room.faults_due.remove(fault)
+        return True
+
+    def _simulate(self, t_s: Array, q_rad: Array) -> Execution:
+        try:
+            return self._room.simulate(t_s, q_rad)
+        except DivergedError as error:
+            raise self._stopped(ArmFault, str(error)) from error
+
+    def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
+        self._fault = reason
+        return kind(f"{reason}; the arm is at rest, look at it and recover it, then redo the trial")
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the lab's arm is not connected: enter it with `with` first")

@@ -1,0 +1,40 @@
+"""The camera calibration that comes with a lab: the truth, off by what the world says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.types import Array
+from sim.world import Sensing
+
+
+@dataclass(frozen=True, eq=False)
+class NominalCalibration:
+    """Field by field what a `calib.types.HandEye` takes; `sim` and `calib` do not know each other."""
+
+    X_BC: Array  # (4, 4)
+    sigma_mm: float
+    sigma_deg: float
+    source: str
+    created: str
+
+
+def nominal_calibration(X_BC: Array, sensing: Sensing, rng: np.random.Generator) -> NominalCalibration:
+    """`X_BC` (4, 4) shifted by `extrinsic_error_mm` and turned about the camera's own centre by `extrinsic_error_deg`.
+
+    Both errors are normal in three directions, with those root mean squares, which are also the sigmas stated.
+    """
+    shift, turn = rng.standard_normal((2, 3)) / np.sqrt(3.0)
+    error = np.eye(4)
+    error[:3, :3] = Rotation.from_rotvec(np.deg2rad(sensing.extrinsic_error_deg) * turn).as_matrix()
+    error[:3, 3] = 1e-3 * sensing.extrinsic_error_mm * shift
+    return NominalCalibration(
+        X_BC=X_BC @ error,
+        sigma_mm=sensing.extrinsic_error_mm,
+        sigma_deg=sensing.extrinsic_error_deg,
+        source="nominal calibration of the simulated lab, with the world's extrinsic error",
+        created="",
+    )

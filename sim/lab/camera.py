@@ -1,0 +1,94 @@
+"""The lab's rendered RGB-D camera, as `hw.ports.Camera`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from hw.errors import CameraError, DeviceUnavailable
+from hw.types import Array, CameraModel, Frame
+from sim.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
+from sim.lab.chance import of_camera
+from sim.lab.room import Room
+
+FRAME_RATE_HZ = 30.0
+SLICES = 4  # of an exposure
+STILL_S = 0.3  # how long a recording lasts in which nothing was asked to move
+
+
+class LabCamera:
+    """Sees the room from `X_BC` at 30 FPS. Only the frames of a recording are rendered, when it ends."""
+
+    def __init__(self, room: Room, X_BC: Array) -> None:
+        self._room, self._X_BC = room, X_BC
+        self._connected = False
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def model(self) -> CameraModel:
+        return kinect_model("small" if self._room.world.sensing.camera == "small" else "kinect")
+
+    def snapshot(self) -> Frame:
+        self._need_connection()
+        room = self._room
+        poses = room.cell.poses(room.cell.positions[None])
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_snapshot(room.t_s))
+        return Frame(room.t_s, colour, depth_mm)
+
+    def start_recording(self) -> None:
+        self._need_connection()
+        self._room.recording_since_s, self._room.shots = self._room.t_s, []
+
+    def stop_recording(self) -> Sequence[Frame]:
+        self._need_connection()
+        room = self._room
+        if room.recording_since_s is None:
+            raise CameraError("the camera is not recording: call start_recording first")
+        since_s = room.recording_since_s
+        if room.t_s == since_s:
+            room.wait(STILL_S)
+        try:
+            if "camera_timeout" in room.faults_due:
+                room.faults_due.remove("camera_timeout")
+                raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
+            return tuple(self._frame(i) for i in self._numbers(since_s) if not self._dropped(i))
+        finally:
+            room.recording_since_s, room.shots = None, []
+
+    def _numbers(self, since_s: float) -> range:
+        """Frames are numbered from the placing of the object; those whose exposure lies in the recording."""
+        room, half_s = self._room, EXPOSURE_S / 2
+        first, last = ((t_s - room.t_placed_s) * FRAME_RATE_HZ for t_s in (since_s + half_s, room.t_s - half_s))
+        phase = room.chance.frame_phase
+        return range(int(np.ceil(first - phase)), int(np.floor(last - phase)) + 1)
+
+    def _dropped(self, number: int) -> bool:
+        return bool(self._room.chance.of_frame(number).uniform() < self._room.world.sensing.frame_drop)
+
+    def _frame(self, number: int) -> Frame:
+        room = self._room
+        t_s = room.t_placed_s + (number + room.chance.frame_phase) / FRAME_RATE_HZ
+        slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
+        poses = room.cell.poses(room.positions_at(slices_s))
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_frame(number))
+        return Frame(t_s, colour, depth_mm)
+
+    @cached_property
+    def _renderer(self) -> Renderer:
+        return Renderer(self.model(), self._X_BC, self._room.cell.visuals)
+
+    @cached_property
+    def _noise(self) -> SensorNoise:
+        return SensorNoise.draw(of_camera(self._room.seed), self._room.world.sensing.depth_noise_scale)
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the lab's camera is not connected: enter it with `with` first")

@@ -1,0 +1,191 @@
+"""The lab's physics: a whole arm, its tool, the table and the object in one Drake plant.
+
+The arm is position controlled as the real one: a stiff spring and a damper in every joint pull it along the
+path, its own weight is carried by the controller, and the plant integrates both implicitly. Tracking error and
+the give of the tool when it presses on the table follow from that; nothing is added by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import QueryObject
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from hw.types import Array
+from sim.lab.motion import DivergedError, Motion
+from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
+from sim.panda.shapes import visuals
+from sim.tasks.task import Task
+from sim.world import World
+
+STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
+"""What the maker's examples set for joint impedance (`setJointImpedance` in libfranka)."""
+
+DAMPING_NMS_RAD = (150.0, 165.0, 130.0, 100.0, 20.0, 20.0, 15.0)
+"""About critical for the inertia that each joint moves when the arm reaches to the table; the maker publishes none."""
+
+REST_SPEED_M_S = 0.002
+SETTLE_MIN_S, SETTLE_MAX_S, SETTLE_CHUNK_S = 0.3, 2.0, 0.1
+
+
+class Cell:
+    """Arm, tool, table and object of one world, and their present state. Time starts anew with every motion."""
+
+    def __init__(self, task: Task, world: World) -> None:
+        if task.build_scene is None:
+            raise ValueError(f"{task.name} has no scene for an arm, so there is no lab for it")
+        builder = DiagramBuilder()
+        dt_s = task.time_step_s(world.unmodelled)
+        config = MultibodyPlantConfig(time_step=dt_s, use_sampled_output_ports=False)
+        self._plant, scene_graph = AddMultibodyPlant(config, builder)
+        arm = add_panda(self._plant)
+        flange = self._plant.GetFrameByName(FLANGE_NAME)
+        self.bodies = task.build_scene(
+            self._plant, flange, task.X_FT, world.parameters, world.nuisance, world.unmodelled
+        )
+        self.visuals = (*visuals(), *self.bodies.visuals)
+        _make_position_controlled(self._plant, arm)
+        self._plant.Finalize()
+        self._reference = TrajectorySource(_hold(np.zeros(7)), 1)
+        builder.AddSystem(self._reference)
+        builder.Connect(self._reference.get_output_port(), self._plant.get_desired_state_input_port(arm))
+        self._log = LogVectorOutput(self._plant.get_state_output_port(), builder, publish_period=dt_s)
+        diagram = builder.Build()
+        self._simulator = Simulator(diagram)
+        root = self._simulator.get_mutable_context()
+        self._context = self._plant.GetMyMutableContextFromRoot(root)
+        self._scene_graph, self._scene_context = scene_graph, scene_graph.GetMyContextFromRoot(root)
+        self._joints = np.array([self._plant.GetJointByName(n).position_start() for n in JOINT_NAMES])
+        self._object = self._plant.GetBodyByName(self.bodies.object)
+        self._tool = self._plant.GetBodyByName(self.bodies.tool)
+        self._seen = tuple(sorted({v.body for v in self.visuals} - {"world"}))
+
+    def reset(self, q_rad: Array, X_BO: Array) -> None:
+        """Arm at rest at `q_rad`, object at rest at `X_BO`, everything else as built."""
+        self.positions = self._with_arm(self._plant.GetDefaultPositions(), q_rad)
+        self._set_object(X_BO)
+
+    @property
+    def positions(self) -> Array:
+        """(nq,) of the whole plant."""
+        return np.array(self._plant.GetPositions(self._context))
+
+    @positions.setter
+    def positions(self, value: Array) -> None:
+        self._plant.SetPositions(self._context, value)
+        self._plant.SetVelocities(self._context, np.zeros(self._plant.num_velocities()))
+
+    @property
+    def q_rad(self) -> Array:
+        return np.asarray(self.positions[self._joints])
+
+    @property
+    def X_BO(self) -> Array:
+        return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
+
+    def simulate(self, t_s: Array, q_rad: Array) -> Motion:
+        """Follow the joint path (N,), (N, 7), then hold its end until the object rests. Raises DivergedError."""
+        self._reference.UpdateTrajectory(PiecewisePolynomial.FirstOrderHold(t_s, q_rad.T))
+        root = self._simulator.get_mutable_context()
+        root.SetTime(0.0)
+        self.positions = self.positions
+        log = self._log.FindMutableLog(root)
+        log.Clear()
+        self._simulator.Initialize()
+        end_s = float(t_s[-1]) + SETTLE_MIN_S
+        try:
+            self._simulator.AdvanceTo(end_s)
+            while self._object_speed() > REST_SPEED_M_S and end_s < t_s[-1] + SETTLE_MAX_S:
+                end_s += SETTLE_CHUNK_S
+                self._simulator.AdvanceTo(end_s)
+        except RuntimeError as error:
+            raise DivergedError(root.get_time(), str(error), self._motion(log)) from error
+        motion = self._motion(log)
+        self.positions = motion.positions[-1]
+        return motion
+
+    def carry(self, t_s: Array, q_rad: Array, *, held: bool) -> Motion:
+        """Be exactly at `q_rad` (M, 7) at `t_s` (M,); the object rides on the tool when `held`, else lies still."""
+        X_TO = np.linalg.inv(self._pose(self._tool)) @ self._pose(self._object)
+        rows = np.empty((len(t_s), self._plant.num_positions()))
+        for row, q in zip(rows, q_rad, strict=True):
+            self.positions = self._with_arm(self.positions, q)
+            if held:
+                self._set_object(self._pose(self._tool) @ X_TO)
+            row[:] = self.positions
+        return Motion(t_s, rows, rows[:, self._joints])
+
+    def touches(self) -> tuple[bool, bool]:
+        """Whether the object touches the tool, and whether it touches anything else."""
+        query: QueryObject = self._scene_graph.get_query_output_port().Eval(self._scene_context)
+        inspector = query.inspector()
+        representation = self._plant.get_contact_surface_representation()
+        surfaces, points = query.ComputeContactSurfacesWithFallback(representation)
+        pairs = [(s.id_M(), s.id_N()) for s in surfaces] + [(p.id_A, p.id_B) for p in points]
+        names = [{self._plant.GetBodyFromFrameId(inspector.GetFrameId(g)).index() for g in pair} for pair in pairs]
+        others = [pair - {self._object.index()} for pair in names if self._object.index() in pair]
+        tool = {self._tool.index()}
+        return any(o == tool for o in others), any(o != tool for o in others)
+
+    def would_touch(self, q_rad: Array) -> bool:
+        """Whether the tool meets the object, where it lies now, anywhere on (M, 7). The state stays as it is."""
+        before = self.positions
+        try:
+            for q in q_rad:
+                self.positions = self._with_arm(before, q)
+                if self.touches()[0]:
+                    return True
+            return False
+        finally:
+            self.positions = before
+
+    def poses(self, positions: Array) -> Mapping[str, Array]:
+        """(S, nq) -> pose (S, 4, 4) in the base frame of every body that can be seen, by name."""
+        before = self.positions
+        bodies = [self._plant.GetBodyByName(name) for name in self._seen]
+        poses = {name: np.empty((len(positions), 4, 4)) for name in self._seen}
+        for i, row in enumerate(positions):
+            self._plant.SetPositions(self._context, row)
+            for name, body in zip(self._seen, bodies, strict=True):
+                poses[name][i] = self._pose(body)
+        self.positions = before
+        return poses
+
+    def _pose(self, body: Any) -> Array:
+        return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4())
+
+    def _set_object(self, X_BO: Array) -> None:
+        self._plant.SetFreeBodyPose(self._context, self._object, RigidTransform(X_BO))
+
+    def _object_speed(self) -> float:
+        velocity = self._plant.EvalBodySpatialVelocityInWorld(self._context, self._object)
+        return float(np.linalg.norm(velocity.translational()))
+
+    def _with_arm(self, positions: Array, q_rad: Array) -> Array:
+        full = np.array(positions)
+        full[self._joints] = q_rad
+        return full
+
+    def _motion(self, log: Any) -> Motion:
+        positions = np.array(log.data()[: self._plant.num_positions()].T)
+        return Motion(np.array(log.sample_times()), positions, positions[:, self._joints])
+
+
+def _make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+    for name, p, d in zip(JOINT_NAMES, STIFFNESS_NM_RAD, DAMPING_NMS_RAD, strict=True):
+        plant.GetJointActuatorByName(name, arm).set_controller_gains(PdControllerGains(p=p, d=d))
+    plant.set_gravity_enabled(arm, False)  # the controller knows the arm and carries its weight
+
+
+def _hold(q_rad: Array) -> PiecewisePolynomial:
+    held: PiecewisePolynomial = PiecewisePolynomial.ZeroOrderHold([0.0, 1.0], np.column_stack([q_rad, q_rad]))
+    return held

@@ -1,0 +1,68 @@
+"""All randomness of one attempt at one trial, from (seed, trial, attempt) alone.
+
+Nothing is drawn in sequence: every draw has a stream of its own, so no result depends on what happened before,
+on how often a device was asked, or on whether the process was restarted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array
+
+PLACING_STD_M = 0.002
+"""How well a person puts a piece on a mark."""
+
+REPEATABILITY_RAD = 1e-4
+"""Joint error that stays through a trial; about 0.1 mm at the tool, the maker's repeatability."""
+
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION = range(5)
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """The draws of one attempt."""
+
+    key: tuple[int, int, int]  # seed, trial, attempt
+    placing_m: Array  # (2,)
+    joint_offset_rad: Array  # (7,)
+    frame_phase: float  # of the first frame after the object is placed, in frame periods: [0, 1)
+    stop_fraction: float  # where in its path a fault stops the arm
+
+    @classmethod
+    def of(cls, seed: int, trial: int, attempt: int) -> Chance:
+        key = (seed, trial, attempt)
+        rng = _stream(seed, _TRIAL, trial, attempt)
+        return cls(
+            key=key,
+            placing_m=PLACING_STD_M * np.clip(rng.standard_normal(2), -2.5, 2.5),
+            joint_offset_rad=REPEATABILITY_RAD * rng.standard_normal(7),
+            frame_phase=float(rng.uniform()),
+            stop_fraction=float(rng.uniform(0.3, 0.6)),
+        )
+
+    def of_frame(self, index: int) -> np.random.Generator:
+        """The stream of the frame with that number since the object was placed."""
+        seed, trial, attempt = self.key
+        return _stream(seed, _FRAME, trial, attempt, index)
+
+    def of_snapshot(self, t_s: float) -> np.random.Generator:
+        """The stream of a picture taken at that moment: twice the same moment, twice the same picture."""
+        seed, trial, attempt = self.key
+        return _stream(seed, _SNAPSHOT, trial, attempt, round(1e6 * t_s))
+
+
+def of_camera(seed: int) -> np.random.Generator:
+    """The stream for what is particular to the camera of a lab."""
+    return _stream(seed, _CAMERA)
+
+
+def of_calibration(seed: int) -> np.random.Generator:
+    """The stream for the error of the nominal calibration."""
+    return _stream(seed, _CALIBRATION)
+
+
+def _stream(seed: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))

@@ -1,0 +1,147 @@
+"""What arm, camera and bench of the lab share: one cell, one clock, one trial at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array, Execution, JointPath
+from sim.lab.cell import Cell
+from sim.lab.chance import Chance
+from sim.lab.motion import DivergedError, Motion
+from sim.tasks.task import Task
+from sim.world import World
+
+TRIAL_S, ATTEMPT_S = 1000.0, 50.0
+"""Placing sets the clock to `trial` of the one and `attempt` of the other, so that times depend on nothing else."""
+
+CARRY_PERIOD_S = 0.005
+CHECK_PERIOD_S = 0.02
+TRUTH_PERIOD_S = 0.01
+
+_AWAY_M = (0.0, 0.0, -5.0)
+"""Where the object is before it was ever placed: under the floor, out of sight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A stretch of the lab's time, from `t_start_s` on its clock."""
+
+    t_start_s: float
+    motion: Motion
+
+
+@dataclass(eq=False)
+class Room:
+    """The present state of the lab. Its clock moves when something happens and stands still otherwise."""
+
+    task: Task
+    world: World
+    seed: int
+    home_q_rad: Array
+    t_s: float = 0.0
+    t_placed_s: float = 0.0
+    chance: Chance = field(init=False)
+    faults_due: set[str] = field(default_factory=set)  # at this trial, and not yet come
+    recording_since_s: float | None = None
+    shots: list[Shot] = field(default_factory=list)  # of the recording
+    history: list[dict[str, Any]] = field(default_factory=list)  # the truth of every placing, oldest first
+
+    def __post_init__(self) -> None:
+        self.chance = Chance.of(self.seed, 0, 0)
+
+    @cached_property
+    def cell(self) -> Cell:
+        """Built when a device is first used."""
+        cell = Cell(self.task, self.world)
+        away = np.eye(4)
+        away[:3, 3] = _AWAY_M
+        cell.reset(self.home_q_rad, away)
+        return cell
+
+    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
+        """The object at rest near `xy_m`, the arm at home, clock and chance as this attempt has them."""
+        self.chance = Chance.of(self.seed, trial, attempt)
+        self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
+        self.recording_since_s, self.shots = None, []
+        due = vars(self.world.faults).items()
+        self.faults_due = {name for name, trials in due if trial in trials and attempt == 0}
+        X_BO = self._X_BO_reference()
+        X_BO[:2, 3] = xy_m + self.chance.placing_m
+        self.cell.reset(self.home_q_rad, X_BO)
+        self.history.append({"trial": trial, "attempt": attempt, "X_BO_placed": X_BO.tolist(), "motions": []})
+
+    @property
+    def reference_xy_m(self) -> Array:
+        """(2,) where the object lies in the task's reference context."""
+        return self._X_BO_reference()[:2, 3]
+
+    @property
+    def held(self) -> bool:
+        """Whether the tool, and nothing else, carries the object."""
+        on_tool, elsewhere = self.cell.touches()
+        return on_tool and not elsewhere
+
+    def needs_physics(self, path: JointPath) -> bool:
+        """Whether tool, object or table may touch on the way. Else the object lies still, or rides on the tool."""
+        if path.contact is not None:
+            return True
+        return not self.held and self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)])
+
+    def carry(self, path: JointPath) -> Execution:
+        """Play a path on which nothing can touch; what it costs is only what a recording needs to see."""
+        times_s = np.array([0.0, path.duration_s])
+        if self.recording_since_s is not None:
+            times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / CARRY_PERIOD_S))
+        rows = np.stack([np.interp(times_s, path.t_s, column) for column in path.q_rad.T], axis=-1)
+        t_start_s = self._happened(self.cell.carry(times_s, rows, held=self.held))
+        return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def simulate(self, t_s: Array, q_rad: Array) -> Execution:
+        """Follow (N,), (N, 7) with physics and wait until the object rests. Raises DivergedError, with all at rest."""
+        try:
+            motion = self.cell.simulate(t_s, q_rad + self.chance.joint_offset_rad)
+        except DivergedError as error:
+            self._happened(error.motion)
+            raise
+        t_start_s = self._happened(motion)
+        self._remember(t_start_s, motion)
+        return Execution(t_start_s, t_s, q_rad, motion.arm_at(t_s), 1.0)
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass with everything at rest."""
+        positions = np.tile(self.cell.positions, (2, 1))
+        self._happened(Motion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
+
+    def positions_at(self, times_s: Array) -> Array:
+        """(S, nq) of the plant at moments of the recording; the present state where it has none."""
+        rows = np.tile(self.cell.positions, (len(times_s), 1))
+        for shot in self.shots:
+            chosen = times_s >= shot.t_start_s
+            rows[chosen] = shot.motion.at(times_s[chosen] - shot.t_start_s)
+        return rows
+
+    def _X_BO_reference(self) -> Array:
+        world = self.world
+        return np.array(
+            self.task.rest_pose(self.task.reference_context, world.parameters, world.nuisance, world.unmodelled)
+        )
+
+    def _happened(self, motion: Motion) -> float:
+        t_start_s = self.t_s
+        if self.recording_since_s is not None:
+            self.shots.append(Shot(t_start_s, motion))
+        self.t_s = t_start_s + float(motion.t_s[-1])
+        return t_start_s
+
+    def _remember(self, t_start_s: float, motion: Motion) -> None:
+        if not self.history:
+            return
+        every = max(1, round(TRUTH_PERIOD_S / (motion.t_s[1] - motion.t_s[0])))
+        poses = self.cell.poses(motion.positions[::every])[self.cell.bodies.object]
+        self.history[-1]["motions"].append(
+            {"t_start_s": t_start_s, "t_s": motion.t_s[::every].tolist(), "X_BO": poses.tolist()}
+        )

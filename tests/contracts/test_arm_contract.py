@@ -1,0 +1,139 @@
+"""What every arm does: the fake one, the lab's, and later the real ones, run the same cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
+from hw.fake import FakeArm, FakeClock
+from hw.ports import Arm
+from hw.types import ContactWindow, JointPath
+from sim.lab import READY_RAD, SimulatedLab
+from sim.panda.moves import move_path
+from sim.tasks import get_task
+from sim.world import Faults, load_world
+
+AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How to get an arm at the ready pose: one that is fine, and one that stops in its first contact motion."""
+
+    make: Callable[[], Arm]
+    make_faulty: Callable[[], Arm]
+
+
+def fake(*, faulty: bool) -> Arm:
+    faults = {1: ArmFault("reflex")} if faulty else {}
+    return FakeArm(READY_RAD, FakeClock(), faults=faults)
+
+
+def lab(*, faulty: bool) -> Arm:
+    task = get_task("scooping")
+    world = load_world("wd", task)
+    if faulty:
+        world = replace(world, faults=Faults(arm_reflex=(1,)))
+    built = SimulatedLab(task, world, seed=0)
+    built.bench.place(np.array([0.68, 0.0]), trial=1, attempt=0)
+    return built.arm
+
+
+KINDS = {
+    "fake": Kind(lambda: fake(faulty=False), lambda: fake(faulty=True)),
+    "lab": Kind(lambda: lab(faulty=False), lambda: lab(faulty=True)),
+}
+
+
+@pytest.fixture(params=KINDS)
+def kind(request: pytest.FixtureRequest) -> Kind:
+    return KINDS[request.param]
+
+
+@pytest.fixture
+def there() -> JointPath:
+    return move_path(READY_RAD, AWAY_RAD, "panda")
+
+
+@pytest.fixture
+def back() -> JointPath:
+    return move_path(AWAY_RAD, READY_RAD, "panda")
+
+
+def test_an_arm_must_be_entered(kind: Kind, there: JointPath) -> None:
+    arm = kind.make()
+    for use in (arm.state, lambda: arm.execute(there), arm.recover):
+        with pytest.raises(DeviceUnavailable):
+            use()
+
+
+def test_an_arm_left_is_unavailable(kind: Kind) -> None:
+    arm = kind.make()
+    with arm:
+        arm.state()
+    with pytest.raises(DeviceUnavailable):
+        arm.state()
+
+
+def test_the_state_is_at_rest_and_well(kind: Kind) -> None:
+    with kind.make() as arm:
+        state = arm.state()
+        assert arm.model in {"panda", "fr3"}
+        assert state.fault is None
+        np.testing.assert_allclose(state.q_rad, READY_RAD, atol=1e-6)
+        np.testing.assert_allclose(state.dq_rad_s, 0.0, atol=1e-6)
+
+
+def test_a_path_is_played_to_its_end(kind: Kind, there: JointPath, back: JointPath) -> None:
+    with kind.make() as arm:
+        before_s = arm.state().t_s
+        played = arm.execute(there)
+        assert played.q_commanded_rad.shape == played.q_measured_rad.shape == (len(played.t_s), 7)
+        assert played.t_s[0] == 0.0
+        assert played.t_start_s >= before_s
+        assert 0.0 < played.control_success_rate <= 1.0
+        np.testing.assert_allclose(played.q_measured_rad, played.q_commanded_rad, atol=0.02)
+        np.testing.assert_allclose(arm.state().q_rad, AWAY_RAD, atol=2e-3)
+        assert arm.state().t_s >= played.t_start_s + there.duration_s - 1e-9
+        assert arm.execute(back).t_start_s >= played.t_start_s + there.duration_s - 1e-9
+        np.testing.assert_allclose(arm.state().q_rad, READY_RAD, atol=2e-3)
+
+
+def test_a_path_that_breaks_a_limit_is_refused_and_nothing_moves(kind: Kind, there: JointPath) -> None:
+    too_fast = JointPath(there.t_s[: len(there.t_s[::4])], there.q_rad[::4])
+    with kind.make() as arm:
+        before = arm.state()
+        with pytest.raises(MotionRefused, match=r"joint \d at t = .* limit"):
+            arm.execute(too_fast)
+        after = arm.state()
+        np.testing.assert_array_equal(after.q_rad, before.q_rad)
+        assert after.t_s == before.t_s
+        assert after.fault is None
+
+
+def test_a_path_from_elsewhere_is_refused(kind: Kind, back: JointPath) -> None:
+    with kind.make() as arm, pytest.raises(MotionRefused, match="distance from the arm"):
+        arm.execute(back)
+
+
+def test_a_fault_stops_and_needs_recovery_which_never_resumes(kind: Kind, there: JointPath) -> None:
+    touching = JointPath(there.t_s, there.q_rad, ContactWindow(0.0, there.duration_s, 0.001, 5.0))
+    with kind.make_faulty() as arm:
+        with pytest.raises(ArmFault):
+            arm.execute(touching)
+        stopped = arm.state()
+        assert stopped.fault
+        assert np.abs(stopped.q_rad - READY_RAD).max() > 1e-3
+        assert np.abs(stopped.q_rad - AWAY_RAD).max() > 1e-3
+        home = move_path(stopped.q_rad, READY_RAD, "panda")
+        with pytest.raises(ArmFault, match="recover"):
+            arm.execute(home)
+        arm.recover()
+        assert arm.state().fault is None
+        np.testing.assert_array_equal(arm.state().q_rad, stopped.q_rad)
+        arm.execute(home)
+        np.testing.assert_allclose(arm.state().q_rad, READY_RAD, atol=2e-3)

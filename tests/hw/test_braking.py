@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from hw.braking import brake, check_braking
+from hw.errors import MotionRefused
+from hw.limits import check_path, require
+from hw.types import ContactWindow, JointPath
+
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+
+
+def path_of(duration_s: float, contact: ContactWindow | None = None) -> JointPath:
+    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
+    u = t_s / t_s[-1]
+    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    change = np.array([0.5, -0.3, 0.4, 0.2, 0.5, 0.3, -0.5])
+    return JointPath(
+        t_s, READY + np.column_stack([share, share**2, share, share, share**3, share, share]) * change, contact
+    )
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("at_s", [0.0, 0.1, 0.35, 0.5, 0.73, 0.98, 1.0])
+def test_a_stop_keeps_the_limits_and_stays_on_the_path(model: str, at_s: float) -> None:
+    path = path_of(1.0)
+    stopped = brake(path, at_s, model)
+    assert check_path(stopped, model, READY).ok
+    before = stopped.t_s <= at_s
+    assert np.allclose(stopped.q_rad[before], path.q_rad[: before.sum()], atol=1e-12)
+    order = np.array([np.linalg.norm(path.q_rad - q, axis=1).argmin() for q in stopped.q_rad])
+    off = np.linalg.norm(path.q_rad[order] - stopped.q_rad, axis=1)
+    assert off.max() < 0.5 * np.linalg.norm(np.diff(path.q_rad, axis=0), axis=1).max() + 1e-9
+    assert (np.diff(order) >= 0).all()
+
+
+def test_every_moment_of_a_fast_path_can_be_braked() -> None:
+    stops = check_braking(path_of(0.75), "panda")
+    assert stops.ok
+    assert len(stops.at_s) == 38
+    assert 0.05 < stops.longest_s <= 0.5
+    assert stops.duration_s[0] < stops.longest_s  # at rest there is nothing to stop
+
+
+def test_a_path_over_the_limits_cannot_be_braked_and_is_refused() -> None:
+    path = path_of(0.3)
+    assert not check_braking(path, "panda").ok
+    with pytest.raises(MotionRefused, match="no stop"):
+        brake(path, 0.15, "panda")
+    with pytest.raises(MotionRefused):
+        require(path, "panda", READY)
+
+
+def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
+    contact = ContactWindow(0.3, 0.6, 0.002, 10.0)
+    path = path_of(1.0, contact)
+    inside = brake(path, 0.4, "panda").contact
+    assert inside is not None
+    assert inside.start_s == 0.3
+    assert inside.end_s > 0.4
+    assert brake(path, 0.1, "panda").contact is None
+    after = brake(path, 0.8, "panda").contact
+    assert after is not None
+    assert (after.start_s, after.end_s) == (0.3, 0.6)
+    stretched = brake(path, 0.58, "panda").contact
+    assert stretched is not None
+    assert 0.6 < stretched.end_s < 0.64

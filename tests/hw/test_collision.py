@@ -1,0 +1,87 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from hw.collision import (
+    BARE_HAND,
+    KeepOut,
+    Tool,
+    box_clearance,
+    box_distance,
+    point_heights,
+    segment_distance,
+    self_clearance,
+    table_clearance,
+)
+from hw.kinematics import link_poses
+
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+
+
+def brute_force(distance_at: Callable[[np.ndarray], float], bounds: list[tuple[float, float]]) -> float:
+    starts = [[b * (0.1 + 0.8 * s) for _, b in bounds] for s in (0.0, 0.5, 1.0)]
+    return min(float(minimize(distance_at, s, bounds=bounds, options={"ftol": 1e-15}).fun) for s in starts) ** 0.5
+
+
+def test_segment_distance_agrees_with_a_numerical_minimum() -> None:
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 40, 2, 3))
+    found = segment_distance(a, b)
+    for i in range(len(a)):
+
+        def squared(u: np.ndarray, i: int = i) -> float:
+            gap = a[i, 0] + u[0] * (a[i, 1] - a[i, 0]) - b[i, 0] - u[1] * (b[i, 1] - b[i, 0])
+            return float(gap @ gap)
+
+        assert found[i] == pytest.approx(brute_force(squared, [(0, 1), (0, 1)]), abs=1e-5)
+
+
+def test_segment_distance_of_parallel_and_pointlike_segments() -> None:
+    along = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    assert segment_distance(along, along + np.array([3.0, 4.0, 0.0])) == pytest.approx(np.hypot(2.0, 4.0))
+    assert segment_distance(along, along[::-1] + np.array([0.0, 2.0, 0.0])) == pytest.approx(2.0)
+    point = np.array([[0.5, 1.0, 0.0], [0.5, 1.0, 0.0]])
+    assert segment_distance(along, point) == pytest.approx(1.0)
+    assert segment_distance(point, point + np.array([0.0, 0.0, 2.0])) == pytest.approx(2.0)
+
+
+def test_box_distance_agrees_with_a_dense_scan() -> None:
+    rng = np.random.default_rng(1)
+    segments = rng.normal(size=(60, 2, 3))
+    low, high = np.array([-0.3, -0.5, -0.1]), np.array([0.4, 0.2, 0.6])
+    share = np.linspace(0.0, 1.0, 20001)[:, None]
+    for segment, found in zip(segments, box_distance(segments, low, high), strict=True):
+        points = segment[0] + share * (segment[1] - segment[0])
+        scanned = np.linalg.norm(points - np.clip(points, low, high), axis=1).min()
+        assert found == pytest.approx(scanned, abs=1e-4)
+
+
+def test_ready_posture_is_clear_and_a_folded_arm_is_not() -> None:
+    clearance, names = self_clearance(link_poses(READY), BARE_HAND)
+    assert clearance.min() > 0.1
+    folded = READY + np.array([0.0, 0.0, 0.0, -0.7, 0.0, -1.6, 0.0])
+    clearance, names = self_clearance(link_poses(folded), BARE_HAND)
+    assert clearance.min() < 0.0
+    assert names[int(np.argmin(clearance))] == "link 2 and guide button"
+
+
+def test_box_and_table_clearances_name_the_body() -> None:
+    box = KeepOut("camera", np.array([0.25, -0.1, 0.3]), np.array([0.4, 0.1, 0.5]))
+    clearance, names = box_clearance(link_poses(READY), BARE_HAND, box)
+    assert clearance.min() < 0.0
+    assert names[int(np.argmin(clearance))] in ("hand and camera", "fingers and camera")
+    heights, names = table_clearance(link_poses(READY), BARE_HAND)
+    assert names[int(np.argmin(heights))] == "link 2 and table"
+    assert heights[names.index("fingers and table")] == pytest.approx(0.5903 - 0.095 - 0.022, abs=1e-3)
+
+
+def test_heights_of_tool_points() -> None:
+    tool = Tool("stick", points_F_m=np.array([[0.0, 0.0, 0.2], [0.1, 0.0, 0.0]]))
+    assert np.allclose(point_heights(link_poses(READY), tool), [0.3903, 0.5903], atol=1e-4)
+
+
+def test_a_box_needs_its_corners_in_order() -> None:
+    with pytest.raises(ValueError, match="not below"):
+        KeepOut("wall", np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.0]))

@@ -1,0 +1,132 @@
+"""The `adaptsim` program: the commands, and the one place that turns errors into exit codes.
+
+Nothing heavy is imported here or by the command modules: each command imports what it needs when it runs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from adaptsim_cli.commands import checkpoints, config, lab, pretrain, report, run_iteration, sessions
+
+EXIT_CODES = (
+    "Exit codes: 0 done, 2 usage or configuration, 3 preflight failed, 4 motion refused by limits, 5 robot fault, "
+    "6 camera or tracking, 7 stopped by the operator, 8 corrupt or missing data, 130 interrupted."
+)
+
+app = typer.Typer(
+    name="adaptsim",
+    help="Adapt simulation parameters to a real robot task with some twenty trials.",
+    epilog=EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("run-iteration")(run_iteration.run_iteration)
+app.command("pretrain")(pretrain.pretrain)
+app.command("report")(report.report)
+app.add_typer(sessions.app, name="sessions")
+app.add_typer(checkpoints.app, name="checkpoints")
+app.add_typer(config.app, name="config")
+app.add_typer(lab.app, name="lab")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"adaptsim {version('adaptsim')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    if debug:
+        os.environ["ADAPTSIM_DEBUG"] = "1"
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code. A defect of the program itself leaves with its traceback."""
+    try:
+        code = app(arguments, standalone_mode=False, prog_name="adaptsim")
+    except typer.TyperException as error:  # a wrong command line
+        _say(error.format_message())
+        return error.exit_code
+    except documented_errors() as error:
+        return _explain(error)
+    if code == 130:
+        _say("interrupted")
+    return code if isinstance(code, int) else 0
+
+
+def main() -> None:
+    """The console script."""
+    sys.exit(run())
+
+
+def documented_errors() -> tuple[type[BaseException], ...]:
+    return tuple(kind for kind, _ in _codes())
+
+
+def exit_code(error: BaseException) -> int:
+    """The documented exit code of one of the `documented_errors`."""
+    return next(code for kind, code in _codes() if isinstance(error, kind))
+
+
+def _codes() -> tuple[tuple[type[BaseException], int], ...]:
+    import calib.errors
+    import hw.errors
+    import perception.errors
+    import sim.errors
+    from adaptsim_cli import errors
+
+    return (
+        (errors.UsageError, 2),
+        (sim.errors.UnknownName, 2),
+        (sim.errors.WorldError, 2),
+        (sim.errors.OutOfRange, 2),
+        (errors.PreflightFailed, 3),
+        (hw.errors.DeviceUnavailable, 3),
+        (calib.errors.CalibrationError, 3),
+        (hw.errors.MotionRefused, 4),
+        (sim.errors.NotExecutable, 4),
+        (hw.errors.StoppedByPedal, 7),
+        (hw.errors.ArmFault, 5),
+        (hw.errors.CameraError, 6),
+        (perception.errors.PerceptionError, 6),
+        (errors.StoppedByOperator, 7),
+        (errors.SessionError, 8),
+        (sim.errors.DatasetError, 8),
+        (sim.errors.CheckpointError, 8),
+        (sim.errors.SimError, 1),  # a simulation that failed for another reason
+        (OSError, 8),  # a disk that is full or may not be written to
+        (errors.Interrupted, 130),
+        (KeyboardInterrupt, 130),
+    )
+
+
+def _explain(error: BaseException) -> int:
+    """Say what went wrong on stderr and return the exit code."""
+    if os.environ.get("ADAPTSIM_DEBUG"):
+        import traceback
+
+        traceback.print_exception(error)
+    _say("\n".join([str(error) or "interrupted", *getattr(error, "__notes__", ())]))
+    return exit_code(error)
+
+
+def _say(message: str) -> None:
+    from adaptsim_cli import console
+
+    console.error(message)

@@ -1,0 +1,32 @@
+"""`adaptsim report`: one page of a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    session: Annotated[str | None, typer.Argument(help="Name of the session; the newest where it is left out.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Where the page lies, as JSON on stdout.")] = False,
+) -> None:
+    """Write one self-contained HTML page of a session: rewards, parameters, trajectories, camera frames.
+
+    Example: adaptsim report scooping-ood-1-adaptsim-0
+    """
+    from adaptsim_cli import config, console
+    from adaptsim_cli.report import page
+    from adaptsim_cli.session import store
+
+    root = config.load().places.sessions
+    opened = store.SessionStore.open(root, session or store.newest(root))
+    screen = console.Screen(as_json=as_json)
+    with screen.busy("Drawing the report"):
+        path = page.write(opened, out)
+    if as_json:
+        screen.data({"session": opened.facts.name, "report": str(path)})
+    else:
+        screen.plain(f"Report: {path}")

@@ -1,0 +1,35 @@
+"""`adaptsim run-iteration`: trials, tracking, adaptation, next policies."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def run_iteration(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    iterations: Annotated[int, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.")] = 1,
+    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
+    session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
+    method: Annotated[str | None, typer.Option("--method", help="How to adapt: adaptsim or udr.")] = None,
+    hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object an iteration on stdout.")] = False,
+) -> None:
+    """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
+
+    Continues where the session stopped. Without --session it is the one of this task, world, method and seed.
+
+    Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
+    """
+    from adaptsim_cli import config, wiring
+    from adaptsim_cli.report import page
+    from adaptsim_cli.session import conduct
+
+    flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw}
+    resolved = config.load(flags)
+    given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
+    request = conduct.Request(session, given, iterations, yes, as_json)
+    conduct.conduct(resolved, request, wiring.open_parts, page.write)

@@ -1,0 +1,72 @@
+"""`adaptsim sessions list/show/redo`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Look at stored sessions, and mark a trial to be redone.", no_args_is_help=True)
+
+_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+_Name = Annotated[str, typer.Argument(help="Name of the session.")]
+
+
+@app.command("list")
+def list_sessions(as_json: _Json = False) -> None:
+    """All sessions, newest last.
+
+    Example: adaptsim sessions list
+    """
+    from adaptsim_cli import config, console, views
+    from adaptsim_cli.session import store, summary
+
+    root = config.load().places.sessions
+    found = [summary.overview(store.SessionStore.open(root, name)) for name in store.names(root)]
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data(found)
+    elif found:
+        screen.show(views.sessions(found))
+    else:
+        screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
+
+
+@app.command()
+def show(name: _Name, as_json: _Json = False) -> None:
+    """Every completed trial and iteration of a session.
+
+    Example: adaptsim sessions show scooping-ood-1-adaptsim-0
+    """
+    from adaptsim_cli import config, console, views
+    from adaptsim_cli.session import store, summary
+
+    shown = summary.details(store.SessionStore.open(config.load().places.sessions, name))
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data(shown)
+    else:
+        screen.show(views.session(shown))
+
+
+@app.command()
+def redo(
+    name: _Name,
+    trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
+    reason: Annotated[str, typer.Option("--reason", help="Why it does not count.")] = "the operator had it redone",
+    as_json: _Json = False,
+) -> None:
+    """Mark a trial bad: the next run-iteration does it again, and adapts again from what then counts.
+
+    Example: adaptsim sessions redo scooping-ood-1-adaptsim-0 3 --reason "the piece was touched"
+    """
+    from adaptsim_cli import config, console
+    from adaptsim_cli.session import redoing, store
+
+    opened = store.SessionStore.open(config.load().places.sessions, name)
+    attempt = redoing.redo(opened, trial, reason)
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data({"session": name, "trial": trial, "next_attempt": attempt})
+    else:
+        screen.plain(f"Trial {trial} of {name} will be done again: adaptsim run-iteration --session {name}")

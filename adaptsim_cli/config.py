@@ -1,0 +1,163 @@
+"""Settings: flag > ADAPTSIM_* > adaptsim.toml of the project > the user's config > default.
+
+`ADAPTSIM_HOME` moves data and the user's config to one folder.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import platformdirs
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from adaptsim_cli.errors import UsageError
+
+Hardware = Literal["fake", "panda", "fr3"]
+
+PROJECT_FILE = "adaptsim.toml"
+_PREFIX = "ADAPTSIM_"
+_NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG"}
+
+
+class _Values(BaseModel):
+    """Types and ranges; the description of a key is its help, with its unit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    hw: Annotated[Hardware, Field(description="which hardware moves: fake, panda or fr3")] = "fake"
+    host: Annotated[str, Field(description="network address of the real arm")] = ""
+    task: Annotated[str, Field(description="which task, where a command has no --task")] = "scooping"
+    world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
+    method: Annotated[str, Field(description="how to adapt: adaptsim, udr")] = "adaptsim"
+    checkpoint: Annotated[str, Field(description="folder of a checkpoint; empty: the shipped one of the task")] = ""
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="of all random numbers")] = 0
+    particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
+    workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
+    min_free_mb: Annotated[int, Field(ge=0, description="free disk space that a session needs, MB")] = 500
+
+
+@dataclass(frozen=True)
+class Config:
+    """All settings, checked."""
+
+    hw: Hardware
+    host: str
+    task: str
+    world: str
+    method: str
+    checkpoint: str
+    seed: int
+    particles: int
+    workers: int
+    min_free_mb: int
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where things are kept."""
+
+    data: Path
+    user_file: Path
+    project_file: Path
+
+    @property
+    def sessions(self) -> Path:
+        return self.data / "sessions"
+
+    @property
+    def pretraining(self) -> Path:
+        return self.data / "pretraining"
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Settings, each with where it came from."""
+
+    config: Config
+    sources: Mapping[str, str]
+    places: Places
+
+
+def places(env: Mapping[str, str] | None = None, project: Path | None = None) -> Places:
+    """Where data and settings lie, in this environment and for this project folder (default: the current one)."""
+    env = os.environ if env is None else env
+    project = Path.cwd() if project is None else project
+    if home := env.get("ADAPTSIM_HOME"):
+        root = Path(home).expanduser().absolute()
+        return Places(root / "data", root / "config.toml", project / PROJECT_FILE)
+    data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
+    config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
+    return Places(data, config / "config.toml", project / PROJECT_FILE)
+
+
+def load(
+    flags: Mapping[str, Any] | None = None, env: Mapping[str, str] | None = None, project: Path | None = None
+) -> Resolved:
+    """All settings; a flag of None was not given. Raises UsageError naming where, key and the known keys."""
+    env = os.environ if env is None else env
+    where = places(env, project)
+    values: dict[str, Any] = _Values().model_dump()
+    sources = dict.fromkeys(values, "default")
+    layers = (
+        (str(where.user_file), _read(where.user_file)),
+        (str(where.project_file), _read(where.project_file)),
+        ("environment", _from_environment(env)),
+        ("flag", {key: value for key, value in (flags or {}).items() if value is not None}),
+    )
+    for source, layer in layers:
+        checked = _checked(layer, source, strict=source not in ("environment", "flag"))
+        values |= checked
+        sources |= {key: f"{_PREFIX}{key.upper()}" if source == "environment" else source for key in checked}
+    return Resolved(Config(**values), sources, where)
+
+
+def template() -> str:
+    """A config file with every setting as a comment: its default, and what it is."""
+    lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
+    for name, info in _Values.model_fields.items():
+        value = f'"{info.default}"' if isinstance(info.default, str) else info.default
+        lines += [f"# {info.description}", f"#{name} = {value}", ""]
+    return "\n".join(lines)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{path} is not valid TOML: {error}") from error
+
+
+def _from_environment(env: Mapping[str, str]) -> dict[str, str]:
+    names = (name for name in env if name.startswith(_PREFIX) and name not in _NOT_SETTINGS)
+    return {name.removeprefix(_PREFIX).lower(): env[name] for name in names}
+
+
+def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str, Any]:
+    try:
+        return _Values.model_validate(dict(layer), strict=strict).model_dump(include=set(layer))
+    except ValidationError as error:
+        raise UsageError(f"{source}: {_message(error)}") from error
+
+
+def _message(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    known = tuple(field.name for field in fields(Config))
+    if first["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(key, known, n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ";"
+        return f"unknown key {key!r}{hint} Known keys: {', '.join(known)}"
+    info = _Values.model_fields[str(first["loc"][0])]
+    if first["type"] == "literal_error":
+        return f"{key} = {first['input']!r}: it is one of {', '.join(get_args(Hardware))}"
+    return f"{key} = {first['input']!r}: {first['msg'][0].lower()}{first['msg'][1:]} ({info.description})"

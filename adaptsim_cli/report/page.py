@@ -1,0 +1,165 @@
+"""A session -> one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from adaptsim_cli.report import figures
+from adaptsim_cli.report.svg import plain
+from adaptsim_cli.session import durable
+from adaptsim_cli.session.records import (
+    DimensionRecord,
+    Facts,
+    Note,
+    ResultRecord,
+    Row,
+    Samples,
+    TrialRecord,
+    read,
+)
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.store import SessionStore
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame of a trial's film strip."""
+
+    label: str
+    t_s: float
+    source: str  # data URL
+
+
+@dataclass(frozen=True)
+class TrialView:
+    record: TrialRecord
+    strip: tuple[Shot, ...]
+    overlay: str  # data URL, "" where there is none
+    context: str
+    action: str
+
+    @property
+    def outcome(self) -> str:
+        return self.record.outcome.value.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class IterationView:
+    number: int  # from 1
+    particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
+    trials: tuple[TrialView, ...]
+    rejected: tuple[str, ...]
+    result: ResultRecord | None
+
+    @property
+    def mean(self) -> float:
+        return float(np.mean([t.record.reward for t in self.trials]))
+
+
+def write(store: SessionStore, out: Path | None = None) -> Path:
+    """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError."""
+    path = out if out is not None else store.folder / "report.html"
+    durable.make_folder(path.absolute().parent)
+    durable.replace_file(path.absolute(), render(store).encode())
+    return path
+
+
+def render(store: SessionStore) -> str:
+    """The page as HTML. Raises SessionError when a record is corrupt."""
+    from jinja2 import Environment, StrictUndefined
+
+    facts = store.facts
+    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i)).trials)
+    trials = [t.record for view in views for t in view.trials]
+    results = [view.result for view in views if view.result is not None]
+    folder = resources.files("adaptsim_cli.report")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["plain"] = plain
+    template = environment.from_string((folder / "page.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        facts=facts,
+        title=facts.title[:1].upper() + facts.title[1:],
+        style=(folder / "style.css").read_text(encoding="utf-8"),
+        iterations=views,
+        trials=trials,
+        latest=results[-1] if results else None,
+        best=_named(facts, results[-1].best.params) if results else "",
+        successes=sum(t.reward > 0 for t in trials),
+        figure_rewards=figures.rewards(trials, len(views), facts.particles, facts.trials) if trials else "",
+        figure_parameters=[
+            (d, figures.parameter(d, paths)) for d, paths in zip(facts.parameters, _paths(store, results), strict=True)
+        ],
+        figure_table=figures.table_view(trials, facts.context, trials[-1].iteration) if trials else "",
+        kinds=("rollouts", "tracking", "adaptation", "training", "total"),
+    )
+
+
+def _iteration(store: SessionStore, iteration: int) -> IterationView:
+    facts, result = store.facts, store.result(iteration)
+    now = _particles(store, iteration)
+    then = result.next_particles if result else ()
+    pairs = tuple(
+        (_quantities(facts.parameters, _mean(p)), _quantities(facts.parameters, _mean(then[i])) if then else "")
+        for i, p in enumerate(now)
+    )
+    trials = tuple(_trial(store, record) for record in store.trials(iteration))
+    return IterationView(iteration + 1, pairs, trials, _rejected(store, iteration), result)
+
+
+def _trial(store: SessionStore, record: TrialRecord) -> TrialView:
+    folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    strip = tuple(Shot(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
+    overlay = _image(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
+    facts = store.facts
+    return TrialView(
+        record, strip, overlay, _quantities(facts.context, record.context), _quantities(facts.action, record.action)
+    )
+
+
+def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
+    notes = sorted(store.iteration_folder(iteration).glob("trial-*.rejected.json"))
+    return tuple(f"{_words(path.name)}: {read(Note, path).text}" for path in notes)
+
+
+def _words(name: str) -> str:
+    _, number, _, attempt = name.removesuffix(".rejected.json").split("-")
+    return f"Trial {int(number)}, attempt {int(attempt) + 1}"
+
+
+def _particles(store: SessionStore, iteration: int) -> tuple[Samples, ...]:
+    if iteration == 0:
+        return store.start.particles
+    before = store.result(iteration - 1)
+    return before.next_particles if before else ()
+
+
+def _paths(store: SessionStore, results: list[ResultRecord]) -> list[list[list[float]]]:
+    """Parameter -> particle -> its mean at every iteration, the next one included."""
+    steps = [store.start.particles, *(r.next_particles for r in results)]
+    means = np.array([[_mean(samples) for samples in particles] for particles in steps])  # (I + 1, n, p)
+    return [list(map(list, means[:, :, k].T)) for k in range(means.shape[2])]
+
+
+def _mean(samples: Samples) -> Row:
+    return tuple(float(v) for v in np.mean(samples, axis=0))
+
+
+def _quantities(dimensions: tuple[DimensionRecord, ...], values: Row) -> str:
+    return ", ".join(
+        f"{d.name} {plain(float(f'{v:.3g}'))}{' ' + d.unit if d.unit else ''}"
+        for d, v in zip(dimensions, values, strict=True)
+    )
+
+
+def _named(facts: Facts, params: Mapping[str, float]) -> str:
+    return _quantities(facts.parameters, tuple(params[d.name] for d in facts.parameters))
+
+
+def _image(path: Path) -> str:
+    return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()

@@ -1,0 +1,144 @@
+"""The few ROS 2 messages that recordings hold, written as Common Data Representation (OMG CDR, little endian).
+
+Foxglove, Rerun and ROS 2 read these without any plug-in, and images stay binary.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+_HEADER = "std_msgs/Header header\n"
+_SEPARATOR = "=" * 80
+_TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+_STAMP = f"{_SEPARATOR}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n{_SEPARATOR}\n{_TIME}"
+_TRANSFORM = "\n".join(
+    (
+        _SEPARATOR,
+        "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id",
+        "geometry_msgs/Transform transform",
+        _SEPARATOR,
+        "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+        _SEPARATOR,
+        "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z",
+        _SEPARATOR,
+        "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    )
+)
+
+SCHEMAS = {
+    "sensor_msgs/msg/CompressedImage": f"{_HEADER}string format\nuint8[] data\n{_STAMP}",
+    "sensor_msgs/msg/JointState": f"{_HEADER}string[] name\nfloat64[] position\nfloat64[] velocity\n"
+    f"float64[] effort\n{_STAMP}",
+    "geometry_msgs/msg/PointStamped": f"{_HEADER}geometry_msgs/Point point\n{_STAMP}"
+    f"{_SEPARATOR}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n",
+    "tf2_msgs/msg/TFMessage": f"geometry_msgs/TransformStamped[] transforms\n{_TRANSFORM}{_STAMP}",
+}
+"""Message definitions, as MCAP's `ros2msg` encoding wants them."""
+
+
+class Writer:
+    """Appends primitives with CDR's alignment, counted from behind the four-byte header."""
+
+    def __init__(self) -> None:
+        self._body = bytearray()
+
+    def message(self) -> bytes:
+        return b"\x00\x01\x00\x00" + bytes(self._body)
+
+    def header(self, t_ns: int, frame: str) -> Writer:
+        seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
+        self._pack("<i", seconds)
+        self._pack("<I", nanoseconds)
+        return self.string(frame)
+
+    def string(self, text: str) -> Writer:
+        encoded = text.encode() + b"\x00"
+        self._pack("<I", len(encoded))
+        self._body += encoded
+        return self
+
+    def strings(self, texts: Sequence[str]) -> Writer:
+        self._pack("<I", len(texts))
+        for text in texts:
+            self.string(text)
+        return self
+
+    def blob(self, content: bytes) -> Writer:
+        self._pack("<I", len(content))
+        self._body += content
+        return self
+
+    def doubles(self, values: Sequence[float], *, counted: bool) -> Writer:
+        """float64 values, with their number in front when `counted` (a sequence rather than fields)."""
+        if counted:
+            self._pack("<I", len(values))
+        self._body += b"\x00" * (-len(self._body) % 8) if len(values) else b""
+        self._body += struct.pack(f"<{len(values)}d", *values)
+        return self
+
+    def count(self, n: int) -> Writer:
+        self._pack("<I", n)
+        return self
+
+    def _pack(self, layout: str, value: float) -> None:
+        size = struct.calcsize(layout)
+        self._body += b"\x00" * (-len(self._body) % size)
+        self._body += struct.pack(layout, value)
+
+
+def compressed_image(t_ns: int, frame: str, layout: str, content: bytes) -> bytes:
+    return Writer().header(t_ns, frame).string(layout).blob(content).message()
+
+
+def joint_state(t_ns: int, names: Sequence[str], position: Sequence[float]) -> bytes:
+    writer = Writer().header(t_ns, "").strings(names).doubles(position, counted=True)
+    return writer.count(0).count(0).message()
+
+
+def point(t_ns: int, frame: str, xyz: Sequence[float]) -> bytes:
+    return Writer().header(t_ns, frame).doubles(xyz, counted=False).message()
+
+
+def transform(t_ns: int, parent: str, child: str, xyz: Sequence[float], xyzw: Sequence[float]) -> bytes:
+    writer = Writer().count(1).header(t_ns, parent).string(child)
+    return writer.doubles(xyz, counted=False).doubles(xyzw, counted=False).message()
+
+
+class Reader:
+    """Reads back what `Writer` wrote, field by field. Raises struct.error or IndexError where it is cut short."""
+
+    def __init__(self, message: bytes) -> None:
+        self._body = memoryview(message)[4:]
+        self._at = 0
+
+    def header(self) -> tuple[int, str]:
+        """(time in ns, frame)."""
+        t_ns = int(self._unpack("<i")) * 1_000_000_000 + int(self._unpack("<I"))
+        return t_ns, self.string()
+
+    def string(self) -> str:
+        return bytes(self.blob()[:-1]).decode()
+
+    def strings(self) -> tuple[str, ...]:
+        return tuple(self.string() for _ in range(int(self._unpack("<I"))))
+
+    def blob(self) -> memoryview:
+        size = int(self._unpack("<I"))
+        content = self._body[self._at : self._at + size]
+        if len(content) < size:
+            raise IndexError("a field runs past the end of its message")
+        self._at += size
+        return content
+
+    def doubles(self, n: int | None = None) -> tuple[float, ...]:
+        """`n` float64 fields, or a counted sequence of them."""
+        size = int(self._unpack("<I")) if n is None else n
+        return tuple(self._unpack("<d") for _ in range(size))
+
+    def _unpack(self, layout: str) -> float:
+        size = struct.calcsize(layout)
+        self._at += -self._at % size
+        value: float = struct.unpack_from(layout, self._body, self._at)[0]
+        self._at += size
+        return value

@@ -1,0 +1,179 @@
+"""From settings to a running session: begin or continue, check that everything is ready, run, report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from adaptsim_cli import console
+from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.console import Attended, Screen, Unattended
+from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.session import store as stores
+from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.preflight import failures, preflight
+from adaptsim_cli.session.records import Facts, Start, as_records, as_row
+from adaptsim_cli.session.runner import Session, run_iteration
+from adaptsim_cli.session.stages import Draw, generator, next_stage
+from adaptsim_cli.session.store import SessionStore
+from hw.errors import HardwareError
+from perception.errors import PerceptionError
+from sim.errors import NotExecutable
+
+OpenParts = Callable[[Config], AbstractContextManager[Parts]]
+
+_FROZEN = ("task", "hw", "world", "method", "seed", "particles")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the operator asked for on the command line."""
+
+    session: str | None
+    given: frozenset[str]  # settings that came as flags
+    iterations: int = 1
+    yes: bool = False
+    as_json: bool = False
+
+
+def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: Callable[[SessionStore], Path]) -> Path:
+    """Run the iterations and return the path of the report that `draw` makes after each.
+
+    An iteration is done only when its result and report have reached the operator: a run that was killed just before
+    that shows them when it is started again. Raises whatever stops a session, with how to go on.
+    """
+    root = resolved.places.sessions
+    asked = replace(resolved.config, world=absolute(resolved.config.world))
+    name = request.session or default_name(asked)
+    known = _known(root, name)
+    config = _continued(asked, known, request) if known else asked
+    if config.hw != "fake" or not request.yes:
+        console.require_terminal()
+    screen = Screen(as_json=request.as_json)
+    unattended = request.yes and config.hw == "fake"
+    with ExitStack() as stack:
+        with screen.busy("Loading the task, the policies and the devices"):
+            parts = stack.enter_context(open_parts(config))
+            store = _same_parts(known, parts) if known else begin(root, name, config, parts)
+        session = Session(store, parts, Unattended(screen) if unattended else Attended(screen), screen)
+        stack.enter_context(store.locked())
+        stack.enter_context(_how_to_continue(name))
+        _ready(session, config)
+        for _ in range(request.iterations):
+            summary = run_iteration(session)
+            with screen.busy("Drawing the report"):
+                path = draw(store)
+            if request.as_json:
+                screen.data(summary)
+            store.mark_shown(summary["iteration"], datetime.now(UTC).isoformat(timespec="seconds"))
+    screen.plain(f"Report: {path}")
+    return path
+
+
+def default_name(config: Config) -> str:
+    """The session that is meant when none is named: one of each task, world, method and seed."""
+    place = Path(config.world).stem if config.hw == "fake" else config.hw
+    return re.sub(r"[^A-Za-z0-9._-]", "-", f"{config.task}-{place}-{config.method}-seed{config.seed}")
+
+
+def absolute(world: str) -> str:
+    """A world file by its whole path, so that a session can be continued from another folder."""
+    is_file = world.endswith(".toml") or "/" in world
+    return str(Path(world).expanduser().absolute()) if is_file else world
+
+
+def _known(root: Path, name: str) -> SessionStore | None:
+    return SessionStore.open(root, name) if stores.folder_of(root, name).is_dir() else None
+
+
+def _continued(config: Config, store: SessionStore, request: Request) -> Config:
+    """The settings that the session was begun with. Raises UsageError where a flag contradicts them."""
+    for key in _FROZEN:
+        was, asked = getattr(store.facts, key), getattr(config, key)
+        if key in request.given and was != asked:
+            raise UsageError(
+                f"session {store.facts.name!r} was begun with {key} = {was}, not {asked}; leave the flag out to "
+                "continue it, or name another --session"
+            )
+    return replace(config, **{key: getattr(store.facts, key) for key in _FROZEN})
+
+
+def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
+    """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
+    origin = parts.provenance
+    facts = Facts(
+        name=name,
+        task=parts.task.name,
+        hw=config.hw,
+        world=config.world if config.hw == "fake" else "",
+        world_sha256=origin.world_sha256,
+        seed=config.seed,
+        method=config.method,
+        particles=config.particles,
+        trials=parts.task.adaptation.trials_per_iteration,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        checkpoint=origin.checkpoint,
+        checkpoint_sha256=origin.checkpoint_sha256,
+        calibration=parts.rig.hand_eye.source,
+        calibration_sha256=origin.calibration_sha256,
+        versions=origin.versions,
+        title=parts.task.title,
+        object_name=parts.task.object_name,
+        parameters=as_records(parts.task.parameters),
+        context=as_records(parts.task.context),
+        action=as_records(parts.task.action),
+    )
+    particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
+    rows = tuple(tuple(as_row(sample) for sample in np.asarray(p.samples)) for p in particles)
+    return SessionStore.create(root, facts, Start(particles=rows))
+
+
+def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
+    """The store, if its checkpoint, calibration and world are still those that it was begun with."""
+    facts, now = store.facts, parts.provenance
+    for what, was, found in (
+        ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
+        ("calibration", facts.calibration_sha256, now.calibration_sha256),
+        ("world", facts.world_sha256, now.world_sha256),
+    ):
+        if was != found:
+            raise UsageError(
+                f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {found[:12]} now): "
+                "its trials cannot be compared with new ones. Restore it, or name another --session"
+            )
+    return store
+
+
+def _ready(session: Session, config: Config) -> None:
+    facts, screen = session.store.facts, session.screen
+    existing = session.store.existing()
+    stage = next_stage(existing, facts.particles, facts.trials)
+    screen.session(session.parts.task, facts, stage.iteration, session.parts.rig.title)
+    if existing.completed:
+        count = len(existing.completed)
+        screen.note(f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session begins afresh.")
+    checks = preflight(session.parts.rig, facts, session.store.folder, config.min_free_mb)
+    screen.checks(checks)
+    if problem := failures(checks):
+        raise PreflightFailed(f"not ready, nothing has moved: {problem}")
+
+
+@contextmanager
+def _how_to_continue(name: str) -> Iterator[None]:
+    """Add to whatever stops a session how to go on with it."""
+    hint = f"Continue with: adaptsim run-iteration --session {name}"
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted("interrupted; everything completed is stored")
+        stopped.add_note(hint)
+        raise stopped from error
+    except (StoppedByOperator, PreflightFailed, DiskFull, HardwareError, PerceptionError, NotExecutable) as error:
+        error.add_note(hint)
+        raise

@@ -1,0 +1,142 @@
+"""What the sequence of a session asks of the parts; `wiring` fills these in, tests bring their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.types import HandEye
+from hw.ports import Arm, Bench, Camera
+from hw.types import Array, CameraModel, Frame, JointPath
+from perception.types import ObjectTrack, Outcome
+from sim.adaptation.method import Best, Iteration, Particle
+from sim.tasks.task import Task
+from sim.types import ToolMotion
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What training expects of an action at a context."""
+
+    reward: float
+    low: float  # two standard deviations of the emulator's ensemble
+    high: float
+
+
+class TrainedPolicy(Protocol):
+    """A task policy that can say what it expects."""
+
+    def __call__(self, context: Array) -> Array: ...
+
+    def predict(self, context: Array) -> Prediction: ...
+
+
+class Learner(Protocol):
+    """A method of adaptation together with the training of its task policies."""
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...
+
+    def train(self, particle: Particle, rng: np.random.Generator) -> TrainedPolicy: ...
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]: ...
+
+    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
+        """The best parameters so far, and what the data say of the session in one sentence."""
+        ...
+
+
+class Detection(Protocol):
+    """The object lying ready."""
+
+    @property
+    def xy_m(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class TrackRequest:
+    """All that tracking gets to see of one trial."""
+
+    frames: Sequence[Frame]
+    model: CameraModel
+    X_BC: Array  # (4, 4)
+    detection: Any  # what `find` returned before the motion
+    X_BT_at: Callable[[float], Array]  # arm clock -> measured pose of the tool (4, 4)
+    t_start_s: float  # arm clock at the start of the tool's motion
+    duration_s: float  # of the tool's motion
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """How the camera sees the object of one kind of task."""
+
+    find: Callable[[Frame, CameraModel, Array], Detection]
+    """(frame, model, X_BC) -> detection. Raises ObjectNotFound, also where it lies outside of its area."""
+    overlay: Callable[[Frame, CameraModel, Array, Any, Array], Image]
+    """(frame, model, X_BC, detection, where it was asked to be (2,)) -> (H, W, 3) RGB with both drawn."""
+    track: Callable[[TrackRequest], ObjectTrack]
+    placement: Callable[[Array], Array]
+    """Drawn context -> where the object has to be put, (2,) m in the base frame."""
+    context: Callable[[Array, Any], Array]
+    """(drawn context, detection) -> the context that the policy is given."""
+    outcomes: tuple[Outcome, ...]
+    """How a trial can end, for an operator who saw it otherwise."""
+
+
+Paths = tuple[JointPath, JointPath, JointPath]
+
+
+@dataclass(frozen=True)
+class Planner:
+    """From a tool motion to checked joint paths, and from joints to the flange."""
+
+    paths: Callable[[ToolMotion], Paths]
+    """Approach from the home position, the motion itself, the way back. Raises NotExecutable."""
+    check: Callable[[JointPath, str], None]
+    """(path, arm model). Raises MotionRefused."""
+    flange: Callable[[Array], Array]
+    """Joints (7,) -> X_BF (4, 4)."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The connected devices of one bench."""
+
+    name: str  # "fake", "panda" or "fr3"
+    title: str  # what an operator calls it
+    arm: Arm
+    camera: Camera
+    bench: Bench
+    hand_eye: HandEye
+
+    @property
+    def is_real(self) -> bool:
+        return self.name != "fake"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the parts come from, for the record; never what is hidden in a world."""
+
+    checkpoint: str
+    checkpoint_sha256: str
+    world_sha256: str  # "" where the hardware is real
+    calibration_sha256: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Everything that one session is joined from."""
+
+    task: Task
+    rig: Rig
+    learner: Learner
+    tracker: Tracker
+    planner: Planner
+    provenance: Provenance

@@ -1,0 +1,68 @@
+"""Is everything ready before the first motion? Every check is a sentence; a failing one says what to do."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from adaptsim_cli.session.parts import Rig
+from adaptsim_cli.session.records import Facts
+from hw.errors import CameraError, DeviceUnavailable
+
+
+@dataclass(frozen=True)
+class Check:
+    name: str
+    ok: bool
+    detail: str  # what was found, and where not ok what to do
+
+
+def preflight(rig: Rig, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Check, ...]:
+    """All checks, in the order in which they are shown. Raises nothing for a device that is not ready."""
+    return (
+        Check("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
+        _calibration(rig),
+        _disk(folder, min_free_mb),
+        _arm(rig),
+        _camera(rig),
+    )
+
+
+def failures(checks: Sequence[Check]) -> str:
+    """The failing checks in one message."""
+    return "; ".join(f"{check.name}: {check.detail}" for check in checks if not check.ok)
+
+
+def _calibration(rig: Rig) -> Check:
+    eye = rig.hand_eye
+    return Check("calibration", True, f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°")
+
+
+def _disk(folder: Path, min_free_mb: int) -> Check:
+    free_mb = shutil.disk_usage(folder).free // 1_000_000
+    if free_mb >= min_free_mb:
+        return Check("disk", True, f"{free_mb / 1000:.1f} GB free")
+    return Check(
+        "disk", False, f"{free_mb} MB free in {folder}, {min_free_mb} MB needed (min_free_mb); remove something"
+    )
+
+
+def _arm(rig: Rig) -> Check:
+    try:
+        state = rig.arm.state()
+    except DeviceUnavailable as error:
+        return Check("arm", False, str(error))
+    if state.fault is not None:
+        return Check("arm", False, f"it reports {state.fault}; clear the fault on the arm, then run again")
+    return Check("arm", True, f"{rig.arm.model}, no fault")
+
+
+def _camera(rig: Rig) -> Check:
+    try:
+        model = rig.camera.model()
+        rig.camera.snapshot()
+    except (CameraError, DeviceUnavailable) as error:
+        return Check("camera", False, str(error))
+    return Check("camera", True, f"{model.serial}, {model.colour.width} × {model.colour.height}")

@@ -1,0 +1,215 @@
+"""One trial as an MCAP file: images, joints, tool and object; for Foxglove and Rerun, and back into `Frame`s."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import cdr
+from adaptsim_cli.session.records import corrupt
+from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
+from perception.types import ObjectTrack
+
+FILE = "recording.mcap"
+_COLOUR, _DEPTH = "/camera/colour", "/camera/depth"
+_BEFORE_COLOUR, _BEFORE_DEPTH = "/before/colour", "/before/depth"
+_MEASURED, _COMMANDED = "/joints/measured", "/joints/commanded"
+_TRANSFORMS, _OBJECT = "/tf", "/object"
+_TOPICS = {
+    _COLOUR: "sensor_msgs/msg/CompressedImage",
+    _DEPTH: "sensor_msgs/msg/CompressedImage",
+    _BEFORE_COLOUR: "sensor_msgs/msg/CompressedImage",
+    _BEFORE_DEPTH: "sensor_msgs/msg/CompressedImage",
+    _MEASURED: "sensor_msgs/msg/JointState",
+    _COMMANDED: "sensor_msgs/msg/JointState",
+    _TRANSFORMS: "tf2_msgs/msg/TFMessage",
+    _OBJECT: "geometry_msgs/msg/PointStamped",
+}
+_JOINTS = tuple(f"joint{i}" for i in range(1, 8))
+_JPEG_QUALITY = 95
+
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What tracking needs to be run again on an old trial."""
+
+    before: Frame  # the object lying ready, before the tool came; colour as JPEG kept it
+    frames: tuple[Frame, ...]
+    model: CameraModel
+    X_BC: Array  # (4, 4)
+    execution: Execution
+
+
+def encode(
+    before: Frame,
+    frames: Sequence[Frame],
+    model: CameraModel,
+    X_BC: Array,
+    execution: Execution,
+    X_BT_at: Callable[[float], Array],
+    track: ObjectTrack,
+) -> bytes:
+    """The whole recording in memory, so that it can be written whole. Messages are in order of time."""
+    messages = [*_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH), *_images(frames, _COLOUR, _DEPTH)]
+    for t_s, measured, commanded in zip(
+        execution.t_s, execution.q_measured_rad, execution.q_commanded_rad, strict=True
+    ):
+        t_ns = _ns(execution.t_start_s + t_s)
+        messages.append((t_ns, _MEASURED, cdr.joint_state(t_ns, _JOINTS, measured)))
+        messages.append((t_ns, _COMMANDED, cdr.joint_state(t_ns, _JOINTS, commanded)))
+    times_s = [frame.t_s for frame in frames]
+    messages += [_transform(_ns(t_s), "base", "tool", X_BT_at(t_s)) for t_s in times_s]
+    messages += [_transform(_ns(t_s), "base", "camera_colour", X_BC) for t_s in times_s[:1]]
+    if track.state.shape[1] >= 3:
+        for t_s, state in zip(track.t_s + execution.t_start_s, track.state, strict=True):
+            messages.append((_ns(t_s), _OBJECT, cdr.point(_ns(t_s), "base", state[:3])))
+
+    stream = io.BytesIO()
+    writer = McapWriter(stream, compression=CompressionType.NONE)
+    writer.start(profile="ros2", library="adaptsim")
+    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(_TOPICS.values()))}
+    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in _TOPICS.items()}
+    writer.add_attachment(0, 0, "camera.json", "application/json", _camera_json(model, X_BC, execution))
+    for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
+        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
+    writer.finish()
+    return stream.getvalue()
+
+
+def read(path: Path) -> Recording:
+    """Read a recording back. Raises SessionError naming the file when it is corrupt."""
+    try:
+        with path.open("rb") as stream:
+            return _read(make_reader(stream))
+    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
+        raise corrupt(path, str(error)) from error
+
+
+def _read(reader: object) -> Recording:
+    camera = None
+    for attachment in reader.iter_attachments():  # type: ignore[attr-defined]
+        if attachment.name == "camera.json":
+            camera = json.loads(attachment.data)
+    if camera is None:
+        raise SessionError("the recording lacks its camera.json")
+    images: dict[str, dict[int, Bytes]] = {t: {} for t in (_COLOUR, _DEPTH, _BEFORE_COLOUR, _BEFORE_DEPTH)}
+    joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {_MEASURED: [], _COMMANDED: []}
+    for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
+        fields, topic = cdr.Reader(message.data), channel.topic
+        if topic in images:
+            t_ns, _ = fields.header()
+            fields.string()
+            images[topic][t_ns] = np.frombuffer(fields.blob(), np.uint8)
+        elif topic in joints:
+            t_ns, _ = fields.header()
+            fields.strings()
+            joints[topic].append((t_ns, fields.doubles()))
+    (before,) = _frames(images[_BEFORE_COLOUR], images[_BEFORE_DEPTH])
+    start_s = float(camera["t_start_s"])
+    execution = Execution(
+        t_start_s=start_s,
+        t_s=np.array([t_ns * 1e-9 - start_s for t_ns, _ in joints[_MEASURED]]),
+        q_commanded_rad=np.array([q for _, q in joints[_COMMANDED]]).reshape(-1, 7),
+        q_measured_rad=np.array([q for _, q in joints[_MEASURED]]).reshape(-1, 7),
+        control_success_rate=float(camera["control_success_rate"]),
+    )
+    frames = _frames(images[_COLOUR], images[_DEPTH])
+    return Recording(before, frames, _camera_model(camera), np.array(camera["X_BC"]), execution)
+
+
+def _frames(colour: dict[int, Bytes], depth: dict[int, Bytes]) -> tuple[Frame, ...]:
+    return tuple(Frame(t_ns * 1e-9, _decode_colour(colour[t_ns]), _decode_depth(depth[t_ns])) for t_ns in colour)
+
+
+def _images(frames: Sequence[Frame], colour_topic: str, depth_topic: str) -> list[tuple[int, str, bytes]]:
+    def encoded(frame: Frame) -> list[tuple[int, str, bytes]]:
+        t_ns = _ns(frame.t_s)
+        colour = encode_jpeg(frame.colour, _JPEG_QUALITY)
+        ok, depth = cv2.imencode(".png", frame.depth_mm, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        if not ok:
+            raise SessionError("a depth image could not be encoded as PNG")
+        return [
+            (t_ns, colour_topic, cdr.compressed_image(t_ns, "camera_colour", "jpeg", colour)),
+            (t_ns, depth_topic, cdr.compressed_image(t_ns, "camera_depth", "16UC1; png", depth.tobytes())),
+        ]
+
+    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it encodes
+        return [message for pair in pool.map(encoded, frames) for message in pair]
+
+
+def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
+    """(H, W, 3) RGB as JPEG."""
+    ok, content = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not ok:
+        raise SessionError("a colour image could not be encoded as JPEG")
+    return bytes(content.tobytes())
+
+
+def _decode_colour(
+    content: Bytes,
+) -> Bytes:
+    image = cv2.imdecode(content, cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("a colour image cannot be decoded")
+    return np.ascontiguousarray(image[..., ::-1])
+
+
+def _decode_depth(
+    content: Bytes,
+) -> NDArray[np.uint16]:
+    image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16:
+        raise ValueError("a depth image cannot be decoded")
+    return np.asarray(image, np.uint16)
+
+
+def _transform(t_ns: int, parent: str, child: str, X: Array) -> tuple[int, str, bytes]:
+    xyzw = Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
+    return t_ns, _TRANSFORMS, cdr.transform(t_ns, parent, child, X[:3, 3].tolist(), xyzw)
+
+
+def _ns(t_s: float) -> int:
+    return round(t_s * 1e9)
+
+
+def _camera_json(model: CameraModel, X_BC: Array, execution: Execution) -> bytes:
+    def intrinsics(i: Intrinsics) -> dict[str, object]:
+        return {"width": i.width, "height": i.height, "K": i.K.tolist(), "distortion": i.distortion.tolist()}
+
+    content = {
+        "serial": model.serial,
+        "colour": intrinsics(model.colour),
+        "depth": intrinsics(model.depth),
+        "X_CD": model.X_CD.tolist(),
+        "X_BC": np.asarray(X_BC).tolist(),
+        "t_start_s": execution.t_start_s,
+        "control_success_rate": execution.control_success_rate,
+    }
+    return json.dumps(content).encode()
+
+
+def _camera_model(camera: dict[str, object]) -> CameraModel:
+    def intrinsics(raw: object) -> Intrinsics:
+        if not isinstance(raw, dict):
+            raise ValueError("camera.json lacks the intrinsics")
+        return Intrinsics(int(raw["width"]), int(raw["height"]), np.array(raw["K"]), np.array(raw["distortion"]))
+
+    X_CD = np.array(camera["X_CD"], dtype=np.float64)
+    return CameraModel(str(camera["serial"]), intrinsics(camera["colour"]), intrinsics(camera["depth"]), X_CD)

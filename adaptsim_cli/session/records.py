@@ -1,0 +1,222 @@
+"""What a session's folder holds, as it stands in its files. Checked on reading; never edited after writing."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+import tomli_w
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from adaptsim_cli.errors import SessionError
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.types import Dimension, Space
+
+FORMAT = 1
+
+Row = tuple[float, ...]
+Samples = tuple[Row, ...]
+
+
+class Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class DimensionRecord(Record):
+    """A named quantity with its range, so that a session can be read without the task's code."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    scale: Literal["linear", "log", "integer"]
+
+
+def as_records(space: Space) -> tuple[DimensionRecord, ...]:
+    return tuple(
+        DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale) for d in space.dimensions
+    )
+
+
+def as_space(dimensions: tuple[DimensionRecord, ...]) -> Space:
+    return Space(tuple(Dimension(d.name, d.unit, d.low, d.high, d.scale) for d in dimensions))
+
+
+class Facts(Record):
+    """session.toml: what a session was begun with, and must be continued with."""
+
+    format: int = FORMAT
+    name: str
+    task: str
+    hw: str
+    world: str
+    world_sha256: str = ""
+    seed: int
+    method: str
+    particles: int
+    trials: int  # a particle and iteration
+    created: str  # ISO 8601
+    checkpoint: str
+    checkpoint_sha256: str
+    calibration: str  # where it comes from
+    calibration_sha256: str
+    versions: dict[str, str]
+    title: str  # of the task
+    object_name: str
+    parameters: tuple[DimensionRecord, ...]
+    context: tuple[DimensionRecord, ...]
+    action: tuple[DimensionRecord, ...]
+
+
+class Start(Record):
+    """start.json: the first particles, as samples in units."""
+
+    particles: tuple[Samples, ...]
+
+
+class TrackRecord(Record):
+    """An `ObjectTrack`."""
+
+    t_s: Row
+    state: tuple[Row, ...]
+    confidence: Row
+    outcome: Outcome
+    end_in_tool_m: Row | None  # None: not known
+    flags: tuple[str, ...]
+
+    @classmethod
+    def of(cls, track: ObjectTrack) -> TrackRecord:
+        end = track.end_in_tool_m
+        return cls(
+            t_s=as_row(track.t_s),
+            state=tuple(as_row(row) for row in track.state),
+            confidence=as_row(track.confidence),
+            outcome=track.outcome,
+            end_in_tool_m=as_row(end) if np.isfinite(end).all() else None,
+            flags=track.flags,
+        )
+
+    def track(self) -> ObjectTrack:
+        return ObjectTrack(
+            t_s=np.array(self.t_s),
+            state=np.array(self.state),
+            outcome=self.outcome,
+            end_in_tool_m=np.full(3, math.nan) if self.end_in_tool_m is None else np.array(self.end_in_tool_m),
+            confidence=np.array(self.confidence),
+            flags=self.flags,
+        )
+
+
+class KeyMoment(Record):
+    """A camera frame kept for the report."""
+
+    label: str  # "start", "contact", "lift", "end"
+    t_s: float  # since the start of the tool's motion
+    file: str
+
+
+class TrialRecord(Record):
+    """trial.json: one completed execution."""
+
+    number: int
+    attempt: int
+    iteration: int
+    particle: int
+    trial: int
+    drawn_context: Row
+    context: Row
+    action: Row
+    predicted_reward: float
+    predicted_low: float
+    predicted_high: float
+    observation: Row
+    reward: float
+    outcome: Outcome
+    overruled_from: Outcome | None = None
+    track: TrackRecord
+    moments: tuple[KeyMoment, ...]
+    control_success_rate: float
+    started: str  # ISO 8601
+    timing_s: dict[str, float]
+    files: dict[str, int]  # name -> size in bytes of what lies beside
+
+
+class BestRecord(Record):
+    params: dict[str, float]
+    mean_reward: float
+    trials: int
+    ci95: tuple[float, float]
+
+
+class ResultRecord(Record):
+    """result.json: what one iteration's trials led to."""
+
+    iteration: int
+    trials: tuple[tuple[int, int], ...]  # (number, attempt)
+    next_particles: tuple[Samples, ...]
+    best: BestRecord
+    verdict: str
+    timing_s: dict[str, float]
+    proposal_s: float  # wall time from the end of the last trial to the next task policies
+
+
+class Note(Record):
+    """A marker beside a trial: its motion was about to start, or it does not count, and why."""
+
+    at: str  # ISO 8601
+    text: str
+
+
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+
+
+def to_json(record: Record) -> bytes:
+    """Indented JSON; raises ValueError on a value that is not finite."""
+    return (json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode()
+
+
+def to_toml(record: Record) -> bytes:
+    return tomli_w.dumps(record.model_dump(mode="json")).encode()
+
+
+def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
+    """Read a record. Raises SessionError naming the file and what is wrong with it."""
+    data = read_object(path)
+    version = data.get("format", FORMAT)
+    if isinstance(version, int) and version > FORMAT:
+        raise SessionError(
+            f"{path} is of format {version}; this version reads up to {FORMAT}. Install a newer adaptsim"
+        )
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
+        raise corrupt(path, f"{where}: {first['msg']}") from error
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """A TOML or JSON file that holds one table. Raises SessionError naming the file."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
+        raise corrupt(path, str(error)) from error
+    if not isinstance(data, dict):
+        raise corrupt(path, "it does not hold a table")
+    return data
+
+
+def corrupt(path: Path, why: str) -> SessionError:
+    return SessionError(
+        f"{path} is corrupt or incomplete ({why}). Restore it from a copy, or start another session with --session"
+    )
+
+
+def as_row(array: Array) -> Row:
+    return tuple(float(x) for x in np.asarray(array).ravel())

@@ -1,0 +1,104 @@
+"""What exists in a session -> what is to be done next. Pure; the randomness of each step lives here too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class TrialKey(NamedTuple):
+    """A trial's number in its session (from 1) and how often it was redone before (from 0)."""
+
+    number: int
+    attempt: int
+
+
+@dataclass(frozen=True)
+class Existing:
+    """What a session's folder holds."""
+
+    completed: frozenset[TrialKey]
+    started: frozenset[TrialKey]  # motion was about to start: the arm may have moved
+    rejected: frozenset[TrialKey]  # an operator's redo, or a placement or recording that failed
+    results: Mapping[int, tuple[TrialKey, ...]]  # iteration -> the trials its newest result rests on
+    shown: frozenset[int]  # iterations whose newest result has reached the operator
+
+
+@dataclass(frozen=True)
+class RunTrial:
+    """The next thing is one trial of the robot."""
+
+    iteration: int
+    particle: int
+    trial: int  # within its particle and iteration
+    key: TrialKey
+    interrupted: bool  # its motion had started and it was never completed
+
+
+@dataclass(frozen=True)
+class Adapt:
+    """The next thing is to adapt the particles to the trials of this iteration."""
+
+    iteration: int
+    keys: tuple[TrialKey, ...]
+
+
+@dataclass(frozen=True)
+class Show:
+    """The iteration is complete, but the program ended before it said so."""
+
+    iteration: int
+
+
+Stage = RunTrial | Adapt | Show
+
+
+def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
+    """The next stage of a session of `particles` x `trials` trials an iteration. There always is one."""
+    iteration = 0
+    while True:
+        keys = tuple(current_key(existing, n) for n in trial_numbers(iteration, particles, trials))
+        for index, key in enumerate(keys):
+            if key not in existing.completed:
+                particle, trial = divmod(index, trials)
+                return RunTrial(iteration, particle, trial, key, interrupted=key in existing.started)
+        if existing.results.get(iteration) != keys:
+            return Adapt(iteration, keys)
+        if iteration not in existing.shown:
+            return Show(iteration)
+        iteration += 1
+
+
+def trial_numbers(iteration: int, particles: int, trials: int) -> range:
+    """Numbers, in the session, of the trials of one iteration: particle by particle."""
+    first = 1 + iteration * particles * trials
+    return range(first, first + particles * trials)
+
+
+def current_key(existing: Existing, number: int) -> TrialKey:
+    """The attempt of trial `number` that counts: the first one that was not rejected."""
+    attempt = 0
+    while TrialKey(number, attempt) in existing.rejected:
+        attempt += 1
+    return TrialKey(number, attempt)
+
+
+class Draw(IntEnum):
+    """What a random number is for; part of its seed."""
+
+    START = 0
+    CONTEXT = 1
+    TRAIN = 2
+    NEXT = 3
+    JUDGE = 4
+
+
+def generator(
+    seed: int, draw: Draw, iteration: int = 0, particle: int = 0, trial: int = 0, attempt: int = 0
+) -> np.random.Generator:
+    """The random numbers of one step: a function of where it stands, never of what ran before."""
+    return np.random.default_rng(np.random.SeedSequence((seed, int(draw), iteration, particle, trial, attempt)))

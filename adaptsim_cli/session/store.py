@@ -1,0 +1,218 @@
+"""A session as a folder: `session.toml`, `start.json`, and one folder an iteration. See docs/sessions.md."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.session import durable, records
+from adaptsim_cli.session.records import Facts, Note, ResultRecord, Start, TrialRecord
+from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
+
+_ITERATION = re.compile(r"iteration-(\d+)")
+_TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")
+_RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+@dataclass(frozen=True)
+class SessionStore:
+    """An existing session. Reading checks every record; writing is durable and never overwrites."""
+
+    folder: Path
+    facts: Facts
+    start: Start
+
+    @classmethod
+    def create(cls, root: Path, facts: Facts, start: Start) -> SessionStore:
+        """Make the folder of a new session below `root`. Raises UsageError on a bad name, SessionError, DiskFull."""
+        folder = folder_of(root, facts.name)
+        durable.make_folder(root)
+        durable.write_folder(folder, {"session.toml": records.to_toml(facts), "start.json": records.to_json(start)})
+        return cls(folder, facts, start)
+
+    @classmethod
+    def open(cls, root: Path, name: str) -> SessionStore:
+        """Raises SessionError when it is missing or corrupt."""
+        folder = folder_of(root, name)
+        if not folder.is_dir():
+            known = ", ".join(names(root)) or "none yet"
+            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
+        facts = records.read(Facts, folder / "session.toml")
+        return cls(folder, facts, records.read(Start, folder / "start.json"))
+
+    def existing(self) -> Existing:
+        """What is there. Raises SessionError on names that do not belong."""
+        completed: set[TrialKey] = set()
+        started: set[TrialKey] = set()
+        rejected: set[TrialKey] = set()
+        results: dict[int, tuple[TrialKey, ...]] = {}
+        shown = set()
+        for iteration, folder in self._iterations():
+            for entry in _entries(folder):
+                if match := _TRIAL.fullmatch(entry.name):
+                    kind = {None: completed, ".started.json": started, ".rejected.json": rejected}[match[3]]
+                    kind.add(TrialKey(int(match[1]), int(match[2])))
+                elif not _RESULT.fullmatch(entry.name):
+                    raise records.corrupt(entry, "it does not belong to a session")
+            if result := self.result(iteration):
+                results[iteration] = tuple(TrialKey(*key) for key in result.trials)
+                if self._shown(iteration).exists():
+                    shown.add(iteration)
+        return Existing(frozenset(completed), frozenset(started), frozenset(rejected), results, frozenset(shown))
+
+    def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
+        """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
+        folder = self.trial_folder(iteration, key)
+        record = records.read(TrialRecord, folder / "trial.json")
+        for name, size in record.files.items():
+            file = folder / name
+            found = file.stat().st_size if file.is_file() else None
+            if found != size:
+                raise records.corrupt(file, "it is missing" if found is None else f"{found} bytes instead of {size}")
+        return record
+
+    def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
+        """The completed trials of an iteration that count, in order."""
+        existing = self.existing()
+        numbers = trial_numbers(iteration, self.facts.particles, self.facts.trials)
+        keys = (current_key(existing, number) for number in numbers)
+        return tuple(self.trial(iteration, key) for key in keys if key in existing.completed)
+
+    def result(self, iteration: int) -> ResultRecord | None:
+        """The newest result of an iteration, or None."""
+        folder = self._newest_result(iteration)
+        return records.read(ResultRecord, folder / "result.json") if folder else None
+
+    def summary(self, iteration: int) -> dict[str, Any]:
+        """What `run-iteration --json` prints of an iteration that has a result. Raises SessionError."""
+        folder = self._newest_result(iteration)
+        if folder is None:
+            raise SessionError(f"iteration {iteration + 1} of {self.facts.name} has no result yet")
+        return records.read_object(folder / "summary.json")
+
+    def mark_shown(self, iteration: int, at: str) -> None:
+        """Note that the operator has seen the newest result of this iteration."""
+        path = self._shown(iteration)
+        if not path.exists():
+            durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
+
+    def iterations(self) -> int:
+        """How many iterations have begun."""
+        return max((number + 1 for number, _ in self._iterations()), default=0)
+
+    def mark_started(self, iteration: int, key: TrialKey, at: str) -> None:
+        """Log that the arm is about to move; on disk before this returns."""
+        path = self._marker(iteration, key, "started")
+        if not path.exists():
+            durable.make_folder(path.parent)
+            durable.write_file(path, records.to_json(Note(at=at, text="the motion was about to start")))
+
+    def reject(self, iteration: int, key: TrialKey, at: str, reason: str) -> None:
+        """Note that this attempt does not count; the next one takes its place."""
+        path = self._marker(iteration, key, "rejected")
+        durable.make_folder(path.parent)
+        durable.write_file(path, records.to_json(Note(at=at, text=reason)))
+
+    def save_trial(self, record: TrialRecord, files: Mapping[str, bytes]) -> None:
+        """Store one completed trial, whole or not at all."""
+        folder = self.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+        durable.make_folder(folder.parent)
+        sized = record.model_copy(update={"files": {name: len(content) for name, content in files.items()}})
+        durable.write_folder(folder, {**files, "trial.json": records.to_json(sized)})
+
+    def save_result(self, record: ResultRecord, summary: bytes) -> None:
+        """Store what an iteration led to, beside an earlier result that a redo made obsolete."""
+        folder = self.iteration_folder(record.iteration)
+        durable.write_folder(
+            folder / f"result-{_results(folder)}", {"summary.json": summary, "result.json": records.to_json(record)}
+        )
+
+    def scratch(self, name: str, content: bytes) -> Path:
+        """A throw-away file for the operator to look at, not part of the record."""
+        path = self.folder / f".{name}"
+        with durable.explained(path):
+            path.write_bytes(content)
+        return path
+
+    def iteration_folder(self, iteration: int) -> Path:
+        return self.folder / f"iteration-{iteration:02d}"
+
+    def trial_folder(self, iteration: int, key: TrialKey) -> Path:
+        return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt}"
+
+    def _newest_result(self, iteration: int) -> Path | None:
+        folder = self.iteration_folder(iteration)
+        count = _results(folder)
+        return folder / f"result-{count - 1}" if count else None
+
+    def _shown(self, iteration: int) -> Path:
+        folder = self.iteration_folder(iteration)
+        return folder / f"result-{_results(folder) - 1}.shown.json"
+
+    def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
+        folder = self.trial_folder(iteration, key)
+        return folder.with_name(f"{folder.name}.{kind}.json")
+
+    def _iterations(self) -> Iterator[tuple[int, Path]]:
+        for entry in _entries(self.folder):
+            if match := _ITERATION.fullmatch(entry.name):
+                yield int(match[1]), entry
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other process from writing to this session. Raises UsageError when one does already."""
+        descriptor = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            self._lock(descriptor)
+            yield
+        finally:
+            os.close(descriptor)
+
+    def _lock(self, descriptor: int) -> None:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise UsageError(
+                f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
+            ) from error
+
+
+def folder_of(root: Path, name: str) -> Path:
+    """The folder of session `name`. Raises UsageError when it cannot be the name of a folder."""
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"session name {name!r}: use letters, digits, '.', '_' and '-' (at most 100)")
+    return root / name
+
+
+def names(root: Path) -> tuple[str, ...]:
+    """The sessions below `root`, newest last."""
+    folders = [entry for entry in _entries(root) if (entry / "session.toml").is_file()] if root.is_dir() else []
+    return tuple(f.name for f in sorted(folders, key=lambda f: (f / "session.toml").stat().st_mtime_ns))
+
+
+def newest(root: Path) -> str:
+    """The session that was begun last. Raises SessionError when there is none."""
+    found = names(root)
+    if not found:
+        raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
+    return found[-1]
+
+
+def _entries(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+
+
+def _results(folder: Path) -> int:
+    """How many results an iteration has: the newest is one less."""
+    matches = (_RESULT.fullmatch(entry.name) for entry in _entries(folder))
+    return max((int(match[1]) + 1 for match in matches if match), default=0)

@@ -1,0 +1,103 @@
+"""What `run-iteration --json` prints: one object an iteration. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli.session.records import Facts, ResultRecord, Row, Samples, TrialRecord
+from adaptsim_cli.session.store import SessionStore
+from sim.adaptation.method import Particle
+
+
+def summary(
+    facts: Facts, names: Sequence[str], before: Sequence[Particle], trials: Sequence[TrialRecord], result: ResultRecord
+) -> dict[str, Any]:
+    """The object of the documented shape; parameters by name, in units."""
+    return {
+        "task": facts.task,
+        "session": facts.name,
+        "iteration": result.iteration,
+        "hw": facts.hw,
+        "world": facts.world,
+        "seed": facts.seed,
+        "particles": [
+            _particle(names, particle, [t for t in trials if t.particle == index], result.next_particles[index])
+            for index, particle in enumerate(before)
+        ],
+        "best": result.best.model_dump(mode="json"),
+        "verdict": result.verdict,
+        "timing_s": {key: round(value, 3) for key, value in result.timing_s.items()},
+    }
+
+
+def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord], then: Samples) -> dict[str, Any]:
+    return {
+        "params": named(names, now.mean),
+        "trials": [
+            {
+                "id": trial.number,
+                "context": list(trial.context),
+                "action": list(trial.action),
+                "reward": trial.reward,
+                "outcome": trial.outcome.value,
+                "observation": list(trial.observation),
+            }
+            for trial in trials
+        ],
+        "mean_reward": float(np.mean([trial.reward for trial in trials])),
+        "next_params": named(names, np.mean(then, axis=0)),
+    }
+
+
+def named(names: Sequence[str], values: Row | np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, float]:
+    return dict(zip(names, (float(v) for v in values), strict=True))
+
+
+def overview(store: SessionStore) -> dict[str, Any]:
+    """One session in one line. Raises SessionError."""
+    facts, iterations = store.facts, store.iterations()
+    rewards = [trial.reward for i in range(iterations) for trial in store.trials(i)]
+    complete = sum(store.result(i) is not None for i in range(iterations))
+    return {
+        "session": facts.name,
+        "task": facts.task,
+        "hw": facts.hw,
+        "world": facts.world,
+        "method": facts.method,
+        "seed": facts.seed,
+        "created": facts.created,
+        "iterations": complete,
+        "trials": len(rewards),
+        "mean_reward": float(np.mean(rewards)) if rewards else None,
+    }
+
+
+def details(store: SessionStore) -> dict[str, Any]:
+    """One session with all that counts in it. Raises SessionError."""
+    trials = [trial for i in range(store.iterations()) for trial in store.trials(i)]
+    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    return {
+        "facts": store.facts.model_dump(mode="json"),
+        "folder": str(store.folder),
+        "trials": [
+            {
+                "id": t.number,
+                "attempt": t.attempt,
+                "iteration": t.iteration,
+                "particle": t.particle,
+                "reward": t.reward,
+                "predicted_reward": t.predicted_reward,
+                "outcome": t.outcome.value,
+                "overruled_from": t.overruled_from.value if t.overruled_from else None,
+                "context": list(t.context),
+                "action": list(t.action),
+            }
+            for t in trials
+        ],
+        "results": [
+            {"iteration": r.iteration, "best": r.best.model_dump(mode="json"), "verdict": r.verdict} for r in results
+        ],
+    }

@@ -1,0 +1,37 @@
+"""A task's tool as one mesh in its own frame, for whoever has to tell tool and object apart in an image."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.framework import DiagramBuilder
+
+from hw.types import Array
+from sim.tasks.task import Task
+
+
+def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
+    """(vertices (V, 3) in the tool frame T in m, triangles (F, 3)) of the tool as designed, unbent.
+
+    Raises ValueError for a task without a scene.
+    """
+    if task.build_scene is None:
+        raise ValueError(f"{task.name} has no scene, so its tool has no looks")
+    config = MultibodyPlantConfig(time_step=task.time_step_s(None), use_sampled_output_ports=False)
+    plant, _ = AddMultibodyPlant(config, DiagramBuilder())
+    parameters = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
+    nuisance = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
+    bodies = task.build_scene(plant, plant.world_frame(), np.eye(4), parameters, nuisance, None)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    X_TW = plant.GetBodyByName(bodies.tool).EvalPoseInWorld(context).inverse()
+    vertices, triangles, count = [], [], 0
+    for visual in bodies.visuals:
+        if visual.body in ("world", bodies.object):
+            continue
+        X_TV = (X_TW @ plant.GetBodyByName(visual.body).EvalPoseInWorld(context)).GetAsMatrix4()
+        vertices.append(visual.vertices_m @ X_TV[:3, :3].T + X_TV[:3, 3])
+        triangles.append(visual.triangles + count)
+        count += len(visual.vertices_m)
+    return np.concatenate(vertices), np.concatenate(triangles).astype(np.int32)

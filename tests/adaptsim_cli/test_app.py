@@ -1,0 +1,287 @@
+"""The program as it is called: exit codes, messages, streams. Every bad input: one clear message, nothing lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from toy_rig import ToyLab, opener
+from toy_session import NAME, no_space, run
+
+from adaptsim_cli import app, wiring
+from adaptsim_cli.errors import UsageError
+from hw.errors import ArmFault, CameraError, StoppedByPedal
+from perception.errors import TrackingFailed
+from sim.errors import NotExecutable
+
+RUN = ["run-iteration", "--task", "toy", "--yes"]
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def lab(monkeypatch: pytest.MonkeyPatch) -> ToyLab:
+    """The toy rig in place of the real parts."""
+    lab = ToyLab(0)
+    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    return lab
+
+
+def told(capfd: pytest.CaptureFixture[str]) -> str:
+    """stderr in one line; asserts that it is one message without a traceback."""
+    out, err = capfd.readouterr()
+    assert "Traceback" not in err + out
+    assert err.count("Error:") == 1
+    return " ".join(err[err.index("Error:") :].split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["fly"], "No such command 'fly'"),
+        (["run-iteration", "--sped", "3"], "No such option: --sped"),
+        (["run-iteration", "--iterations", "0"], "greater than or equal to 1"),
+        (["run-iteration", "--seed", "-1", "--yes"], "seed = -1"),
+        (["run-iteration", "--hw", "ur5", "--yes"], "it is one of fake, panda, fr3"),
+        (["run-iteration", "--task", "juggling", "--yes"], 'no task "juggling"'),
+        (["run-iteration", "--world", "narnia", "--yes"], "no world 'narnia'"),
+        (["run-iteration", "--world", "./missing.toml", "--yes"], "no world file"),
+        (["run-iteration", "--session", "../up", "--yes"], "session name '../up'"),
+        (["sessions", "redo", "x"], "Missing argument"),
+    ],
+)
+def test_a_wrong_command_line_ends_with_2(
+    arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(arguments) == 2
+    assert message in told(capfd)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sead = 0", "adaptsim.toml: unknown key 'sead', did you mean 'seed'?"),
+        ("seed = = 0", "adaptsim.toml is not valid TOML"),
+        ("particles = 'two'", "particles = 'two'"),
+    ],
+)
+def test_a_bad_settings_file_ends_with_2(
+    text: str, message: str, place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (place / "adaptsim.toml").write_text(text)
+    assert app.run([*RUN]) == 2
+    assert message in told(capfd)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[params]\nmu = 0.3\ne = 1e5\ng = 0\nheight = 2.0\n", "'height'"),
+        ("[params]\nmu = 0.3\ne = 1e5\ng = 0\nh = 0.02\n", "looks like m, but the unit is cm"),
+        ("[params]\nmu = -0.3\ne = 1e5\ng = 0\nh = 2.0\n", "mu = -0.3"),
+        ("[params\n", "w.toml"),
+    ],
+)
+def test_a_bad_world_ends_with_2(text: str, message: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (place / "w.toml").write_text('task = "scooping"\n' + text)
+    assert app.run(["run-iteration", "--task", "scooping", "--world", "w.toml", "--yes"]) == 2
+    assert message in told(capfd)
+
+
+def test_a_corrupt_or_foreign_checkpoint_ends_with_8(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (place / "ckpt").mkdir()
+    (place / "ckpt" / "card.toml").write_text("not a card [")
+    assert app.run(["checkpoints", "verify", "ckpt", "--task", "scooping"]) == 8
+    assert "ckpt/card.toml is not valid TOML" in told(capfd)
+    card = 'format = 1\ntask = "pushing"\nfingerprint = "x"\nsha256 = "x"\n[interface]\n'
+    (place / "ckpt" / "card.toml").write_text(card)
+    assert app.run(["checkpoints", "verify", "ckpt", "--task", "scooping"]) == 8
+    assert "is for pushing, not for scooping" in told(capfd)
+    assert app.run(["checkpoints", "verify", "nowhere", "--task", "scooping"]) == 8
+    assert "no checkpoint 'nowhere'" in told(capfd)
+
+
+def test_without_a_terminal_and_without_yes_nothing_begins(
+    lab: ToyLab, place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr("sys.stdin", nothing)
+        assert app.run(["run-iteration", "--task", "toy"]) == 2
+        assert "add --yes" in told(capfd)
+        assert app.run(["run-iteration", "--task", "toy", "--hw", "panda", "--yes"]) == 2
+    assert not (place / "home").exists()
+
+
+def test_a_real_arm_is_not_part_of_this_version(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adaptsim_cli.console.require_terminal", lambda: None)
+    assert app.run(["run-iteration", "--task", "scooping", "--hw", "panda"]) == 3
+    assert "hw = panda" in told(capfd)
+
+
+def test_json_on_stdout_is_one_line_an_iteration_and_nothing_else(
+    lab: ToyLab, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run([*RUN, "--json", "--iterations", "2"]) == 0
+    out, err = capfd.readouterr()
+    assert [json.loads(line)["iteration"] for line in out.splitlines()] == [0, 1]
+    assert "SIMULATED" in err
+    assert "Report:" in err
+
+
+def test_without_json_a_person_reads_stdout(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(RUN) == 0
+    out, err = capfd.readouterr()
+    assert "What changed" in out
+    assert err == ""
+    assert "\x1b" not in out, "no colours in a pipe"
+
+
+@pytest.mark.parametrize(
+    ("moment", "error", "code"),
+    [
+        ("execute", ArmFault("the arm reports a reflex"), 5),
+        ("execute", StoppedByPedal("the pedal was released"), 7),
+        ("stop_recording", CameraError("no frame within 1 s"), 6),
+        ("stop_recording", TrackingFailed("in none of the frames"), 6),
+        ("place", NotExecutable("joint 4 would need 3 rad/s"), 4),
+        ("stop_recording", KeyboardInterrupt(), 130),
+    ],
+)
+def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(
+    moment: str, error: BaseException, code: int, lab: ToyLab, place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(trial: int, attempt: int) -> None:
+        if trial == 2 and (attempt == 0 or isinstance(error, TrackingFailed)):
+            raise error
+
+    lab.hooks[moment] = fail
+    assert app.run(RUN) == code
+    message = told(capfd)
+    assert str(error) in message
+    assert f"adaptsim run-iteration --session {NAME}" in message
+    lab.hooks.clear()
+    assert app.run(["run-iteration", "--session", NAME, "--yes"]) == 0
+    assert (place / "home/data/sessions" / NAME / "iteration-00" / "result-0").is_dir()
+
+
+def test_control_c_stops_cleanly(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    lab.hooks["stop_recording"] = lambda trial, _: trial == 2 and os.kill(os.getpid(), signal.SIGINT)
+    assert app.run(RUN) == 130
+    assert "interrupted; everything completed is stored" in told(capfd)
+    lab.hooks.clear()
+    assert app.run(["sessions", "show", NAME, "--json"]) == 0
+    assert [t["id"] for t in json.loads(capfd.readouterr().out)["trials"]] == [1]
+
+
+def test_a_full_disk_ends_with_8(
+    lab: ToyLab, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.hooks["stop_recording"] = lambda trial, _: trial == 3 and monkeypatch.setattr(os, "fsync", no_space)
+    assert app.run(RUN) == 8
+    assert "the disk is full" in told(capfd)
+    monkeypatch.setattr(os, "fsync", lambda _: None)
+    lab.hooks.clear()
+    lab.executions.clear()
+    assert app.run(RUN) == 0
+    assert lab.executions == [(3, 0), (4, 0)]
+
+
+def test_too_little_space_is_seen_before_anything_moves(
+    lab: ToyLab, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_MIN_FREE_MB", str(10**12))
+    assert app.run(RUN) == 3
+    assert "disk:" in told(capfd)
+    assert lab.executions == []
+
+
+def test_an_arm_with_a_fault_is_seen_before_anything_moves(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    lab.fault = "reflex"
+    assert app.run(RUN) == 3
+    assert "arm: it reports reflex" in told(capfd)
+    assert lab.executions == []
+
+
+def test_a_truncated_session_ends_with_8_naming_the_file(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(RUN) == 0
+    capfd.readouterr()
+    file = next(Path.cwd().glob("home/data/sessions/*/iteration-00/trial-002-attempt-0/trial.json"))
+    file.write_bytes(file.read_bytes()[:100])
+    for command in (["sessions", "show", NAME], ["report", NAME], ["sessions", "list"], RUN):
+        assert app.run(command) == 8, command
+        assert "trial-002-attempt-0/trial.json is corrupt" in told(capfd)
+
+
+def test_a_flag_that_contradicts_the_session_ends_with_2(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run([*RUN, "--session", "mine"]) == 0
+    capfd.readouterr()
+    assert app.run([*RUN, "--session", "mine", "--seed", "9"]) == 2
+    assert "was begun with seed = 0, not 9" in told(capfd)
+
+
+def test_a_session_is_listed_shown_reported_and_redone(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(RUN) == 0
+    capfd.readouterr()
+    assert app.run(["sessions", "list", "--json"]) == 0
+    (listed,) = json.loads(capfd.readouterr().out)
+    assert (listed["session"], listed["iterations"], listed["trials"]) == (NAME, 1, 4)
+    assert app.run(["sessions", "redo", NAME, "2", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out) == {"session": NAME, "trial": 2, "next_attempt": 1}
+    assert app.run(["report", "--json", "--out", "page.html"]) == 0
+    assert json.loads(capfd.readouterr().out)["session"] == NAME
+    assert "<svg" in Path("page.html").read_text()
+
+
+def test_settings_are_shown_with_their_sources(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["config", "init", "--project"]) == 0
+    Path("adaptsim.toml").write_text("seed = 7\n")
+    capfd.readouterr()
+    assert app.run(["config", "show", "--json"]) == 0
+    shown = json.loads(capfd.readouterr().out)
+    assert shown["seed"] == {"value": 7, "source": str(Path.cwd() / "adaptsim.toml")}
+    assert app.run(["config", "init", "--project"]) == 2
+    assert "left as it is" in told(capfd)
+
+
+def test_every_command_has_help_with_an_example(capfd: pytest.CaptureFixture[str]) -> None:
+    groups: dict[str, list[str]] = {
+        "": ["run-iteration", "pretrain", "report"],
+        "sessions": ["list", "show", "redo"],
+        "config": ["show", "path", "init"],
+        "checkpoints": ["list", "verify"],
+        "lab": ["show", "list"],
+    }
+    for group, commands in groups.items():
+        for command in commands:
+            assert app.run([*filter(None, [group]), command, "--help"]) == 0
+            text = capfd.readouterr().out
+            assert "Example: adaptsim" in text, (group, command)
+            assert "--json" in text, (group, command)
+
+
+def test_debug_adds_the_traceback(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_DEBUG", "")
+    assert app.run(["--debug", "sessions", "show", "none"]) == 8
+    assert "Traceback" in capfd.readouterr().err
+    monkeypatch.delenv("ADAPTSIM_DEBUG")
+
+
+def test_a_session_of_another_checkpoint_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = run(tmp_path)
+    path = store.folder / "session.toml"
+    path.write_text(path.read_text().replace("c" * 64, "d" * 64))
+    with pytest.raises(UsageError, match="the checkpoint has changed since session"):
+        run(tmp_path)

@@ -1,0 +1,137 @@
+"""What a person reads and answers at the terminal."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from toy_rig import ToyLab, opener
+from toy_session import attended, resolved
+
+from adaptsim_cli import console
+from adaptsim_cli.console import Attended, Screen
+from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.report import page
+from adaptsim_cli.session import conduct
+from adaptsim_cli.session.runner import run_iteration
+from perception.types import Outcome
+
+
+class Keyboard(io.StringIO):
+    """Echoes the Enter of every answer, as a terminal does."""
+
+    def __init__(self, answers: tuple[str, ...], echo: io.StringIO) -> None:
+        super().__init__("".join(f"{answer}\n" for answer in answers))
+        self._echo = echo
+
+    def readline(self, *size: int) -> str:  # type: ignore[override]
+        self._echo.write("\n")
+        return super().readline(*size)
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, *answers: str, width: int = 80) -> tuple[Attended, io.StringIO]:
+    said = io.StringIO()
+    monkeypatch.setattr("sys.stdin", Keyboard(answers, said))
+    return Attended(Screen(console=Console(file=said, width=width, highlight=False, markup=False))), said
+
+
+def test_enter_is_enough_for_a_whole_iteration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, said = answering(monkeypatch, *[""] * 12)
+    session = attended(tmp_path, operator)
+    object.__setattr__(session, "screen", operator.screen)
+    run_iteration(session)
+    text = said.getvalue()
+    assert text.index("The task policy was trained for") < text.index("Expected reward") < text.index("Tracked:")
+    assert text.count("The simulated robot moves for 0.2 s. Enter to start, q to stop:") == 4
+    assert "What changed" in text
+
+
+@pytest.mark.parametrize("answers", [("q",), ("", "q"), ("", "", "q"), ()])
+def test_q_or_the_end_of_input_stops_at_every_question(
+    answers: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = ToyLab(0)
+    operator, _ = answering(monkeypatch, *answers)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, operator, lab))
+    assert len(lab.executions) == (1 if len(answers) == 3 else 0)
+
+
+def test_any_other_key_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = ToyLab(0)
+    operator, said = answering(monkeypatch, "go", "yes", "", "q")
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, operator, lab))
+    assert said.getvalue().count("The simulated lab puts the toy piece") == 3
+    assert lab.executions == []
+
+
+def test_overruling_offers_the_outcomes_that_the_track_supports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    operator, said = answering(monkeypatch, "", "", "o", "9", "o", "2", "q")
+    session = attended(tmp_path, operator)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(session)
+    assert session.store.trials(0)[0].outcome is Outcome.ON_TABLE
+    assert "1  on blade (reward 0.9" in said.getvalue()
+
+
+def test_a_redo_asks_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, said = answering(monkeypatch, "", "", "r", "a hand was in the way", "q")
+    session = attended(tmp_path, operator)
+    object.__setattr__(session, "screen", operator.screen)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(session)
+    assert "attempt 1, does not count: a hand was in the way" in said.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 50, 40])
+def test_nothing_runs_past_a_narrow_screen(width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, said = answering(monkeypatch, *[""] * 12, width=width)
+    session = attended(tmp_path, operator)
+    object.__setattr__(session, "screen", operator.screen)
+    run_iteration(session)
+    lines = [line for line in said.getvalue().splitlines() if "overlay.jpg" not in line]  # paths stay whole
+    assert max(len(line.rstrip()) for line in lines) <= width
+    table = said.getvalue()[said.getvalue().index("What changed") :]
+    assert "e [Pa]" in table, "brackets are not taken for markup"
+    assert table.count("particle 1") == 1
+
+
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_no_colour_where_none_is_wanted(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, value)
+    said = io.StringIO()
+    screen = Screen(console=Console(file=said, force_terminal=True, width=60, markup=False))
+    screen.note("careful")
+    with screen.busy("working"):
+        pass
+    assert "\x1b[3" not in said.getvalue()
+
+
+def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
+    said = io.StringIO()
+    with Screen(console=Console(file=said, width=60)).progress() as update:
+        for done in range(1001):
+            update("dataset", done, 1000)
+    lines = said.getvalue().splitlines()
+    assert len(lines) == 11
+    assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"
+
+
+def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    settings = resolved(tmp_path)
+    request = conduct.Request(None, frozenset(), iterations=1, yes=True, as_json=True)
+    conduct.conduct(settings, request, opener(ToyLab(0)), page.write)
+    out, err = capfd.readouterr()
+    assert out.count("\n") == 1
+    assert out.startswith('{"task": "toy"')
+    assert "Trial 4" in err
+
+
+def test_an_error_is_one_line_that_can_be_copied(capfd: pytest.CaptureFixture[str]) -> None:
+    console.error("something long " * 20 + "\nContinue with: adaptsim run-iteration --session a[b]")
+    assert capfd.readouterr().err.splitlines()[-1] == "Continue with: adaptsim run-iteration --session a[b]"

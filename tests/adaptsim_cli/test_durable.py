@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli.errors import DiskFull, SessionError
+from adaptsim_cli.session import durable
+
+
+def full_disk(_: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_folder_appears_whole(tmp_path: Path) -> None:
+    durable.write_folder(tmp_path / "trial", {"a.bin": b"1", "b.json": b"{}"})
+    assert {f.name: f.read_bytes() for f in (tmp_path / "trial").iterdir()} == {"a.bin": b"1", "b.json": b"{}"}
+    assert [entry.name for entry in tmp_path.iterdir()] == ["trial"]
+
+
+def test_nothing_is_ever_overwritten(tmp_path: Path) -> None:
+    durable.write_file(tmp_path / "a", b"first")
+    with pytest.raises(SessionError, match="never overwritten"):
+        durable.write_file(tmp_path / "a", b"second")
+    assert (tmp_path / "a").read_bytes() == b"first"
+
+
+def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(DiskFull, match=r"trial could not be written.*run the same command again"):
+        durable.write_folder(tmp_path / "trial", {"a": b"1"})
+    monkeypatch.undo()
+    assert not (tmp_path / "trial").exists()
+    durable.write_folder(tmp_path / "trial", {"b": b"2"})
+    assert [f.name for f in (tmp_path / "trial").iterdir()] == ["b"], (
+        "the leftovers of the failed write must not remain"
+    )
+
+
+def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    events: list[str] = []
+    fsync, rename = os.fsync, os.rename
+    monkeypatch.setattr(os, "fsync", lambda fd: (events.append("fsync"), fsync(fd))[1])
+    monkeypatch.setattr(os, "rename", lambda a, b: (events.append("rename"), rename(a, b))[1])
+    durable.write_folder(tmp_path / "trial", {"a": b"1", "b": b"2"})
+    assert events == ["fsync", "fsync", "fsync", "rename", "fsync"]  # two files, their folder; then the parent

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from toy_rig import MODEL, X_BC
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import cdr, recording
+from hw.types import Execution, Frame
+from perception.types import ObjectTrack, Outcome
+
+
+def frames() -> list[Frame]:
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[:48, :64]
+    smooth = np.stack([3 * u, 4 * v, 128 + 0 * u], axis=-1).astype(np.uint8)
+    return [Frame(12.0 + k / 30, smooth, rng.integers(0, 2000, (48, 64), np.uint16)) for k in range(4)]
+
+
+def before() -> Frame:
+    return Frame(11.5, np.full((48, 64, 3), 90, np.uint8), np.full((48, 64), 700, np.uint16))
+
+
+def execution() -> Execution:
+    t_s = np.arange(120) * 1e-3
+    q = np.linspace(0, 1, 120)[:, None] * np.arange(1, 8)
+    return Execution(12.0, t_s, q, q + 1e-3, 0.98)
+
+
+def encoded() -> bytes:
+    t_s = np.linspace(0, 0.1, 4)
+    track = ObjectTrack(t_s, np.zeros((4, 3)), Outcome.ON_BLADE, np.zeros(3), np.ones(4))
+    return recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4), track)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / recording.FILE
+    path.write_bytes(encoded())
+    return path
+
+
+def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
+    back = recording.read(file)
+    for old, new in zip(frames(), back.frames, strict=True):
+        assert new.t_s == pytest.approx(old.t_s, abs=1e-8)
+        assert np.array_equal(new.depth_mm, old.depth_mm), "depth is lossless"
+        assert np.abs(new.colour.astype(int) - old.colour).mean() < 2, "colour as good as JPEG keeps it"
+    assert np.array_equal(back.before.depth_mm, before().depth_mm)
+    assert back.before.t_s == pytest.approx(11.5)
+    assert np.array_equal(back.X_BC, X_BC)
+    assert np.array_equal(back.model.colour.K, MODEL.colour.K)
+    assert back.model.serial == MODEL.serial
+    assert np.array_equal(back.execution.q_measured_rad, execution().q_measured_rad)
+    assert np.array_equal(back.execution.q_commanded_rad, execution().q_commanded_rad)
+    assert np.allclose(back.execution.t_s, execution().t_s, atol=1e-8)
+    assert (back.execution.t_start_s, back.execution.control_success_rate) == (12.0, 0.98)
+
+
+def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None:
+    with file.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        found = [(s.name, s.encoding, c.topic, m.log_time) for s, c, m in reader.iter_messages(log_time_order=False)]
+    assert {(name, topic) for name, _, topic, _ in found} == {
+        ("sensor_msgs/msg/CompressedImage", "/camera/colour"),
+        ("sensor_msgs/msg/CompressedImage", "/camera/depth"),
+        ("sensor_msgs/msg/CompressedImage", "/before/colour"),
+        ("sensor_msgs/msg/CompressedImage", "/before/depth"),
+        ("sensor_msgs/msg/JointState", "/joints/measured"),
+        ("sensor_msgs/msg/JointState", "/joints/commanded"),
+        ("tf2_msgs/msg/TFMessage", "/tf"),
+        ("geometry_msgs/msg/PointStamped", "/object"),
+    }
+    assert {encoding for _, encoding, _, _ in found} == {"ros2msg"}
+    times = [t for *_, t in found]
+    assert times == sorted(times)
+
+
+@pytest.mark.parametrize("cut", [0.0, 0.3, 0.9, 0.999])
+def test_a_truncated_recording_is_named(file: Path, cut: float) -> None:
+    content = file.read_bytes()
+    file.write_bytes(content[: int(len(content) * cut)])
+    with pytest.raises(SessionError, match=r"recording.mcap is corrupt"):
+        recording.read(file)
+
+
+def test_the_same_trial_gives_the_same_bytes() -> None:
+    assert encoded() == encoded()
+
+
+def test_messages_are_laid_out_as_cdr_wants_them() -> None:
+    # Header (stamp 1.000000002 s, frame "ab"), then x = 1.5 aligned to eight bytes behind the four-byte header.
+    expected = bytes.fromhex("00010000 01000000 02000000 03000000 616200 00 000000000000f83f".replace(" ", ""))
+    assert cdr.point(1_000_000_002, "ab", (1.5,)) == expected
+    back = cdr.Reader(expected)
+    assert (back.header(), back.doubles(1)) == ((1_000_000_002, "ab"), (1.5,))

@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from toy_session import ScriptedOperator, attended, run
+
+from adaptsim_cli.report import page
+from adaptsim_cli.report.svg import Scale, plain
+from adaptsim_cli.session.operator import Overrule, Redo
+from adaptsim_cli.session.runner import run_iteration
+from adaptsim_cli.session.store import SessionStore
+from perception.types import Outcome
+
+
+class Outline(HTMLParser):
+    """Tags, in order, and whether they close; external references."""
+
+    void = frozenset({"meta", "img", "line", "rect", "br"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.count: dict[str, int] = {}
+        self.references: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.count[tag] = self.count.get(tag, 0) + 1
+        self.references += [value or "" for key, value in attrs if key in ("src", "href")]
+        if tag not in self.void and not self.get_starttag_text().endswith("/>"):  # type: ignore[union-attr]
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.void:
+            assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+    home = tmp_path_factory.mktemp("report")
+    reviews = [Redo("the <piece> was touched"), Overrule(Outcome.LOST)]
+    session = attended(home, ScriptedOperator(reviews=reviews))
+    for iteration in range(2):
+        run_iteration(session)
+        session.store.mark_shown(iteration, "2024-01-01T00:00:00+00:00")
+    return session.store
+
+
+def outline(html: str) -> Outline:
+    found = Outline()
+    found.feed(html)
+    assert found.open == []
+    return found
+
+
+def test_the_page_holds_everything_itself(store: SessionStore) -> None:
+    html = page.render(store)
+    found = outline(html)
+    assert found.references
+    assert all(reference.startswith("data:image/jpeg;base64,") for reference in found.references)
+    assert "http" not in re.sub(r"data:image/jpeg;base64,[^\"]+", "", html)
+
+
+def test_the_page_shows_every_trial_with_its_key_moments(store: SessionStore) -> None:
+    html = page.render(store)
+    assert outline(html).count["article"] == 8
+    assert html.count("camera image at contact") == 8
+    assert html.count('class="dot') >= 8
+    assert all(f"Trial {number}\n" in html for number in range(1, 9))
+
+
+def test_the_page_tells_what_the_operator_changed(store: SessionStore) -> None:
+    html = page.render(store)
+    assert "outcome set by the operator" in html
+    assert "tracked as on blade" in html
+    assert "Trial 1, attempt 1: the &lt;piece&gt; was touched" in html, "and text is escaped"
+
+
+def test_the_page_tells_where_the_numbers_come_from(store: SessionStore) -> None:
+    html = page.render(store)
+    for fact in ("It works.", "seed", "c" * 16, "h" * 16, "adaptsim 0.1.0", "next proposal"):
+        assert fact in html
+
+
+def test_a_session_without_a_complete_iteration_has_a_page_too(tmp_path: Path) -> None:
+    session = attended(tmp_path, ScriptedOperator())
+    assert "No iteration is complete yet" in page.render(session.store)
+    run(tmp_path / "other")
+
+
+def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: SessionStore) -> None:
+    assert page.write(store) == page.write(store) == store.folder / "report.html"
+
+
+def test_ticks_are_round_and_inside() -> None:
+    assert Scale(0.2, 0.4, 0, 100).ticks(4) == pytest.approx([0.2, 0.25, 0.3, 0.35, 0.4])
+    assert Scale(1e4, 5e5, 0, 100, log=True).ticks() == [1e4, 1e5]
+    assert Scale(1e4, 1e6, 0, 100, log=True)(1e5) == pytest.approx(50)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.25, "0.25"), (-0.02, "−0.02"), (1e5, "10⁵"), (3.88e5, "3.88 · 10⁵"), (0, "0"), (2e-4, "2 · 10⁻⁴")],
+)
+def test_numbers_read_well(value: float, text: str) -> None:
+    assert plain(value) == text

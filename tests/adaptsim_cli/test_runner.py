@@ -1,0 +1,231 @@
+"""The sequence of a session on the toy rig: order, redo, overruling, faults, resuming."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_rig import PARAMETERS, ToyLab
+from toy_session import NAME, ScriptedOperator, attended, no_space, run, unattended
+
+from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
+from adaptsim_cli.session.operator import Overrule, Proposal, Redo
+from adaptsim_cli.session.redoing import redo
+from adaptsim_cli.session.runner import run_iteration
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.store import SessionStore
+from hw.errors import ArmFault, CameraError, MotionRefused
+from perception.errors import ObjectNotFound
+from perception.types import Outcome
+
+
+def rewards(store: SessionStore, iteration: int = 0) -> list[float]:
+    return [trial.reward for trial in store.trials(iteration)]
+
+
+def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    store = run(tmp_path, lab)
+    assert lab.executions == [(1, 0), (2, 0), (3, 0), (4, 0)]
+    assert [(t.particle, t.trial) for t in store.trials(0)] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    result = store.result(0)
+    assert result is not None
+    assert len(result.next_particles) == 2
+    assert (store.folder / "report.html").stat().st_size > 10_000
+
+
+def test_the_summary_has_the_documented_shape(tmp_path: Path) -> None:
+    summary = run(tmp_path).summary(0)
+    assert list(summary) == [
+        "task", "session", "iteration", "hw", "world", "seed", "particles", "best", "verdict", "timing_s",
+    ]  # fmt: skip
+    assert list(summary["timing_s"]) == ["rollouts", "tracking", "adaptation", "training", "total"]
+    assert set(summary["best"]) == {"params", "mean_reward", "trials", "ci95"}
+    for particle in summary["particles"]:
+        assert list(particle) == ["params", "trials", "mean_reward", "next_params"]
+        assert list(particle["params"]) == ["mu", "e"]
+        for trial in particle["trials"]:
+            assert list(trial) == ["id", "context", "action", "reward", "outcome", "observation"]
+        assert particle["mean_reward"] == pytest.approx(np.mean([t["reward"] for t in particle["trials"]]))
+    json.dumps(summary, allow_nan=False)
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path: Path) -> None:
+    def numbers(home: str, seed: int) -> object:
+        store = run(tmp_path / home, seed=seed, iterations=2)
+        summaries = [store.summary(i) for i in (0, 1)]
+        return [(p["params"], p["next_params"], p["trials"]) for s in summaries for p in s["particles"]]
+
+    assert numbers("a", 5) == numbers("b", 5)
+    assert numbers("c", 6) != numbers("a2", 5)
+
+
+def test_two_runs_of_one_iteration_equal_one_run_of_two(tmp_path: Path) -> None:
+    run(tmp_path / "once", iterations=2)
+    run(tmp_path / "twice")
+    lab = ToyLab(0)
+    twice = run(tmp_path / "twice", lab)
+    once = SessionStore.open(tmp_path / "once" / "data" / "sessions", NAME)
+    assert lab.executions == [(5, 0), (6, 0), (7, 0), (8, 0)]
+    assert once.summary(1)["particles"] == twice.summary(1)["particles"]
+
+
+def test_the_context_is_what_the_camera_measured(tmp_path: Path) -> None:
+    trial = run(tmp_path).trials(0)[0]
+    assert trial.context != trial.drawn_context
+    assert np.allclose(trial.context, trial.drawn_context, atol=0.005)
+
+
+def test_an_operator_can_overrule_the_outcome(tmp_path: Path) -> None:
+    session = attended(tmp_path, ScriptedOperator(reviews=[Overrule(Outcome.LOST)]))
+    run_iteration(session)
+    first = session.store.trials(0)[0]
+    assert (first.outcome, first.overruled_from, first.reward) == (Outcome.LOST, Outcome.ON_BLADE, 0.0)
+
+
+def test_an_operator_can_have_a_trial_redone(tmp_path: Path) -> None:
+    session = attended(tmp_path, ScriptedOperator(reviews=[Redo("the piece was touched")]))
+    run_iteration(session)
+    first = session.store.trials(0)[0]
+    assert (first.number, first.attempt) == (1, 1)
+    note = session.store.folder / "iteration-00" / "trial-001-attempt-0.rejected.json"
+    assert json.loads(note.read_text())["text"] == "the piece was touched"
+
+
+def test_sessions_redo_runs_the_trial_again_and_adapts_again(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    assert redo(store, 3, "bad light") == 1
+    lab = ToyLab(0)
+    again = run(tmp_path, lab)
+    assert lab.executions == [(3, 1)]
+    assert [t.attempt for t in again.trials(0)] == [0, 0, 1, 0]
+    assert (again.folder / "iteration-00" / "result-0").is_dir(), "the earlier result is kept"
+    result = again.result(0)
+    assert result is not None
+    assert result.trials[2] == (3, 1)
+
+
+def test_a_trial_that_later_ones_rest_on_cannot_be_redone(tmp_path: Path) -> None:
+    store = run(tmp_path, iterations=2)
+    with pytest.raises(UsageError, match="later trials rest on"):
+        redo(store, 1, "too late")
+    with pytest.raises(UsageError, match=r"trial 99 .* is not completed"):
+        redo(store, 99, "never was")
+
+
+def test_a_misplaced_object_is_asked_for_again_before_anything_moves(tmp_path: Path) -> None:
+    lab = ToyLab(0, misplaced=frozenset({(2, 0), (2, 1)}))
+    operator = ScriptedOperator()
+    session = attended(tmp_path, operator, lab)
+    run_iteration(session)
+    assert lab.executions == [(1, 0), (2, 2), (3, 0), (4, 0)]
+    assert sum("lies outside of the area" in asked for asked in operator.asked) == 2
+
+
+def test_unattended_a_misplaced_object_ends_in_an_error_after_five_attempts(tmp_path: Path) -> None:
+    lab = ToyLab(0, misplaced=frozenset((1, attempt) for attempt in range(9)))
+    with pytest.raises(ObjectNotFound, match="outside of the area"):
+        run_iteration(attended(tmp_path, unattended(), lab))
+    assert lab.executions == []
+
+
+@pytest.mark.parametrize(
+    ("moment", "error"),
+    [("execute", ArmFault("reflex")), ("stop_recording", CameraError("no frame")), ("snapshot", CameraError("dead"))],
+)
+def test_a_device_error_stops_the_session_and_costs_only_that_attempt(
+    tmp_path: Path, moment: str, error: Exception
+) -> None:
+    def fail(trial: int, attempt: int) -> None:
+        if (trial, attempt) == (2, 0):
+            raise error
+
+    with pytest.raises(type(error)) as caught:
+        run(tmp_path, ToyLab(0, hooks={moment: fail}))
+    assert f"Continue with: adaptsim run-iteration --session {NAME}" in caught.value.__notes__
+    lab = ToyLab(0, hooks={moment: fail})
+    store = run(tmp_path, lab)
+    assert lab.executions == [(2, 1), (3, 0), (4, 0)]
+    assert rewards(store)[0] > 0
+
+
+def test_a_refused_motion_is_not_executed(tmp_path: Path) -> None:
+    def refuse(path: object, model: str) -> None:
+        raise MotionRefused("joint 4 at 0.1 s")
+
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    object.__setattr__(session.parts.planner, "check", refuse)
+    with pytest.raises(MotionRefused):
+        run_iteration(session)
+    assert lab.executions == []
+    assert not list(session.store.folder.rglob("*.started.json"))
+
+
+def test_stopping_before_a_motion_keeps_the_attempt(tmp_path: Path) -> None:
+    def stop(proposal: Proposal) -> None:
+        if proposal.stage.key.number == 2:
+            raise StoppedByOperator("enough")
+
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, ScriptedOperator(before_motion=stop)))
+    lab = ToyLab(0)
+    run(tmp_path, lab)
+    assert lab.executions == [(2, 0), (3, 0), (4, 0)]
+
+
+def interrupted_in_motion(home: Path) -> None:
+    def interrupt(trial: int, attempt: int) -> None:
+        if trial == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_iteration(attended(home, ScriptedOperator(), ToyLab(0, hooks={"stop_recording": interrupt})))
+
+
+def test_an_interrupted_motion_is_never_repeated_silently(tmp_path: Path) -> None:
+    interrupted_in_motion(tmp_path)
+    operator, lab = ScriptedOperator(), ToyLab(0)
+    session = attended(tmp_path, operator, lab)
+    run_iteration(session)
+    assert operator.asked[0] == "repeat 2"
+    assert lab.executions == [(2, 0), (3, 0), (4, 0)], "the simulated lab does the same attempt again"
+    whole = run(tmp_path / "whole")
+    assert session.store.summary(0)["particles"] == whole.summary(0)["particles"]
+
+
+def test_on_a_real_arm_an_interrupted_trial_counts_as_a_spent_attempt(tmp_path: Path) -> None:
+    interrupted_in_motion(tmp_path)
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(), lab, name="panda")
+    run_iteration(session)
+    assert lab.executions == [(2, 1), (3, 0), (4, 0)]
+    assert session.store.existing().rejected == {TrialKey(2, 0)}
+
+
+def test_yes_never_confirms_a_real_arm(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    with pytest.raises(UsageError, match="never confirms"):
+        run_iteration(attended(tmp_path, unattended(), lab, name="panda"))
+    assert lab.executions == []
+
+
+def test_a_full_disk_in_the_middle_loses_no_completed_trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = ToyLab(0)
+    lab.hooks["stop_recording"] = lambda trial, _: trial == 3 and monkeypatch.setattr(os, "fsync", no_space)
+    with pytest.raises(DiskFull, match="free some space and run the same command again"):
+        run(tmp_path, lab)
+    monkeypatch.undo()
+    kept = SessionStore.open(tmp_path / "data" / "sessions", NAME)
+    assert [t.number for t in kept.trials(0)] == [1, 2]
+    whole = run(tmp_path / "whole")
+    assert run(tmp_path).summary(0)["particles"] == whole.summary(0)["particles"]
+
+
+def test_a_step_of_adaptation_stays_inside_the_ranges(tmp_path: Path) -> None:
+    for summary in (run(tmp_path, iterations=3).summary(i) for i in range(3)):
+        for particle in summary["particles"]:
+            assert PARAMETERS.contains(np.array(list(particle["next_params"].values())))

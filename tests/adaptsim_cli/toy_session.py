@@ -1,0 +1,85 @@
+"""Runs sessions on the toy rig and keeps what was said."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from toy_rig import ToyLab, opener, toy_parts
+
+from adaptsim_cli import config
+from adaptsim_cli.console import Screen, Unattended
+from adaptsim_cli.report import page
+from adaptsim_cli.session import conduct
+from adaptsim_cli.session.operator import Accept, Judged, Operator, Proposal, Review
+from adaptsim_cli.session.runner import Session
+from adaptsim_cli.session.stages import RunTrial
+from adaptsim_cli.session.store import SessionStore
+
+NAME = "toy-wd-adaptsim-seed0"
+
+
+@dataclass
+class ScriptedOperator:
+    """Answers from a script: what to say of each reviewed trial, in order; accepts the rest."""
+
+    reviews: list[Review] = field(default_factory=list)
+    before_motion: Callable[[Proposal], None] = lambda _: None
+    asked: list[str] = field(default_factory=list)
+
+    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+        self.asked.append(f"repeat {stage.key.number}")
+
+    def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
+        self.asked.append(f"place the {what}")
+
+    def approve(self, proposal: Proposal, real: bool) -> None:
+        self.asked.append(f"approve {proposal.stage.key.number}")
+        self.before_motion(proposal)
+
+    def review(self, judged: Judged) -> Review:
+        return self.reviews.pop(0) if self.reviews else Accept()
+
+    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+        self.asked.append(f"again {stage.key.number}.{stage.key.attempt}: {problem}")
+        return True
+
+
+def resolved(home: Path, **flags: object) -> config.Resolved:
+    return config.load({"task": "toy", **flags}, {"ADAPTSIM_HOME": str(home)}, home)
+
+
+def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
+    """`run-iteration --yes` on the toy rig, in this process."""
+    settings = resolved(home, **flags)
+    request = conduct.Request(None, frozenset(), iterations, yes=True)
+    path = conduct.conduct(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
+    return SessionStore.open(settings.places.sessions, path.parent.name)
+
+
+def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: str = "fake") -> Session:
+    """A new or continued session with an operator of one's own, ready for `run_iteration`."""
+    settings = resolved(home)
+    parts = toy_parts(lab or ToyLab(0), name)
+    root = settings.places.sessions
+    store = (
+        SessionStore.open(root, NAME) if (root / NAME).is_dir() else conduct.begin(root, NAME, settings.config, parts)
+    )
+    return Session(store, parts, operator, silent())
+
+
+def silent() -> Screen:
+    return Screen(console=Console(file=io.StringIO(), width=80))
+
+
+def unattended() -> Unattended:
+    return Unattended(silent())
+
+
+def no_space(_: int) -> None:
+    raise OSError(28, os.strerror(28))

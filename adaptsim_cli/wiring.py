@@ -101,8 +101,13 @@ def _planner(task: Task, model: str, home_rad: Array, tool: Tool) -> Planner:
     from hw.limits import require
     from sim.panda.planning import trial_paths
 
+    planned: dict[bytes, Paths] = {}  # asked for by the policy, by its prediction, and by the trial itself
+
     def paths(motion: ToolMotion) -> Paths:
-        return trial_paths(motion, task.X_FT, model, home_rad, tool=tool)
+        key = motion.X_BT.tobytes()
+        if key not in planned:
+            planned[key] = trial_paths(motion, task.X_FT, model, home_rad, tool=tool)
+        return planned[key]
 
     def check(path: JointPath, arm: str) -> None:
         require(path, arm, tool=tool)

@@ -1,0 +1,211 @@
+"""From a tool motion to the three joint paths of a trial: approach, task, retreat.
+
+The task path follows the tool motion exactly (closed-form inverse kinematics); the freedom that is left keeps
+the arm away from its limits (`sim.panda.redundancy`). Everything is checked by `hw.limits` before it is returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise, product
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.collision import KeepOut, Tool, point_heights
+from hw.joint_limits import DT_S
+from hw.kinematics import forward, link_poses
+from hw.limits import LIMITS, LimitReport, check_path
+from hw.types import Array, JointPath, frozen_array
+from sim.errors import NotExecutable
+from sim.panda.inverse import inverse
+from sim.panda.moves import joined, move_path, timed
+from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
+from sim.panda.tool import held
+from sim.types import ToolMotion
+
+LIFTS_M = (0.08, 0.16, 0.24)
+"""The tool comes down the last stretch, and leaves, straight along the vertical; the first that works."""
+
+CLEAR_M = 0.05
+"""The tool's height above the table wherever else it travels."""
+
+HOME_TOOL_M = ((0.45, 0.50, 0.55, 0.60), (0.0,), (0.25, 0.30, 0.35))
+"""X, Y, Z where the tool may be at home: above the near side, so that a camera opposite sees the whole work area."""
+
+VERTICAL_M_S = 0.08
+MOVE_SPEED = 0.3
+
+TUCKED_RAD = ((-0.5, -2.2), (-0.9, -2.4), (-1.2, -2.0))
+"""Joints 2 and 4 of an arm drawn back, high above the table: the detour where the straight way home is not free."""
+
+_RISE_SWING_RAD = 0.8
+
+
+def joint_path(
+    motion: ToolMotion,
+    X_FT: Array,
+    model: str = "panda",
+    q_seed: ArrayLike | None = None,
+    *,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool | None = None,
+) -> JointPath:
+    """The joint path (exact to rounding) that moves the tool, mounted at X_FT (4, 4), along `motion`.
+
+    `q_seed` (7,) is a posture to stay near if there is a choice. `tool` defaults to the hand with its tool frame's
+    origin. Raises NotExecutable with the reason: out of reach, or the check that fails.
+    """
+    seed = None if q_seed is None else frozen_array(q_seed, (7,), "q_seed")
+    found: list[tuple[float, JointPath]] = []
+    for ratio, path in _task_paths(motion, X_FT, model, seed, keep_out=keep_out, tool=tool or held(X_FT)):
+        found.append((ratio, path))
+        if ratio < GOOD_ENOUGH:
+            break
+    return min(found, key=lambda one: one[0])[1]
+
+
+def home(X_FT: Array, model: str = "panda", tool: Tool | None = None) -> Array:
+    """(7,) the posture between trials: the tool level over `HOME_TOOL_M`, the joints near the middle of their ranges.
+
+    Raises NotExecutable if the tool cannot be held there.
+    """
+    tool, limits = tool or held(X_FT), LIMITS[model]
+    places = np.array(list(product(*HOME_TOOL_M)))
+    X_BT = np.tile(np.eye(4), (len(places), 1, 1))
+    X_BT[:, :3, 3] = places
+    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 91)[1:-1]
+    q = inverse((X_BT @ np.linalg.inv(X_FT))[:, None], q7).reshape(-1, 7)
+    q = q[np.isfinite(q).all(axis=1)]
+    worst = limits.ratios(q, np.zeros_like(q), np.zeros_like(q))[0].max(axis=1)
+    for i in np.argsort(worst):
+        still = JointPath(np.array([0.0, DT_S]), np.stack([q[i], q[i]]))
+        if worst[i] > ALLOWED:
+            break
+        if check_path(still, model, None, (), tool).ok:
+            return frozen_array(q[i])
+    raise NotExecutable(f"{model}: the tool cannot be held level at any of {HOME_TOOL_M} m; mount it otherwise")
+
+
+def trial_paths(
+    motion: ToolMotion,
+    X_FT: Array,
+    model: str,
+    q_home: ArrayLike,
+    *,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool | None = None,
+) -> tuple[JointPath, JointPath, JointPath]:
+    """Approach (home, above the start, straight down), task, and retreat (straight up, home), each checked.
+
+    The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The
+    tool stays `CLEAR_M` above the table except on the vertical stretches. Raises NotExecutable.
+    """
+    tool = tool or held(X_FT)
+    home_rad = frozen_array(q_home, (7,), "q_home")
+    best: tuple[float, tuple[JointPath, JointPath, JointPath]] | None = None
+    refused: NotExecutable | None = None
+    for ratio, task in _task_paths(motion, X_FT, model, home_rad, keep_out=keep_out, tool=tool):
+        if best is not None and ratio >= best[0]:
+            continue
+        try:
+            away, back = (_homeward(task.q_rad[end], home_rad, model, keep_out, tool) for end in (0, -1))
+        except NotExecutable as error:
+            refused = error
+            continue
+        best = ratio, (JointPath(away.t_s, away.q_rad[::-1]), task, back)
+        if ratio < GOOD_ENOUGH:
+            break
+    if best is None:
+        raise refused or NotExecutable(f"{model}: no task path")
+    return best[1]
+
+
+def _task_paths(
+    motion: ToolMotion, X_FT: Array, model: str, seed: Array | None, *, keep_out: tuple[KeepOut, ...], tool: Tool
+) -> Iterator[tuple[float, JointPath]]:
+    """Acceptable joint paths, lazily, with the ratio to rank them by. Raises NotExecutable where there is none."""
+    X_BF = motion.X_BT @ np.linalg.inv(X_FT)
+    accepted = False
+    refused: LimitReport | None = None
+    for profile in profiles(motion.t_s, X_BF, LIMITS[model], seed):
+        q_rad = inverse(X_BF, profile.q7_rad(motion.t_s))[:, profile.branch]
+        if not np.isfinite(q_rad).all():
+            continue
+        path = JointPath(motion.t_s, q_rad, motion.contact)
+        report = check_path(path, model, None, keep_out, tool)
+        if report.ok and report.joint_ratio <= ALLOWED:
+            accepted = True
+            yield profile.ratio, path
+        elif refused is None or report.worst.ratio < refused.worst.ratio:
+            refused = report
+    if accepted:
+        return
+    if refused is None:
+        p = motion.X_BT[0, :3, 3]
+        raise NotExecutable(
+            f"{model}: the tool motion from ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m is out of the arm's reach; "
+            "move it or mount the tool otherwise"
+        )
+    raise NotExecutable(
+        f"{model}: no joint path keeps every limit to {ALLOWED:g}; the nearest: {refused.worst}; choose another action"
+    )
+
+
+def vertical(q_from: ArrayLike, rise_m: float, model: str, speed_m_s: float = VERTICAL_M_S) -> JointPath:
+    """Straight up by `rise_m` without turning; joint 7 moves as far as it takes to keep the other joints slow.
+
+    Raises NotExecutable if the tool cannot rise so far within the position limits.
+    """
+    q, limits = frozen_array(q_from, (7,), "q_from"), LIMITS[model]
+    X_BF = forward(q)
+    branch = int(np.nan_to_num(np.abs(inverse(X_BF, q[6]) - q).max(axis=-1), nan=np.inf).argmin())
+
+    def along(share: Array, swing: ArrayLike) -> Array:
+        X = np.repeat(X_BF[None], len(share), axis=0)
+        X[:, 2, 3] += share * rise_m
+        return inverse(X[:, None], q[6] + np.multiply.outer(share, np.atleast_1d(swing)))[:, :, branch]
+
+    swings = np.linspace(-_RISE_SWING_RAD, _RISE_SWING_RAD, 33)
+    tried = along(np.linspace(0.0, 1.0, 21), swings)  # (21, swings, 7)
+    travel = np.abs(np.diff(tried, axis=0)).max(axis=(0, -1))
+    still = np.zeros_like(tried)
+    inside = limits.ratios(tried, still, still)[0].max(axis=(0, -1)) <= ALLOWED
+    if not (inside & np.isfinite(travel)).any():
+        raise NotExecutable(f"{model}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
+    swing = swings[np.where(inside, travel, np.inf).argmin()]
+    return timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, model)
+
+
+def _homeward(q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool) -> JointPath:
+    """Straight up, then home in joint space; higher up if that comes near anything. Safe in both directions."""
+    refused = "nothing was tried"
+    for rise_m in LIFTS_M:
+        try:
+            up = vertical(q_from, rise_m, model)
+        except NotExecutable as error:
+            refused = str(error)
+            break
+        for over in _ways(up.q_rad[-1], q_home, model):
+            path = joined(up, over)
+            reports = [check_path(p, model, None, keep_out, tool) for p in (path, JointPath(path.t_s, path.q_rad[::-1]))]
+            low_m = float(point_heights(link_poses(over.q_rad[::10]), tool).min()) if len(tool.points_F_m) else CLEAR_M
+            if all(report.ok for report in reports) and low_m >= CLEAR_M:
+                return path
+            worst = max((report.worst for report in reports), key=lambda check: check.ratio)
+            refused = str(worst) if worst.ratio > 1.0 else f"the tool comes down to {low_m:.3f} m, limit {CLEAR_M:g} m"
+    raise NotExecutable(f"{model}: no way between the task and home: {refused}; choose another home posture")
+
+
+def _ways(q_from: Array, q_home: Array, model: str) -> Iterator[JointPath]:
+    """Home in joint space: straight, else drawn back, turned, and let down again."""
+    yield move_path(q_from, q_home, model, MOVE_SPEED)
+    for tucked_rad in TUCKED_RAD:
+        stops = [q_from, _drawn_back(q_from, tucked_rad), _drawn_back(q_home, tucked_rad), q_home]
+        yield joined(*(move_path(a, b, model, MOVE_SPEED) for a, b in pairwise(stops)))
+
+
+def _drawn_back(q_rad: Array, tucked_rad: tuple[float, float]) -> Array:
+    drawn = np.array(q_rad)
+    drawn[[1, 3]] = tucked_rad
+    return drawn

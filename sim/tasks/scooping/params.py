@@ -1,0 +1,156 @@
+"""Scooping: the spaces, fixed numbers and hyperparameters (Tables A1 and A2 and A4.2 of the paper)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.errors import OutOfRange
+from sim.tasks.task import AdaptationSettings, Observation
+from sim.types import Dimension, Space
+
+PARAMETERS = Space(
+    (
+        Dimension("mu", "", 0.25, 0.40),  # friction of the pair: piece-table and piece-blade
+        Dimension("e", "Pa", 1e4, 5e5, "log"),  # hydroelastic modulus of the piece
+        Dimension("g", "", 0, 1, "integer"),  # 0 ellipsoid, 1 cylinder
+        Dimension("h", "cm", 1.5, 2.5),  # height of the piece
+    )
+)
+"""Omega."""
+
+MARGIN = Space(
+    (
+        Dimension("mu", "", 0.15, 0.50),
+        Dimension("e", "Pa", 5e3, 1e6, "log"),
+        Dimension("g", "", 0, 2, "integer"),  # 2: box
+        Dimension("h", "cm", 1.2, 3.0),
+    )
+)
+"""Omega and everything that the targets of Table A2 reach."""
+
+CONTEXT = Space((Dimension("x", "m", 0.64, 0.72), Dimension("y", "m", -0.03, 0.03)))
+"""Where the centre of the piece lies on the table, in the base frame."""
+
+ACTION = Space(
+    (
+        Dimension("pitch_rate", "rad/s", -0.2, 0.2),  # at t = 0.25 s; positive leaves the table late
+        Dimension("pitch", "rad", float(np.deg2rad(2.0)), float(np.deg2rad(10.0))),  # edge down
+        Dimension("distance", "m", 0.005, 0.020),  # from the edge to the nearest side of the largest piece
+    )
+)
+
+NUISANCE = Space((Dimension("radius", "m", 0.010, 0.015),))
+"""Half the width of the piece: different from piece to piece, chosen by nobody."""
+
+ACTION_NOISE: Array = frozen_array([0.04, 0.012, 0.0], (3,))
+"""Half-width of the uniform error of an executed action, in the order of `ACTION`."""
+
+REFERENCE_CONTEXT: Array = frozen_array([0.68, 0.0], (2,))
+
+OBSERVATION_TIMES_S: Array = frozen_array([0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0])
+
+OBSERVATION = Observation(
+    times_s=OBSERVATION_TIMES_S,
+    columns=(0, 1),
+    low=frozen_array([0.60, -0.08]),
+    high=frozen_array([1.00, 0.08]),
+    noise_mean=frozen_array([0.002, 0.0]),  # motion blur pulls the piece forward
+    noise_std=frozen_array([0.002, 0.002]),
+)
+
+ADAPTATION = AdaptationSettings(
+    horizon=8, delta=0.15, discount=0.9, threshold=0.5, trials_per_iteration=2, learning_rate=1e-3
+)
+
+BLADE_LENGTH_M = 0.10
+BLADE_WIDTH_M = 0.08
+EDGE_M = 0.0012
+"""Thickness of the blade (OXO Nylon Square Turner)."""
+
+BEVEL_M = 0.005
+LIP_M = 0.0002
+"""The top face is bevelled over the last `BEVEL_M` down to a lip of `LIP_M` (docs/decisions/0003)."""
+
+CORNER_M = 0.0003
+"""Radius of the rounded corners of the edge, on which the blade rides over the table."""
+
+PIECE_DENSITY_KG_M3 = 1000.0
+"""Food is mostly water."""
+
+WRIST_IN_TOOL_M: Array = frozen_array([-0.177, 0.0, 0.143], (3,))
+"""The point whose velocity the profile prescribes, in the tool frame T (public code)."""
+
+HANDLE_RISE_RAD = 0.9
+"""How steeply the handle rises from the root of the blade, towards the back."""
+
+GRIP_M = 0.215
+"""Where the fingers hold the handle: distance from the root of the blade."""
+
+_APPROACH_LEAN_RAD, _APPROACH_TURN_RAD = float(np.deg2rad(60.7)), float(np.deg2rad(-53.8))
+_FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
+
+
+def _mounting() -> Array:
+    """(4, 4) the tool in the flange: the hand comes from behind and the left, its fingers close across the handle.
+
+    Lean (from straight down) and turn of the approach, grip and rise were chosen together, by a search, so that the
+    worst ratio of any joint to its limits over contexts and actions is smallest (`benchmarks/executability.py`).
+    """
+    lean, turn, rise = _APPROACH_LEAN_RAD, _APPROACH_TURN_RAD, HANDLE_RISE_RAD
+    approach = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), -np.cos(lean)])
+    handle = np.array([-np.cos(rise), 0.0, np.sin(rise)])
+    across = np.cross(handle, approach) / np.linalg.norm(np.cross(handle, approach))  # Y axis of the hand
+    half = np.sqrt(0.5)  # the flange is turned by 45° against the hand
+    R_TH = np.column_stack([np.cross(across, approach), across, approach])
+    X_TF = np.eye(4)
+    X_TF[:3, :3] = R_TH @ np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
+    X_TF[:3, 3] = np.array([-BLADE_LENGTH_M, 0.0, 0.0]) + GRIP_M * handle - _FLANGE_TO_GRIP_M * approach
+    return np.asarray(np.linalg.inv(X_TF))
+
+
+X_FT: Array = frozen_array(_mounting(), (4, 4))
+"""The tool in the flange."""
+
+
+@dataclass(frozen=True)
+class Unmodelled:
+    """What a world of the lab may add and no simulation parameter expresses. Defaults are the training scene."""
+
+    semi_axis_scale: tuple[float, float] = (1.0, 1.0)  # half widths of the piece along X and Y, relative to its radius
+    density_scale: float = 1.0
+    com_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # centre of mass from the piece's centre
+    second_friction_scale: float = 1.0  # friction piece-blade relative to piece-table
+    pitch_bias_rad: float = 0.0  # added to the pitch of the whole motion, about the edge; positive: edge down
+    blade_flex_rad: float = 0.0  # bend of the blade when it is pressed into the table by the full depth
+    distance_bias_m: float = 0.0  # the edge starts so much farther from the piece than asked
+    contact: Literal["sap", "lagged"] = "sap"
+    dt_s: float | None = None  # step of the plant; None: the step of training
+
+    def __post_init__(self) -> None:
+        positive = {
+            "semi_axis_scale": min(self.semi_axis_scale),
+            "density_scale": self.density_scale,
+            "second_friction_scale": self.second_friction_scale,
+            "dt_s": 1.0 if self.dt_s is None else self.dt_s,
+        }
+        for name, value in positive.items():
+            if not value > 0.0:
+                raise OutOfRange(f"{name} = {value:g} must be positive")
+        if self.second_friction_scale >= 2.0:
+            raise OutOfRange(f"second_friction_scale = {self.second_friction_scale:g} must stay below 2")
+        if self.blade_flex_rad < 0.0:
+            raise OutOfRange(f"blade_flex_rad = {self.blade_flex_rad:g} must not be negative: the table bends it up")
+        if self.contact not in ("sap", "lagged"):
+            raise OutOfRange(f'contact = "{self.contact}" is neither "sap" nor "lagged"')
+
+    def friction_of_blade(self, mu: float) -> float:
+        """Coefficient of the blade whose pair with a piece of coefficient `mu` is `second_friction_scale * mu`.
+
+        Drake combines two coefficients harmonically, 2ab / (a + b), so a pair never exceeds 2 mu.
+        """
+        scale = self.second_friction_scale
+        return scale * mu / (2.0 - scale)

@@ -1,8 +1,8 @@
 """What can go wrong in tracking.
 
-    PerceptionError
-    ├── ObjectNotFound       nothing in the search area looks like the object
-    └── TrackingFailed       found at first, then too little evidence to go on
+PerceptionError
+├── ObjectNotFound       nothing in the search area looks like the object
+└── TrackingFailed       found at first, then too little evidence to go on
 """
 
 

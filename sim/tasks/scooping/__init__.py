@@ -1,0 +1,47 @@
+"""Scooping food with a spatula."""
+
+from sim.tasks.scooping.observe import end_state, relocate, reward_of_success, succeeded
+from sim.tasks.scooping.params import (
+    ACTION,
+    ACTION_NOISE,
+    ADAPTATION,
+    CONTEXT,
+    MARGIN,
+    NUISANCE,
+    OBSERVATION,
+    PARAMETERS,
+    REFERENCE_CONTEXT,
+    X_FT,
+    Unmodelled,
+)
+from sim.tasks.scooping.plan import plan
+from sim.tasks.scooping.rollout import rest_pose, simulate
+from sim.tasks.scooping.scene import build_scene, time_step_s
+from sim.tasks.task import Task
+
+TASK = Task(
+    name="scooping",
+    title="scoop a piece of food from the table with a spatula",
+    parameters=PARAMETERS,
+    margin=MARGIN,
+    context=CONTEXT,
+    action=ACTION,
+    nuisance=NUISANCE,
+    action_noise=ACTION_NOISE,
+    observation=OBSERVATION,
+    adaptation=ADAPTATION,
+    unmodelled=Unmodelled,
+    simulate=simulate,
+    build_scene=build_scene,
+    time_step_s=time_step_s,
+    rest_pose=rest_pose,
+    plan=plan,
+    X_FT=X_FT,
+    reference_context=REFERENCE_CONTEXT,
+    relocate=relocate,
+    succeeded=succeeded,
+    end_state=end_state,
+    reward_of_success=reward_of_success,
+    object_name="piece of food",
+    tracker="piece",
+)

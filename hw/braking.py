@@ -1,0 +1,111 @@
+"""Stopping along a path: the only way a motion ends early.
+
+The arm keeps to the path and only its clock slows: path time s runs at ds/dt = 1 - S(t / T), with S the smooth step
+of fifth order, so velocity, acceleration and jerk stay continuous. T is the shortest of a few durations for which the
+1 kHz samples keep all joint limits; that one exists at any moment is checked before the motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hw.errors import MotionRefused
+from hw.joint_limits import LIMITS, JointLimits, derivatives
+from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
+
+DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
+EVERY_S = 0.02
+
+_LEAD = 3
+"""Samples of the unbraked path before the brake that take part in the differences."""
+
+
+@dataclass(frozen=True, eq=False)
+class Braking:
+    """How long a stop takes, by the path time at which it begins."""
+
+    at_s: Array  # (K,)
+    duration_s: Array  # (K,) of the time scaling; inf where none of `DURATIONS_S` keeps the limits
+
+    def __post_init__(self) -> None:
+        at_s = frozen_array(self.at_s, (None,), "at_s")
+        object.__setattr__(self, "at_s", at_s)
+
+    @property
+    def ok(self) -> bool:
+        return bool(np.isfinite(self.duration_s).all())
+
+    @property
+    def longest_s(self) -> float:
+        return float(self.duration_s.max())
+
+
+def check_braking(path: JointPath, model: str, every_s: float = EVERY_S) -> Braking:
+    """The shortest stop within the limits of `model` at every `every_s` of the path."""
+    at = np.arange(0, len(path.t_s), max(1, round(every_s * PATH_RATE_HZ)))
+    return Braking(path.t_s[at], _durations(path, path.t_s[at], LIMITS[model]))
+
+
+def brake(path: JointPath, at_s: float, model: str) -> JointPath:
+    """`path` until `at_s`, then slowed to rest along itself within the limits of `model`.
+
+    The contact window lasts until the slowed path has left it. Raises MotionRefused if no stop keeps the limits.
+    """
+    at = round(float(np.clip(at_s, 0.0, path.duration_s)) * PATH_RATE_HZ)
+    start_s = at / PATH_RATE_HZ
+    duration_s = float(_durations(path, np.array([start_s]), LIMITS[model])[0])
+    if not np.isfinite(duration_s):
+        raise MotionRefused(
+            f"{model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the joint limits; "
+            "plan a slower path"
+        )
+    s = _path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]
+    q_rad = np.concatenate([path.q_rad[: at + 1], _spline(path)(np.minimum(s, path.duration_s))])
+    return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad, _window(path.contact, start_s, s))
+
+
+def _durations(path: JointPath, at_s: Array, limits: JointLimits) -> Array:
+    """(K,) path times -> (K,) shortest durations that keep the limits, inf where none does."""
+    spline = _spline(path)
+    shortest = np.full(len(at_s), np.inf)
+    for duration_s in DURATIONS_S:
+        open_ = ~np.isfinite(shortest)
+        if not open_.any():
+            break
+        s = np.clip(_path_time(at_s[open_], duration_s), 0.0, path.duration_s)
+        shortest[open_] = np.where(_worst_ratio(np.swapaxes(spline(s), 0, 1), limits) <= 1.0, duration_s, np.inf)
+    return shortest
+
+
+def _path_time(at_s: Array, duration_s: float) -> Array:
+    """(K,) -> (K, M): path time every millisecond, from `_LEAD` samples before the brake until standstill."""
+    steps = np.arange(-_LEAD, round(duration_s * PATH_RATE_HZ) + 1)
+    u = np.clip(steps / (duration_s * PATH_RATE_HZ), 0.0, 1.0)
+    lost = duration_s * u**4 * (2.5 - 3.0 * u + u**2)  # integral of the smooth step
+    return np.asarray(at_s[:, None] + steps / PATH_RATE_HZ - lost)
+
+
+def _worst_ratio(q_rad: Array, limits: JointLimits) -> Array:
+    """Samples (M, K, 7) that begin in motion and end at rest -> (K,) largest ratio of any joint."""
+    dq, ddq, dddq = (d[_LEAD:] for d in derivatives(q_rad))  # drop the rest that is assumed before the first sample
+    q = np.concatenate([q_rad[_LEAD:], np.repeat(q_rad[-1:], _LEAD, axis=0)])
+    ratios = np.concatenate([limits.ratios(q, dq, ddq), np.abs(dddq)[None] / limits.dddq_max_rad_s3])
+    return np.asarray(ratios.max(axis=(0, 1, -1)))
+
+
+def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactWindow | None:
+    """The window on the slowed clock; without one where the path stops before it."""
+    if contact is None or contact.start_s > max(start_s, s[-1]):
+        return None
+
+    def slowed(t_s: float) -> float:
+        return t_s if t_s <= start_s else start_s + min(int(np.searchsorted(s, t_s)) + 1, len(s)) / PATH_RATE_HZ
+
+    return ContactWindow(slowed(contact.start_s), slowed(contact.end_s), contact.depth_m, contact.force_N)
+
+
+def _spline(path: JointPath) -> CubicSpline:
+    return CubicSpline(path.t_s, path.q_rad, bc_type="clamped")

@@ -1,0 +1,183 @@
+"""Where the arm must not be: capsules of its links and of its tool, keep-out boxes, and the distances between them.
+
+The capsules are those of the maker's coarse collision model (robot description, "self collision"), in the frames of
+`hw.kinematics`. Distances are exact and work on all leading axes at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.kinematics import FLANGE
+from hw.types import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """All points within `radius_m` of a segment that is fixed in a link (0 base, 1..7 links, 8 flange)."""
+
+    name: str
+    link: int
+    start_m: Array  # (3,) in the link's frame
+    end_m: Array  # (3,)
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start_m", frozen_array(self.start_m, (3,), f"start of {self.name}"))
+        object.__setattr__(self, "end_m", frozen_array(self.end_m, (3,), f"end of {self.name}"))
+
+
+@dataclass(frozen=True, eq=False)
+class KeepOut:
+    """A box, along the axes of the base frame, that neither arm nor tool may enter: a camera, a person's side."""
+
+    name: str
+    low_m: Array  # (3,)
+    high_m: Array  # (3,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "low_m", frozen_array(self.low_m, (3,), f"lower corner of {self.name}"))
+        object.__setattr__(self, "high_m", frozen_array(self.high_m, (3,), f"upper corner of {self.name}"))
+        if (self.low_m >= self.high_m).any():
+            raise ValueError(f"keep-out box {self.name}: the lower corner {self.low_m} is not below {self.high_m}")
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """What hangs on the flange: capsules that must stay clear, and the points that may touch the table."""
+
+    name: str
+    capsules: tuple[Capsule, ...] = ()
+    points_F_m: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (P, 3) in the flange
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points_F_m", frozen_array(self.points_F_m, (None, 3), f"points of {self.name}"))
+
+
+def _capsule(name: str, link: int, start: tuple[float, ...], end: tuple[float, ...], radius: float) -> Capsule:
+    return Capsule(name, link, np.array(start), np.array(end), radius)
+
+
+ARM: tuple[Capsule, ...] = (
+    _capsule("base", 0, (-0.09, 0.0, 0.06), (-0.06, 0.0, 0.06), 0.06),
+    _capsule("link 1", 1, (0.0, 0.0, -0.333), (0.0, 0.0, -0.05), 0.06),
+    _capsule("link 2", 2, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
+    _capsule("link 3", 3, (0.0, 0.0, -0.22), (0.0, 0.0, -0.07), 0.06),
+    _capsule("link 4", 4, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
+    _capsule("link 5", 5, (0.0, 0.0, -0.31), (0.0, 0.0, -0.21), 0.06),
+    _capsule("forearm", 5, (0.0, 0.08, -0.20), (0.0, 0.08, -0.06), 0.025),
+    _capsule("link 6", 6, (0.0, 0.0, -0.07), (0.0, 0.0, 0.01), 0.05),
+    _capsule("link 7", 7, (0.0, 0.0, -0.06), (0.0, 0.0, 0.08), 0.04),
+    _capsule("guide button", 7, (0.06, 0.0, 0.077), (0.06, 0.0, 0.087), 0.03),
+)
+
+_DIAGONAL = 0.1 / 2.0 * np.sqrt(0.5)  # the hand is turned by -45° about the flange's axis
+
+HAND: tuple[Capsule, ...] = (
+    _capsule("hand", FLANGE, (-_DIAGONAL, -_DIAGONAL, 0.04), (_DIAGONAL, _DIAGONAL, 0.04), 0.04),
+    _capsule("fingers", FLANGE, (0.0, 0.0, 0.08), (0.0, 0.0, 0.095), 0.022),
+)
+
+BARE_HAND = Tool("bare hand", HAND)
+
+
+def segments(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
+    """Link poses (..., 9, 4, 4) -> (..., C, 2, 3): both ends of every capsule's segment in the base frame."""
+    links = [c.link for c in capsules]
+    ends = np.array([[c.start_m, c.end_m] for c in capsules]).reshape(-1, 2, 3)
+    chosen = poses[..., links, :, :]
+    return np.asarray(np.einsum("...cij,ckj->...cki", chosen[..., :3, :3], ends) + chosen[..., None, :3, 3])
+
+
+def segment_distance(a: Array, b: Array) -> Array:
+    """Smallest distance between segments (..., 2, 3) and (..., 2, 3) -> (...).
+
+    Closest points as in Ericson, "Real-Time Collision Detection" (2005), 5.1.9.
+    """
+    d1, d2, r = a[..., 1, :] - a[..., 0, :], b[..., 1, :] - b[..., 0, :], a[..., 0, :] - b[..., 0, :]
+    aa, ee, ab = _dot(d1, d1), _dot(d2, d2), _dot(d1, d2)
+    ar, br = _dot(d1, r), _dot(d2, r)
+    tiny = 1e-18
+    det = aa * ee - ab * ab
+    s = np.where(det > 1e-12 * (aa * ee + tiny), np.clip((ab * br - ar * ee) / np.maximum(det, tiny), 0.0, 1.0), 0.0)
+    t = np.clip((ab * s + br) / np.maximum(ee, tiny), 0.0, 1.0)
+    s = np.clip((ab * t - ar) / np.maximum(aa, tiny), 0.0, 1.0)
+    gap = r + s[..., None] * d1 - t[..., None] * d2
+    return np.sqrt(_dot(gap, gap))
+
+
+def box_distance(segment: Array, low_m: Array, high_m: Array) -> Array:
+    """Smallest distance between segments (..., 2, 3) and a box; 0 where a segment enters it.
+
+    Half the derivative of the squared distance along a segment rises piecewise linearly between the planes of the
+    box, so its zero is found among the crossings.
+    """
+    start, step = segment[..., 0, :], segment[..., 1, :] - segment[..., 0, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.concatenate([(low_m - start) / step, (high_m - start) / step], axis=-1)
+    crossing = np.clip(np.where(np.isfinite(crossing), crossing, 0.0), 0.0, 1.0)
+    ends = np.broadcast_to(np.array([0.0, 1.0]), (*crossing.shape[:-1], 2))
+    at = np.sort(np.concatenate([crossing, ends], axis=-1), axis=-1)  # (..., 8)
+    point = start[..., None, :] + at[..., None] * step[..., None, :]
+    outside = point - np.clip(point, low_m, high_m)
+    slope = _dot(outside, np.broadcast_to(step[..., None, :], outside.shape))  # rising along the last axis
+    upper = np.clip((slope < 0.0).sum(axis=-1), 1, at.shape[-1] - 1)[..., None]
+    t0, t1 = np.take_along_axis(at, upper - 1, -1), np.take_along_axis(at, upper, -1)
+    f0, f1 = np.take_along_axis(slope, upper - 1, -1), np.take_along_axis(slope, upper, -1)
+    share = np.clip(-f0 / np.where(f1 > f0, f1 - f0, 1.0), 0.0, 1.0)
+    closest = start + (t0 + share * (t1 - t0)) * step
+    gap = closest - np.clip(closest, low_m, high_m)
+    return np.sqrt(_dot(gap, gap))
+
+
+def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
+    """Link poses (..., 9, 4, 4) -> clearances (..., P) in metres of all pairs that may collide, and their names.
+
+    Neighbouring links overlap by design and are left out, as is everything fixed to the same link.
+    """
+    capsules = (*ARM, *tool.capsules)
+    pairs = [
+        (i, j)
+        for i, a in enumerate(capsules)
+        for j, b in enumerate(capsules)
+        if i < j and _chain(b) - _chain(a) >= 2 and (a.link, b.link) not in ((5, 7), (1, 3), (3, 5))
+    ]
+    ends = segments(poses, capsules)
+    first, second = [i for i, _ in pairs], [j for _, j in pairs]
+    radii = np.array([capsules[i].radius_m + capsules[j].radius_m for i, j in pairs])
+    clearance = segment_distance(ends[..., first, :, :], ends[..., second, :, :]) - radii
+    return clearance, tuple(f"{capsules[i].name} and {capsules[j].name}" for i, j in pairs)
+
+
+def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[str, ...]]:
+    """Link poses (..., 9, 4, 4) -> clearances (..., C) in metres between a box and every moving capsule, and names."""
+    capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 1)
+    radii = np.array([c.radius_m for c in capsules])
+    clearance = box_distance(segments(poses, capsules), box.low_m, box.high_m) - radii
+    return clearance, tuple(f"{c.name} and {box.name}" for c in capsules)
+
+
+def table_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
+    """Link poses (..., 9, 4, 4) -> heights (..., C) in metres above the table of what must never touch it, and names.
+
+    Links 0 and 1 stand on the table.
+    """
+    capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 2)
+    radii = np.array([c.radius_m for c in capsules])
+    return segments(poses, capsules)[..., 2].min(axis=-1) - radii, tuple(f"{c.name} and table" for c in capsules)
+
+
+def point_heights(poses: Array, tool: Tool) -> Array:
+    """Link poses (..., 9, 4, 4) -> (..., P): heights above the table of the tool's points that may touch it."""
+    flange = poses[..., FLANGE, :, :]
+    return np.asarray(tool.points_F_m @ flange[..., 2, :3, None])[..., 0] + flange[..., 2, 3, None]
+
+
+def _chain(capsule: Capsule) -> int:
+    return min(capsule.link, 7)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))

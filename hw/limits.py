@@ -1,0 +1,195 @@
+"""What an arm refuses to do: the whole path is checked before anything moves.
+
+`check_path` reports every check at its tightest moment, `require` raises, `brake` stops along a path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.braking import brake, check_braking
+from hw.collision import BARE_HAND, KeepOut, Tool, box_clearance, point_heights, self_clearance, table_clearance
+from hw.errors import MotionRefused
+from hw.joint_limits import DT_S, LIMITS, JointLimits, derivatives
+from hw.kinematics import JOINTS, link_poses
+from hw.types import PATH_RATE_HZ, Array, JointPath, frozen_array
+
+__all__ = [
+    "LIMITS",
+    "JointLimits",
+    "KeepOut",
+    "LimitReport",
+    "Tool",
+    "Worst",
+    "brake",
+    "check_braking",
+    "check_path",
+    "require",
+]
+
+START_TOLERANCE_RAD = 0.01
+REST_TOLERANCE_RAD_S = 0.01
+SELF_CLEARANCE_M = 0.005
+KEEP_OUT_CLEARANCE_M = 0.01
+TABLE_CLEARANCE_M = 0.002
+TOUCH_TOLERANCE_M = 0.0005
+"""How deep a tool may be commanded below the table top outside of a contact window: resting on it."""
+CONTACT_DEPTH_M = 0.006
+"""The deepest window that a path may declare: deeper is a reflex on a real arm."""
+CONTACT_FORCE_N = 60.0
+GEOMETRY_STEP_S = 0.01
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The tightest moment of one quantity. `ratio` above 1 breaks the limit."""
+
+    quantity: str
+    ratio: float
+    where: str  # "joint 4", or the pair of bodies that comes close
+    t_s: float
+    value: float
+    limit: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.quantity} of {self.where} at t = {self.t_s:.3f} s is {self.value:.4g} {self.unit}, "
+            f"limit {self.limit:.4g} {self.unit}"
+        )
+
+
+@dataclass(frozen=True)
+class LimitReport:
+    """Every check of one path, each at its tightest moment."""
+
+    model: str
+    checks: tuple[Worst, ...]
+
+    @property
+    def ok(self) -> bool:
+        return all(check.ratio <= 1.0 for check in self.checks)
+
+    @property
+    def worst(self) -> Worst:
+        return max(self.checks, key=lambda check: check.ratio)
+
+    @property
+    def joint_ratio(self) -> float:
+        """The largest ratio among position, velocity, acceleration and jerk."""
+        return max(check.ratio for check in self.checks if check.quantity in JOINT_QUANTITIES)
+
+
+JOINT_QUANTITIES = ("position", "velocity", "acceleration", "jerk")
+
+
+def check_path(
+    path: JointPath,
+    model: str,
+    q_now_rad: ArrayLike | None = None,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool = BARE_HAND,
+) -> LimitReport:
+    """Check everything an arm refuses: joint limits, rest at both ends, start, self-collision, boxes, table.
+
+    Derivatives are differences of the 1 kHz samples, with rest before and after the path, as the arm sees it.
+    `q_now_rad` (7,) is where the arm is now; without it the start is not checked. The table top is z = 0.
+    """
+    limits = LIMITS[model]
+    checks = [*_joint_checks(path, limits), _rest(path)]
+    if q_now_rad is not None:
+        off = np.abs(path.q_rad[:1] - frozen_array(q_now_rad, (JOINTS,), "q_now_rad"))
+        checks.append(
+            _worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
+        )
+    return LimitReport(model, (*checks, *_geometry_checks(path, keep_out, tool)))
+
+
+def require(
+    path: JointPath,
+    model: str,
+    q_now_rad: ArrayLike | None = None,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool = BARE_HAND,
+) -> LimitReport:
+    """`check_path` and a stop along the path at any time. Raises MotionRefused with every broken limit."""
+    report = check_path(path, model, q_now_rad, keep_out, tool)
+    if not report.ok:
+        broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
+        raise MotionRefused(f"{model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path")
+    stops = check_braking(path, model)
+    if not stops.ok:
+        late = float(stops.at_s[~np.isfinite(stops.duration_s)][0])
+        raise MotionRefused(f"{model}: no stop along the path from t = {late:.3f} s keeps the limits; slow it down")
+    return report
+
+
+def _joint_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
+    dq, ddq, dddq = derivatives(path.q_rad)
+    q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
+    t_s = np.concatenate([path.t_s, path.t_s[-1] + DT_S * np.arange(1, 4)])
+    position, velocity, acceleration = limits.ratios(q, dq, ddq)
+    nearest = np.where(q > (limits.q_min_rad + limits.q_max_rad) / 2.0, limits.q_max_rad, limits.q_min_rad)
+    low, high = limits.velocity_bounds(q)
+    return [
+        _worst(("position", "rad"), position, q, nearest, t_s),
+        _worst(("velocity", "rad/s"), velocity, dq, np.where(dq >= 0.0, high, low), t_s),
+        _worst(("acceleration", "rad/s²"), acceleration, ddq, limits.ddq_max_rad_s2, t_s),
+        _worst(("jerk", "rad/s³"), np.abs(dddq) / limits.dddq_max_rad_s3, dddq, limits.dddq_max_rad_s3, t_s),
+    ]
+
+
+def _rest(path: JointPath) -> Worst:
+    """Velocity in the first and the last millisecond (the acceleration there is in the padded differences)."""
+    ends = np.stack([path.q_rad[1] - path.q_rad[0], path.q_rad[-1] - path.q_rad[-2]]) / DT_S
+    t_s = np.array([0.0, path.duration_s])
+    return _worst(("end velocity", "rad/s"), np.abs(ends) / REST_TOLERANCE_RAD_S, ends, REST_TOLERANCE_RAD_S, t_s)
+
+
+def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool) -> list[Worst]:
+    every = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ))
+    chosen = np.unique(np.append(np.arange(0, len(path.t_s), every), len(path.t_s) - 1))
+    poses, t_s = link_poses(path.q_rad[chosen]), path.t_s[chosen]
+    checks = [_clearance("self-collision", *self_clearance(poses, tool), SELF_CLEARANCE_M, t_s)]
+    checks.append(_clearance("table", *table_clearance(poses, tool), TABLE_CLEARANCE_M, t_s))
+    checks += [_clearance("keep-out", *box_clearance(poses, tool, box), KEEP_OUT_CLEARANCE_M, t_s) for box in keep_out]
+    if len(tool.points_F_m):
+        checks.append(_contact(path, tool))
+    if path.contact is not None:
+        window = path.contact
+        checks += [
+            Worst(what, value / limit, tool.name, window.start_s, value, limit, unit)
+            for what, value, limit, unit in (
+                ("declared contact depth", window.depth_m, CONTACT_DEPTH_M, "m"),
+                ("predicted contact force", window.force_N, CONTACT_FORCE_N, "N"),
+            )
+        ]
+    return checks
+
+
+def _contact(path: JointPath, tool: Tool) -> Worst:
+    """How deep the tool's lowest point is commanded, against the window's depth inside and none outside."""
+    depth = -point_heights(link_poses(path.q_rad), tool).min(axis=1)
+    allowed = np.full(len(depth), TOUCH_TOLERANCE_M)
+    if path.contact is not None:
+        inside = (path.t_s >= path.contact.start_s - 1e-9) & (path.t_s <= path.contact.end_s + 1e-9)
+        allowed[inside] += path.contact.depth_m
+    i = int(np.argmax(depth / allowed))
+    ratio = max(float(depth[i] / allowed[i]), 0.0)
+    return Worst("depth in the table", ratio, tool.name, float(path.t_s[i]), float(depth[i]), float(allowed[i]), "m")
+
+
+def _clearance(quantity: str, clearance: Array, names: tuple[str, ...], least_m: float, t_s: Array) -> Worst:
+    i, j = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
+    value = float(clearance[i, j])
+    return Worst(quantity, least_m / max(value, 1e-6), names[j], float(t_s[i]), value, least_m, "m")
+
+
+def _worst(what: tuple[str, str], ratio: Array, value: Array, limit: ArrayLike, t_s: Array) -> Worst:
+    """The entry with the largest ratio of (n, 7); `what` is the quantity and its unit."""
+    i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    bound = float(np.broadcast_to(np.asarray(limit, dtype=np.float64), ratio.shape)[i, j])
+    return Worst(what[0], float(ratio[i, j]), f"joint {j + 1}", float(t_s[i]), float(value[i, j]), bound, what[1])

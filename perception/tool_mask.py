@@ -1,0 +1,31 @@
+"""Where the tool stands between the camera and the object, from its mesh and its kinematic pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+from hw.types import Array
+from perception.geometry import Array32, View, inverse
+
+
+class ToolMask:
+    """The tool's mesh, ready for rays. Single-threaded, so that its cost is that of one core."""
+
+    def __init__(self, vertices_m: Array, triangles: NDArray[np.integer]) -> None:
+        """`vertices_m` (V, 3) in the tool frame T, `triangles` (F, 3)."""
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        self._scene.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices_m, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, dtype=np.uint32)),
+        )
+
+    def depth(self, X_BT: Array, view: View, directions: Array32) -> Array32:
+        """Depth (n,) of the tool along rays (n, 3) with z = 1 of `view`; inf where they miss it."""
+        X_TV = inverse(X_BT) @ view.X_BV
+        rays = np.empty((len(directions), 6), dtype=np.float32)
+        rays[:, :3] = X_TV[:3, 3]
+        rays[:, 3:] = directions @ X_TV[:3, :3].T.astype(np.float32)
+        depth: Array32 = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))["t_hit"].numpy()
+        return depth

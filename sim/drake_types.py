@@ -1,0 +1,12 @@
+"""Values in the form that Drake's bindings take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def vector(x: float, y: float, z: float) -> Any:
+    """(3,) for a Drake call. Typed `Any`: Drake's stubs spell their array type so that no array of NumPy's fits."""
+    return np.array([x, y, z], dtype=np.float64)

@@ -1,0 +1,71 @@
+"""The Kinect of the simulated lab: its factory calibration, where it stands, what it sees.
+
+`Renderer(model, X_BC, visuals).render(poses, noise, rng)` gives one colour and one depth image.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from hw.types import Array, CameraModel, Intrinsics
+from sim.render.renderer import Renderer
+from sim.render.sensor import SensorNoise
+
+__all__ = ["EXPOSURE_S", "Renderer", "SensorNoise", "default_X_BC", "kinect_model"]
+
+EXPOSURE_S = 0.008
+"""Exposure of the colour camera in a well-lit room."""
+
+_COLOUR = Intrinsics(
+    1280,
+    720,
+    np.array([[611.8, 0, 639.3], [0, 611.9, 365.9], [0, 0, 1]]),
+    np.array([0.33012, -2.48940, -0.00016, -0.00013, 1.45367, 0.20891, -2.30292, 1.37513]),
+)
+_DEPTH = Intrinsics(
+    640,
+    576,
+    np.array([[504.6, 0, 332.8], [0, 504.7, 348.8], [0, 0, 1]]),
+    np.array([0.54794, -0.02097, 0.00002, -0.00007, -0.00265, 0.88968, 0.08613, -0.01391]),
+)
+"""Azure Kinect, colour 720p and depth in the narrow field unbinned: the factory figures of one device, rounded."""
+
+_DEPTH_TILT_RAD = 0.0863  # about the X axis, of one device; 6 degrees by design
+_DEPTH_OFFSET_M = (-0.0321, -0.0022, 0.0039)
+
+
+def kinect_model(size: Literal["kinect", "small"] = "kinect") -> CameraModel:
+    """Factory calibration of the lab's camera; "small" is the same view at a quarter of the resolution a side."""
+    c, s = np.cos(_DEPTH_TILT_RAD), np.sin(_DEPTH_TILT_RAD)
+    X_CD = np.eye(4)
+    X_CD[1:3, 1:3] = [[c, s], [-s, c]]
+    X_CD[:3, 3] = _DEPTH_OFFSET_M
+    if size == "kinect":
+        return CameraModel("simulated-kinect", _COLOUR, _DEPTH, X_CD)
+    return CameraModel("simulated-kinect-small", _shrunk(_COLOUR, 4), _shrunk(_DEPTH, 4), X_CD)
+
+
+def _shrunk(camera: Intrinsics, factor: int) -> Intrinsics:
+    K = camera.K.copy()
+    K[:2] /= factor
+    K[:2, 2] += 0.5 / factor - 0.5  # pixel centres at integers
+    return Intrinsics(camera.width // factor, camera.height // factor, K, camera.distortion)
+
+
+def default_X_BC() -> Array:
+    """(4, 4) the colour camera opposite the arm, 0.9 m from the work area, looking down at it by 53°."""
+    return _looking((1.28, 0.0, 0.72), (0.74, 0.0, 0.0))
+
+
+def _looking(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> Array:
+    """Pose of a camera (X right, Y down, Z forward) at `eye_m` that looks at `target_m`, upright."""
+    eye, forward = np.array(eye_m), np.subtract(target_m, eye_m)
+    z = forward / np.linalg.norm(forward)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    X = np.eye(4)
+    X[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    X[:3, 3] = eye
+    return X

@@ -1,0 +1,1 @@
+"""Ray casting of triangle meshes on the CPU, and what a depth sensor makes of it."""

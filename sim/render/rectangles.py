@@ -1,0 +1,37 @@
+"""Rectangles of an image as (rows, columns)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+Rectangle = tuple[slice, slice]
+
+
+def is_empty(box: Rectangle) -> bool:
+    """Whether the rectangle has no pixel."""
+    rows, columns = box
+    return bool(rows.stop <= rows.start or columns.stop <= columns.start)
+
+
+def union(boxes: Sequence[Rectangle]) -> Rectangle | None:
+    """The smallest rectangle around all that are not empty; None when all are."""
+    full = [box for box in boxes if not is_empty(box)]
+    if not full:
+        return None
+    rows, columns = zip(*full, strict=True)
+    return (
+        slice(min(s.start for s in rows), max(s.stop for s in rows)),
+        slice(min(s.start for s in columns), max(s.stop for s in columns)),
+    )
+
+
+def within(box: Rectangle, region: Rectangle) -> Rectangle:
+    """`box` counted from the first corner of `region`."""
+    (rows, columns), (top, left) = box, (region[0].start, region[1].start)
+    return slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left)
+
+
+def coarser(box: Rectangle, step: int) -> Rectangle:
+    """`box` in an image of which only every `step`-th row and column is kept."""
+    rows, columns = box
+    return slice(rows.start // step, -(-rows.stop // step)), slice(columns.start // step, -(-columns.stop // step))

@@ -1,0 +1,60 @@
+"""Colour and depth images of moving bodies before a still scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, CameraModel
+from sim.render.bodies import Body
+from sim.render.colour import SAMPLES, ColourView
+from sim.render.depth import DepthView
+from sim.render.poses import within_exposure
+from sim.render.sensor import SensorNoise, sense_colour, sense_depth
+from sim.tasks.task import Visual
+
+WORLD = "world"
+FLOOR_M = -0.75
+"""A floor under the table, in the base frame: part of every scene."""
+
+
+class Renderer:
+    """A fixed RGB-D camera that sees `visuals`.
+
+    What belongs to the body "world" never moves and is rendered once; other bodies are cast in the part of
+    the image that they can cover. Equal input gives equal images, in any process.
+    """
+
+    def __init__(self, model: CameraModel, X_BC: Array, visuals: Sequence[Visual]) -> None:
+        """`X_BC` (4, 4) is where the colour camera really stands in the base frame."""
+        names = [name for name in dict.fromkeys(visual.body for visual in visuals) if name != WORLD]
+        self._bodies = {name: Body([v for v in visuals if v.body == name]) for name in names}
+        world = Body([*(v for v in visuals if v.body == WORLD), _floor()])
+        X_BC = np.asarray(X_BC, dtype=np.float64)
+        self._colour = ColourView(model.colour, X_BC, world)
+        self._depth = DepthView(model.depth, X_BC @ model.X_CD, world)
+
+    def render(
+        self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+        """`poses` (S, 4, 4) in the base frame of every moving body, at the middles of S equal slices of the exposure.
+
+        -> colour (Hc, Wc, 3) RGB with motion blur, depth (Hd, Wd) in mm at the middle of the exposure.
+        Without `noise` both are exact but for rounding. Raises ValueError when a body lacks its pose.
+        """
+        lacking = [name for name in self._bodies if name not in poses]
+        if lacking:
+            raise ValueError(f"no pose for the visible bodies {lacking}; poses name {sorted(poses)}")
+        spread = (np.arange(SAMPLES) + 0.5) / SAMPLES
+        given = [(body, np.asarray(poses[name], dtype=np.float64)) for name, body in self._bodies.items()]
+        colour = self._colour.render([(body, within_exposure(X, spread)) for body, X in given])
+        depth = self._depth.render([(body, within_exposure(X, np.array([0.5]))[0]) for body, X in given])
+        return sense_colour(colour, noise, rng), sense_depth(*depth, noise, rng)
+
+
+def _floor() -> Visual:
+    reach = 6.0
+    vertices = np.array([[x, y, FLOOR_M] for x in (-reach, reach) for y in (-reach, reach)])
+    return Visual(WORLD, vertices, np.array([[0, 2, 3], [0, 3, 1]], dtype=np.int32), (0.16, 0.17, 0.18))

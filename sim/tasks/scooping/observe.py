@@ -1,0 +1,35 @@
+"""What a scoop is worth, and how its observation moves with the piece's place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.tasks.scooping.params import BLADE_LENGTH_M, OBSERVATION, REFERENCE_CONTEXT
+
+_FAR_M = 0.05
+_FAR_COST = 0.2
+
+
+def succeeded(track: ObjectTrack) -> bool:
+    """The piece ended on the blade: over 1 mm above its face and inside its outline."""
+    return track.outcome is Outcome.ON_BLADE
+
+
+def end_state(track: ObjectTrack) -> Array:
+    """(2,) where on the blade the piece ended: (x, y) in the tool frame, m."""
+    return np.array(track.end_in_tool_m[:2])
+
+
+def reward_of_success(end_in_tool_m: Array, context: Array) -> Array:
+    """1 - 0.2 min(1, distance from the blade's centre / 5 cm) (public code), for (..., 2) -> (...)."""
+    distance_m = np.hypot(end_in_tool_m[..., 0] + BLADE_LENGTH_M / 2, end_in_tool_m[..., 1])
+    return 1.0 - _FAR_COST * np.minimum(1.0, distance_m / _FAR_M)
+
+
+def relocate(observation: Array, context: Array) -> Array:
+    """Observation (..., size) at the reference context as it would be at `context` (..., 2): the motion starts
+    relative to the piece and the table is the same everywhere, so all moves along."""
+    states = OBSERVATION.denormalise(observation)
+    return OBSERVATION.normalise(states + (context - REFERENCE_CONTEXT)[..., None, :])

@@ -1,0 +1,99 @@
+"""From an action to the motion of the spatula.
+
+The tool frame T sits on the top face of the blade at the middle of its leading edge: X points forward out of
+the edge, Y to the left, Z up from the face. Pitch is about +Y: positive holds the edge down and the handle up.
+
+The paper prescribes velocities of the wrist point F (A4.1; knots of the public code). Taken literally the edge would be
+commanded up to 11 mm into the table, a reflex stop on a real arm. So X and pitch are the paper's, and the
+height of the edge is the paper's above the table and saturates smoothly at `DEPTH_LIMIT_M` below it. What
+happens there is a matter of compliance: `VERTICAL_STIFFNESS_N_M` is that of a Franka under its default joint
+impedance (3000, 2500 and 2000 Nm/rad in joints 2, 4, 6 with levers of about 0.75, 0.4 and 0.25 m).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hw.types import PATH_RATE_HZ, Array, ContactWindow
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, NUISANCE, WRIST_IN_TOOL_M
+from sim.types import ToolMotion
+
+DURATION_S = 1.0
+DEPTH_LIMIT_M = 0.003
+VERTICAL_STIFFNESS_N_M = 4000.0
+VERTICAL_DAMPING_NS_M = 130.0
+"""Critical for an effective mass of 1 kg at the edge."""
+
+_KNOTS_S = np.array([0.0, 0.25, 0.35, 0.60, 0.70, 1.00])
+_WRIST_VX_M_S = np.array([0.0, 0.6, 0.7, 0.2, 0.0, 0.0])
+_WRIST_VZ_M_S = np.array([0.0, -0.01, -0.01, 0.01, 0.0, 0.0])
+_PITCH_RATE_RAD_S = np.array([0.0, 0.0, -0.6, -0.6, 0.0, 0.0])  # the second one is the action's
+_RELEASE_S = 0.05
+"""How long after its command the edge may still touch: the lag of the compliance, with reserve."""
+
+
+def plan(context: Array, action: Array) -> ToolMotion:
+    """The motion for `action` (pitch rate, pitch, distance) at a piece lying at `context` (x, y), in units.
+
+    Starts with the edge touching the table, `distance` behind the nearest side of the largest piece, and is at
+    rest with zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
+    """
+    pitch_rad, p_m = edge_path(float(action[0]), float(action[1]))
+    t_s = _times()
+    start_m = np.array([context[0] - NUISANCE.high[0] - action[2], context[1]])
+    X_BT = np.tile(np.eye(4), (len(t_s), 1, 1))
+    cos, sin = np.cos(pitch_rad), np.sin(pitch_rad)
+    X_BT[:, 0, 0], X_BT[:, 0, 2], X_BT[:, 2, 0], X_BT[:, 2, 2] = cos, sin, -sin, cos
+    X_BT[:, 0, 3] = start_m[0] + p_m[:, 0]
+    X_BT[:, 1, 3] = start_m[1]
+    X_BT[:, 2, 3] = p_m[:, 1] + edge_height_m(pitch_rad)
+    return ToolMotion(t_s, X_BT, _contact(t_s, p_m[:, 1]))
+
+
+def edge_path(pitch_rate_rad_s: float, pitch_rad: float) -> tuple[Array, Array]:
+    """Pitch (N,) and the edge's (x, z) (N, 2) at 1 kHz: x from its start, z the height of its lowest point.
+
+    A clamped cubic spline of the wrist's velocity; heights below the table saturate by a tanh (twice
+    differentiable where it begins).
+    """
+    wrist_m, turned_rad = _profile()
+    pitch = pitch_rad + turned_rad[:, 0] + pitch_rate_rad_s * turned_rad[:, 1]
+    cos, sin = np.cos(pitch), np.sin(pitch)
+    ahead, below = -WRIST_IN_TOOL_M[0], -WRIST_IN_TOOL_M[2]  # T as seen from the wrist
+    p_m = wrist_m + np.stack([ahead * cos + below * sin, below * cos - ahead * sin], axis=-1)
+    p_m = p_m - p_m[0]
+    p_m[:, 1] = np.where(p_m[:, 1] > 0.0, p_m[:, 1], DEPTH_LIMIT_M * np.tanh(p_m[:, 1] / DEPTH_LIMIT_M))
+    return pitch, p_m
+
+
+def edge_height_m(pitch_rad: Array) -> Array:
+    """Height of T over the lowest point of the edge: a rounded corner of radius `CORNER_M` under T."""
+    return (EDGE_M - CORNER_M) * np.cos(pitch_rad) + CORNER_M
+
+
+def _contact(t_s: Array, height_m: Array) -> ContactWindow:
+    rate_m_s = np.gradient(height_m, t_s)
+    touching = height_m <= 0.0
+    force_N = VERTICAL_STIFFNESS_N_M * -height_m + VERTICAL_DAMPING_NS_M * np.maximum(-rate_m_s, 0.0)
+    return ContactWindow(
+        start_s=0.0,
+        end_s=min(float(t_s[touching][-1]) + _RELEASE_S, DURATION_S),
+        depth_m=float(max(-height_m.min(), 0.0)),
+        force_N=float(force_N[touching].max()),
+    )
+
+
+def _times() -> Array:
+    return np.linspace(0.0, DURATION_S, round(DURATION_S * PATH_RATE_HZ) + 1)
+
+
+@lru_cache(maxsize=1)
+def _profile() -> tuple[Array, Array]:
+    """Wrist (x, z) (N, 2) from its start; pitch turned with pitch rate 0, and per unit of pitch rate (N, 2)."""
+    unit = (np.arange(len(_KNOTS_S)) == 1).astype(float)
+    rates = np.stack([_WRIST_VX_M_S, _WRIST_VZ_M_S, _PITCH_RATE_RAD_S, unit], axis=-1)
+    moved = CubicSpline(_KNOTS_S, rates, bc_type="clamped").antiderivative()(_times())
+    return moved[:, :2], moved[:, 2:]

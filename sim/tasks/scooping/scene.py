@@ -1,0 +1,157 @@
+"""Table, piece and spatula in a Drake plant: the same physics whether an arm carries the tool or not.
+
+Piece against table and blade is compliant hydroelastic contact (the piece has the modulus, the others are rigid).
+The edge rides on the table on two small rounded corners by point contact without friction; everything else
+between blade and table is left out, so each step has few contacts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Box,
+    Convex,
+    InMemoryMesh,
+    ProximityProperties,
+    Sphere,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    RevoluteJoint,
+    RevoluteSpring,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+    WeldJoint,
+)
+
+from hw.types import Array
+from sim.drake_types import vector
+from sim.tasks.scooping.looks import piece_visual, spatula_visuals, table_visual
+from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, CORNER_M, EDGE_M, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
+from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
+from sim.tasks.task import SceneBodies
+
+TOOL = "spatula"
+OBJECT = "piece"
+STEP_S = 0.0020
+RELAXATION_TIME_S = 0.020
+HUNT_CROSSLEY_S_M = 1.0
+TABLE_M = ((-3.0, -0.6, -0.1), (1.2, 0.6, 0.0))
+"""Corners of the table in the base frame. It goes on under the robot, so that the seam between the two triangles of
+its top face runs far from where the piece moves."""
+
+EDGE_STIFFNESS_N_M = 2e5
+BLADE_MASS_KG = 0.02
+FLEX_TIME_S = 0.010
+"""How fast a bent blade returns: nylon is well damped."""
+
+
+def time_step_s(unmodelled: Unmodelled | None) -> float:
+    """The step of the plant that `build_scene` is made for."""
+    return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
+
+
+def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None = None) -> Piece:
+    """The piece for parameters (mu, e, g, h in cm) and nuisance (radius)."""
+    scale = (unmodelled or Unmodelled()).semi_axis_scale
+    radius_m = float(nuisance[0])
+    return make_piece(round(parameters[2]), parameters[3] / 100.0, (radius_m * scale[0], radius_m * scale[1]))
+
+
+def build_scene(
+    plant: MultibodyPlant,
+    tool_parent: Frame,
+    X_PT: Array,
+    parameters: Array,
+    nuisance: Array,
+    unmodelled: Unmodelled | None,
+) -> SceneBodies:
+    """Add table, piece and spatula, and set the contact model. The spatula's body frame is T (see plan.py)."""
+    effects = unmodelled or Unmodelled()
+    mu, e_Pa = float(parameters[0]), float(parameters[1])
+    plant.set_discrete_contact_approximation(
+        DiscreteContactApproximation.kSap if effects.contact == "sap" else DiscreteContactApproximation.kLagged
+    )
+    low_m, high_m = np.array(TABLE_M)
+    X_BG = RigidTransform(vector(*(low_m + high_m) / 2))
+    plant.RegisterCollisionGeometry(plant.world_body(), X_BG, Box(*(high_m - low_m)), "table", _rigid(mu))
+    piece = piece_of(parameters, nuisance, effects)
+    _add_piece(plant, piece, mu, e_Pa, effects)
+    handle, turner = _add_spatula(plant, tool_parent, X_PT, effects)
+    plant.RegisterCollisionGeometry(
+        turner,
+        RigidTransform(),
+        _polyhedron(blade()),
+        "blade",
+        _rigid(effects.friction_of_blade(mu)),
+    )
+    for side in (-1.0, 1.0):
+        _add_corner(plant, turner, side)
+    visuals = (table_visual(), piece_visual(OBJECT, piece), *spatula_visuals(TOOL, handle.name()))
+    return SceneBodies(tool=TOOL, object=OBJECT, visuals=visuals)
+
+
+def _add_piece(plant: MultibodyPlant, piece: Piece, mu: float, e_Pa: float, effects: Unmodelled) -> None:
+    mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
+    G = piece.unit_inertia_m2
+    central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
+    inertia = SpatialInertia.MakeFromCentralInertia(mass_kg, vector(*effects.com_offset_m), central * mass_kg)
+    body = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
+    properties = ProximityProperties()
+    AddContactMaterial(HUNT_CROSSLEY_S_M, None, CoulombFriction(mu, mu), properties)
+    properties.AddProperty("material", "relaxation_time", RELAXATION_TIME_S)
+    AddCompliantHydroelasticProperties(0.01, e_Pa, properties)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, properties)
+
+
+def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:
+    """Handle and blade. A pitch or distance bias turns or shortens the mount about the edge; a blade that bends
+    is hinged at its root, with the stiffness that bends it by `blade_flex_rad` under the full depth."""
+    instance = plant.AddModelInstance(TOOL)
+    inertia = SpatialInertia.SolidBoxWithMass(BLADE_MASS_KG, BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M)
+    handle = plant.AddRigidBody(TOOL + "_handle", instance, inertia)
+    blade = plant.AddRigidBody(TOOL, instance, inertia.Shift(vector(BLADE_LENGTH_M / 2, 0.0, EDGE_M / 2)))
+    plant.set_gravity_enabled(instance, False)
+    bias = RigidTransform(RollPitchYaw(0.0, effects.pitch_bias_rad, 0.0), vector(-effects.distance_bias_m, 0.0, 0.0))
+    plant.AddJoint(WeldJoint(TOOL + "_mount", parent, handle.body_frame(), RigidTransform(X_PT) @ bias))
+    if effects.blade_flex_rad == 0.0:
+        plant.AddJoint(WeldJoint(TOOL + "_root", handle.body_frame(), blade.body_frame(), RigidTransform()))
+        return handle, blade
+    stiffness_Nm = VERTICAL_STIFFNESS_N_M * DEPTH_LIMIT_M * BLADE_LENGTH_M / effects.blade_flex_rad
+    X_TR = RigidTransform(vector(-BLADE_LENGTH_M, 0.0, 0.0))
+    above, below = (
+        plant.AddFrame(FixedOffsetFrame(f"{body.name()}_root", body.body_frame(), X_TR)) for body in (handle, blade)
+    )
+    axis = vector(0.0, 1.0, 0.0)
+    joint = plant.AddJoint(RevoluteJoint(TOOL + "_root", above, below, axis, stiffness_Nm * FLEX_TIME_S))
+    plant.AddForceElement(RevoluteSpring(joint, 0.0, stiffness_Nm))
+    return handle, blade
+
+
+def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float) -> None:
+    properties = ProximityProperties()
+    AddContactMaterial(HUNT_CROSSLEY_S_M, EDGE_STIFFNESS_N_M, CoulombFriction(0.0, 0.0), properties)
+    properties.AddProperty("material", "relaxation_time", RELAXATION_TIME_S)
+    X_TG = RigidTransform(vector(0.0, side * (BLADE_WIDTH_M - EDGE_M) / 2, -EDGE_M + CORNER_M))
+    name = "corner_left" if side > 0 else "corner_right"
+    plant.RegisterCollisionGeometry(blade, X_TG, Sphere(CORNER_M), name, properties)
+
+
+def _rigid(mu: float) -> ProximityProperties:
+    properties = ProximityProperties()
+    AddContactMaterial(HUNT_CROSSLEY_S_M, None, CoulombFriction(mu, mu), properties)
+    AddRigidHydroelasticProperties(1.0, properties)
+    return properties
+
+
+def _polyhedron(solid: Piece) -> Convex:
+    return Convex(InMemoryMesh(mesh_file=MemoryFile(obj_text(solid), ".obj", "solid.obj")), 1.0)

@@ -1,0 +1,105 @@
+"""Rollouts in Drake: they repeat exactly, do what they look like, and never raise."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+
+from perception.types import Outcome
+from sim.tasks.scooping import TASK, rollout
+from sim.tasks.scooping.params import REFERENCE_CONTEXT, Unmodelled
+
+CYLINDER = np.array([0.30, 1e5, 1, 2.0])
+ELLIPSOID = np.array([0.30, 5e4, 0, 2.0])
+LATE_AND_FLAT = np.array([0.10, 0.05, 0.018])
+RADIUS = np.array([0.0125])
+
+
+def scoop(parameters=CYLINDER, context=REFERENCE_CONTEXT, action=LATE_AND_FLAT, effects=None):
+    return TASK.simulate(parameters, context, action, RADIUS, effects)
+
+
+@pytest.fixture(scope="module")
+def scooped():
+    return scoop()
+
+
+def test_a_gentle_late_scoop_lifts_a_cylinder(scooped):
+    assert scooped.outcome is Outcome.ON_BLADE
+    assert 0.8 <= TASK.score(scooped, REFERENCE_CONTEXT) <= 1.0
+    assert scooped.t_s[0] == 0.0
+    assert scooped.t_s[-1] == 1.0
+    assert scooped.state[-1, 2] > 0.03
+    assert scooped.state[-1, 0] > scooped.state[0, 0] + 0.1
+
+
+def test_the_same_scoop_repeats_exactly(scooped):
+    again = scoop()
+    np.testing.assert_array_equal(again.state, scooped.state)
+    np.testing.assert_array_equal(again.end_in_tool_m, scooped.end_in_tool_m)
+
+
+def test_elsewhere_on_the_table_the_same_happens_there(scooped):
+    context = np.array([0.70, -0.02])
+    there = TASK.observation(scoop(context=context))
+    np.testing.assert_allclose(TASK.relocate(TASK.observation(scooped), context), there, atol=0.01)
+
+
+def test_a_blade_held_like_a_wall_lifts_nothing():
+    effects = Unmodelled(pitch_bias_rad=0.5)
+    assert scoop(effects=effects).outcome is not Outcome.ON_BLADE
+
+
+def test_a_solver_that_gives_up_is_an_outcome_with_a_reason(monkeypatch):
+    class Stuck(rollout.Simulator):
+        def AdvanceTo(self, boundary_time):
+            if boundary_time > 0.3:
+                raise RuntimeError("did not converge")
+            return super().AdvanceTo(boundary_time)
+
+    monkeypatch.setattr(rollout, "Simulator", Stuck)
+    failed = scoop()
+    assert failed.outcome is Outcome.SOLVER_FAILED
+    assert "did not converge" in failed.flags[0]
+    assert TASK.score(failed, REFERENCE_CONTEXT) == 0.0
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        Unmodelled(semi_axis_scale=(1.2, 0.9)),
+        Unmodelled(density_scale=0.8, com_offset_m=(0.002, 0.0, 0.0)),
+        Unmodelled(second_friction_scale=0.5),
+        Unmodelled(blade_flex_rad=0.05),
+        Unmodelled(distance_bias_m=0.005),
+        Unmodelled(contact="lagged"),
+    ],
+)
+def test_every_effect_of_a_world_changes_what_happens(effects, scooped):
+    changed = scoop(effects=effects)
+    assert changed.outcome is not Outcome.SOLVER_FAILED
+    assert np.abs(changed.at(np.array([1.0])) - scooped.at(np.array([1.0]))).max() > 1e-5
+
+
+@pytest.mark.parametrize("parameters", [ELLIPSOID, np.array([0.2, 1e6, 0, 2.8]), np.array([0.4, 1e4, 2, 1.9])])
+def test_the_piece_lies_still_until_it_is_touched(parameters):
+    far = scoop(parameters, action=np.array([0.0, 0.1, 0.020]))
+    before = far.state[far.t_s < 0.15]
+    assert np.abs(before - before[0]).max() < 5e-4
+
+
+def test_scene_has_tool_piece_and_pictures_of_both():
+    plant = MultibodyPlant(time_step=TASK.time_step_s(None))
+    from pydrake.geometry import SceneGraph  # noqa: PLC0415 - it must outlive the plant
+
+    scene = SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene)
+    bodies = TASK.build_scene(plant, plant.world_frame(), RigidTransform().GetAsMatrix4(), CYLINDER, RADIUS, None)
+    plant.Finalize()
+    seen = {visual.body for visual in bodies.visuals}
+    assert {bodies.object, bodies.tool, "world"} <= seen
+    for visual in bodies.visuals:
+        assert visual.triangles.max() < len(visual.vertices_m)
+        assert visual.body == "world" or plant.HasBodyNamed(visual.body)
+    assert plant.num_positions() == 7
+    assert TASK.time_step_s(Unmodelled(dt_s=0.001)) == 0.001

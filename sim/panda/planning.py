@@ -188,7 +188,8 @@ def _homeward(q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[Keep
             break
         for over in _ways(up.q_rad[-1], q_home, model):
             path = joined(up, over)
-            reports = [check_path(p, model, None, keep_out, tool) for p in (path, JointPath(path.t_s, path.q_rad[::-1]))]
+            both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
+            reports = [check_path(way, model, None, keep_out, tool) for way in both_ways]
             low_m = float(point_heights(link_poses(over.q_rad[::10]), tool).min()) if len(tool.points_F_m) else CLEAR_M
             if all(report.ok for report in reports) and low_m >= CLEAR_M:
                 return path

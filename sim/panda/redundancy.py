@@ -33,8 +33,11 @@ _STARTS = 8
 _ITERATIONS = 40
 _PATIENCE, _HOPELESS = 8, 0.2
 _APART_RAD = 0.5
+_BESIDE = 2  # samples
+_COARSER = 4
 _DEGREE = 5
 _UNREACHABLE = 10.0
+_JUMP_RAD = 2.0
 _NEAR_TOP, _ROUNDS = 0.15, 4
 _ACCELERATION_RESERVE = 0.005
 """What accelerations may rise by between the samples of the grid."""
@@ -57,12 +60,9 @@ class Profile:
 def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | None = None) -> Iterator[Profile]:
     """Refined profiles for flange poses (N, 4, 4) at evenly spaced `t_s` (N,), the most promising first.
 
-    Lazy, up to six; none where the poses are out of reach. Starts near `q_seed_rad` (7,) are preferred a little.
+    Lazy, up to eight; none where the poses are out of reach. Starts near `q_seed_rad` (7,) are preferred a little.
     """
-    duration_s = float(t_s[-1])
-    even = np.linspace(0.0, duration_s, max(round(duration_s / STEP_S), 4) + 1)
-    chosen = np.searchsorted(t_s, even - 1e-9)
-    grid = _Grid(t_s[chosen], X_BF[chosen], limits)
+    grid = _Grid.of(t_s, X_BF, limits)
     best = np.inf
     for start in _starts(grid, q_seed_rad):
         profile = _refine(grid, start, best)
@@ -72,25 +72,41 @@ def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | N
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Flange poses at evenly spaced times, and how a profile does there."""
+    """Flange poses around evenly spaced moments, and how a profile does there.
 
-    t_s: Array
-    X_BF: Array
+    Each moment has a neighbour just before and just after it, so that derivatives are local: a short burst of
+    acceleration is not averaged away.
+    """
+
+    t_s: Array  # (3, T) before, at and after each moment
+    X_BF: Array  # (3, T, 4, 4)
+    duration_s: float
     limits: JointLimits
+
+    @classmethod
+    def of(cls, t_s: Array, X_BF: Array, limits: JointLimits) -> _Grid:
+        last = len(t_s) - 1
+        beside = min(_BESIDE, last // 2)
+        moments = np.linspace(beside, last - beside, max(round(float(t_s[-1]) / STEP_S), 4) + 1).round().astype(int)
+        chosen = moments + beside * np.array([[-1], [0], [1]])
+        return cls(t_s[chosen], X_BF[chosen], float(t_s[-1]), limits)
+
+    def thinned(self, every: int) -> _Grid:
+        return _Grid(self.t_s[:, ::every], self.X_BF[:, ::every], self.duration_s, self.limits)
 
     @property
     def count(self) -> int:
-        return min(max(round(float(self.t_s[-1]) / _SPACING_S), 1), _COEFFICIENTS)
+        return min(max(round(self.duration_s / _SPACING_S), 1), _COEFFICIENTS)
 
     def ratios(self, q_rad: Array) -> Array:
-        """Joint positions (T, ..., 7) -> (3, T - 2, ..., 7) by central differences.
+        """Joint positions (3, T, ..., 7) -> (3, T, ..., 7) ratios of position, velocity and acceleration.
 
         Positions count less the farther they are from `ALLOWED`: closeness to a limit is no effort.
         """
-        dt = self.t_s[1] - self.t_s[0]
-        dq = (q_rad[2:] - q_rad[:-2]) / (2.0 * dt)
-        ddq = (q_rad[2:] - 2.0 * q_rad[1:-1] + q_rad[:-2]) / dt**2
-        position, velocity, acceleration = self.limits.ratios(q_rad[1:-1], dq, ddq)
+        h = float(self.t_s[1, 0] - self.t_s[0, 0])
+        dq = (q_rad[2] - q_rad[0]) / (2.0 * h)
+        ddq = (q_rad[2] - 2.0 * q_rad[1] + q_rad[0]) / h**2
+        position, velocity, acceleration = self.limits.ratios(q_rad[1], dq, ddq)
         effective = np.stack([2.0 * position - ALLOWED, velocity, acceleration + _ACCELERATION_RESERVE])
         return np.asarray(np.nan_to_num(effective, nan=_UNREACHABLE))
 
@@ -101,18 +117,18 @@ def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
     The two sides of the shoulder (branches 2 i and 2 i + 1) move alike and differ in joint positions only, so they
     count as neighbours.
     """
-    every = 2 if len(grid.t_s) > 16 else 1
-    coarse = _Grid(grid.t_s[::every], grid.X_BF[::every], grid.limits)
-    duration_s = float(grid.t_s[-1])
+    coarse, duration_s = grid.thinned(_COARSER), grid.duration_s
     low, high = grid.limits.q_min_rad[6], grid.limits.q_max_rad[6]
     middles, swings = np.linspace(low, high, 37)[1:-1], np.linspace(-0.9, 0.9, 7)
     middle, swing = (v.ravel() for v in np.meshgrid(middles, swings, indexing="ij"))
     share = coarse.t_s / duration_s
     bend = share**3 * (10.0 - 15.0 * share + 6.0 * share**2) - 0.5
-    q = inverse(coarse.X_BF[:, None], middle + bend[:, None] * swing)
+    q = inverse(coarse.X_BF[:, :, None], middle + bend[..., None] * swing)
     worst = coarse.ratios(q).max(axis=(0, 1, -1))  # (K, branches)
+    jumps = np.nan_to_num(np.abs(np.diff(q[1], axis=0)), nan=np.inf).max(axis=(0, -1)) > _JUMP_RAD
+    worst[jumps] = _UNREACHABLE  # a joint would turn past the seam of its range
     if q_seed_rad is not None:
-        worst = worst + 0.02 * np.nan_to_num(np.abs(q[0] - q_seed_rad).max(axis=-1), nan=0.0)
+        worst = worst + 0.02 * np.nan_to_num(np.abs(q[1, 0] - q_seed_rad).max(axis=-1), nan=0.0)
     found: list[tuple[int, int]] = []
     for flat in np.argsort(worst, axis=None):
         k, branch = divmod(int(flat), BRANCHES)
@@ -126,7 +142,7 @@ def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
 
 def _refine(grid: _Grid, start: Profile, to_beat: float) -> Profile:
     """Sequential linear programming: minimise the largest of all ratios. Gives up early when far from `to_beat`."""
-    basis = _basis(grid.t_s, start.duration_s, grid.count)
+    basis = _basis(grid.t_s.ravel(), start.duration_s, grid.count).reshape(*grid.t_s.shape, -1)
     reach, best = 0.3, start.coefficients
     worst, values, slopes = _linearised(grid, basis, best, start.branch)
     for iteration in range(_ITERATIONS):
@@ -147,7 +163,7 @@ def _linearised(grid: _Grid, basis: Array, coefficients: Array, branch: int) -> 
     """Largest ratio, all ratios (R,) and their slopes (R, n) by forward differences."""
     n, nudge = len(coefficients), 1e-5
     tried = np.vstack([coefficients, coefficients + nudge * np.eye(n)])
-    q = inverse(grid.X_BF[:, None], basis @ tried.T)[:, :, branch]
+    q = inverse(grid.X_BF[:, :, None], basis @ tried.T)[..., branch, :]
     ratios = np.moveaxis(grid.ratios(q), 2, 0).reshape(n + 1, -1)
     return float(ratios[0].max()), ratios[0], ((ratios[1:] - ratios[0]) / nudge).T
 

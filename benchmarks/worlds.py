@@ -1,0 +1,161 @@
+"""What a session gains: methods in the lab's worlds, judged by true Drake rollouts.
+
+    python benchmarks/worlds.py --task scooping --seeds 3
+
+Sessions see what an operator's would (two trials for each of two particles, five iterations, noisy observations), but
+the tool is driven directly in the world's physics, without arm and camera, so that many fit into minutes. The final
+policy of each session is run `--rollouts` times in the world, under the executed-action error of training. The oracle
+is the best of the policies trained for a space-filling set of E in Omega: chosen by rollouts in the world, judged on
+fresh ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.adaptation import choose_best, make_method
+from sim.adaptation.episodes import Roll, trial_requests
+from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
+from sim.baselines.udr import Udr
+from sim.checkpoint import Checkpoint, load_checkpoint
+from sim.rollouts import process_pool, run_many
+from sim.sampling import sobol, spread
+from sim.task_policy import EmulatorPolicy, train_many, train_task_policy
+from sim.tasks import get_task
+from sim.tasks.task import Task
+from sim.world import World, list_worlds, load_world
+
+CANDIDATES, SCREENING = 24, 12
+"""Policies that the oracle chooses from, and rollouts it chooses by."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The final policy of one session, as `adaptsim benchmark` reports it."""
+
+    task: str
+    target: str
+    method: str
+    seed: int
+    reward: float
+    ci95: tuple[float, float]
+    real_trials: int
+    wall_s: float
+
+
+def simulate_in(
+    task: str, world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+) -> ObjectTrack:
+    """A rollout in the world, whatever parameters were asked for."""
+    return get_task(task).simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+
+
+def main() -> None:
+    arguments = _arguments()
+    task = get_task(arguments.task)
+    checkpoint = load_checkpoint(task, arguments.checkpoint)
+    names = arguments.worlds or list_worlds(task)
+    rows: list[Row] = []
+    with process_pool(arguments.workers) as executor:
+        for name in names:
+            for row in in_world(task, load_world(name, task), checkpoint, executor, arguments):
+                print(json.dumps(row.__dict__), flush=True)
+                rows.append(row)
+    print(table(rows))
+
+
+def in_world(
+    task: Task, world: World, checkpoint: Checkpoint, executor: Executor, arguments: argparse.Namespace
+) -> Iterable[Row]:
+    there = replace(task, simulate=partial(simulate_in, task.name, world))
+
+    def roll(requests: Any) -> Any:
+        return run_many(there, requests, executor)
+
+    settings = EvaluationSettings()
+    emulator, n = checkpoint.emulator, arguments.rollouts
+
+    def row(method: str, seed: int, policy: EmulatorPolicy, trials: int, since: float) -> Row:
+        rewards = rewards_of(task, policy, roll, n, np.random.default_rng((seed, 1)))
+        half = 1.96 * float(rewards.std(ddof=1)) / n**0.5
+        mean = float(rewards.mean())
+        ci95 = (round(mean - half, 3), round(mean + half, 3))
+        return Row(task.name, world.name, method, seed, round(mean, 3), ci95, trials, round(time.time() - since, 1))
+
+    began, rng = time.time(), np.random.default_rng(0)
+    udr = train_task_policy(task, emulator, Udr(task).start(1, rng)[0].samples, rng)
+    yield row("udr", 0, udr, 0, began)
+
+    began = time.time()
+    grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
+    policies = train_many(task, emulator, grid[:, None, :], rng)
+    screened = [rewards_of(task, p, roll, SCREENING, np.random.default_rng(2)).mean() for p in policies]
+    yield row("oracle", 0, policies[int(np.argmax(screened))], CANDIDATES * SCREENING, began)
+
+    for method in arguments.methods:
+        for seed in range(arguments.seeds):
+            began, rng = time.time(), np.random.default_rng((seed, 0))
+            history = run_session(
+                task, emulator, make_method(method, task, checkpoint), world.parameters, roll, settings, rng
+            )
+            best = choose_best(task, history).particle
+            trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
+            yield row(method, seed, train_task_policy(task, emulator, best.samples, rng), trials, began)
+
+
+def rewards_of(task: Task, policy: EmulatorPolicy, roll: Roll, n: int, rng: np.random.Generator) -> Array:
+    """(n,) true rewards over contexts and executed-action errors."""
+    contexts = task.context.sample(rng, n)
+    nowhere = np.zeros((n, len(task.parameters)))  # the world has its own
+    return roll(trial_requests(task, nowhere, contexts, policy.actions(contexts), rng)).rewards(task, contexts)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Rewards by world and method (mean over seeds), and the share of the gap that each method closes."""
+    methods = list(dict.fromkeys(r.method for r in rows))
+    worlds = list(dict.fromkeys(r.target for r in rows))
+    mean = np.array(
+        [[np.mean([r.reward for r in rows if (r.target, r.method) == (w, m)]) for m in methods] for w in worlds]
+    )
+    lines = ["| world | " + " | ".join(methods) + " |", "|---" * (len(methods) + 1) + "|"]
+    for world, values in zip(worlds, mean, strict=True):
+        lines.append(f"| {world} | " + " | ".join(f"{v:.2f}" for v in values) + " |")
+    udr, oracle = mean[:, methods.index("udr")], mean[:, methods.index("oracle")]
+    gap = oracle - udr >= LEAST_GAP
+    lines.append(f"\n{gap.sum()} of {len(worlds)} worlds have a gap of at least {LEAST_GAP:g} between udr and oracle.")
+    for i, method in enumerate(methods):
+        if method in ("udr", "oracle") or not gap.any():
+            continue
+        gain, room = (mean[:, i] - udr)[gap], (oracle - udr)[gap]
+        drawn = np.random.default_rng(0).integers(gap.sum(), size=(2000, gap.sum()))
+        low, high = np.quantile(gain[drawn].sum(axis=1) / room[drawn].sum(axis=1), [0.025, 0.975])
+        share = gain.sum() / room.sum()
+        lines.append(f"{method} closes {share:.2f} of it (95 % {low:.2f} to {high:.2f}, bootstrap over worlds).")
+    return "\n".join(lines)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Methods in the lab's worlds, judged by true rollouts")
+    parser.add_argument("--task", default="scooping")
+    parser.add_argument("--checkpoint", default="default", help="name of a shipped checkpoint, or a folder")
+    parser.add_argument("--worlds", nargs="*", help="default: all that ship with the task")
+    parser.add_argument("--methods", nargs="*", default=["adaptsim", "random"])
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--rollouts", type=int, default=40, help="behind each reward")
+    parser.add_argument("--workers", type=int, default=None)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -88,7 +88,7 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
 
 
 def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
-    """The worst ratio over all actions, for every context of the grid; the first two context dimensions."""
+    """For every context (its first two dimensions): the share of executable actions, and the worst ratio of these."""
     import matplotlib  # noqa: PLC0415
 
     matplotlib.use("Agg")
@@ -98,15 +98,16 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
     names = [d.label for d in task.context.dimensions[:2]]
     for axis, (model, found) in zip(axes[0], results.items(), strict=True):
         xs, ys = (sorted({float(m.context[k]) for m in found}) for k in (0, 1))
-        worst = np.zeros((len(ys), len(xs)))
-        for m in found:
-            place = ys.index(float(m.context[1])), xs.index(float(m.context[0]))
-            worst[place] = max(worst[place], min(m.ratio, 1.5))
-        image = axis.pcolormesh(xs, ys, worst, vmin=0.7, vmax=1.1, cmap="RdYlGn_r", shading="nearest")
-        for (i, j), value in np.ndenumerate(worst):
-            axis.text(xs[j], ys[i], f"{value:.2f}" if value < 1.5 else "none", ha="center", va="center")
-        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.title}, {model}: worst ratio over all actions")
-        figure.colorbar(image, ax=axis)
+        share = np.zeros((len(ys), len(xs)))
+        for (i, j), _ in np.ndenumerate(share):
+            here = [m.ratio for m in found if (float(m.context[0]), float(m.context[1])) == (xs[j], ys[i])]
+            good = [ratio for ratio in here if ratio <= ALLOWED]
+            share[i, j] = len(good) / len(here)
+            text = f"{len(good)} of {len(here)}" + (f"\nworst {max(good):.2f}" if good else "")
+            axis.text(xs[j], ys[i], text, ha="center", va="center")
+        image = axis.pcolormesh(xs, ys, share, vmin=0.0, vmax=1.0, cmap="RdYlGn", shading="nearest")
+        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}")
+        figure.colorbar(image, ax=axis, label=f"share of actions with every ratio ≤ {ALLOWED:g}")
     figure.savefig(png, dpi=150)
     plt.close(figure)
 

@@ -1,7 +1,7 @@
 """What can go wrong in calibration.
 
-    CalibrationError
-    └── CalibrationMissing   no calibration for this rig
+CalibrationError
+└── CalibrationMissing   no calibration for this rig
 """
 
 

@@ -1,11 +1,11 @@
 """What can go wrong with devices.
 
-    HardwareError
-    ├── MotionRefused        before a motion: nothing has moved
-    ├── ArmFault             during a motion: the arm has stopped
-    │   └── StoppedByPedal   because the operator let go of the enabling pedal
-    ├── CameraError          no frame, or not in time
-    └── DeviceUnavailable    a device is not there or not answering
+HardwareError
+├── MotionRefused        before a motion: nothing has moved
+├── ArmFault             during a motion: the arm has stopped
+│   └── StoppedByPedal   because the operator let go of the enabling pedal
+├── CameraError          no frame, or not in time
+└── DeviceUnavailable    a device is not there or not answering
 """
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M
+from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
 from sim.tasks.scooping.piece import Piece
 from sim.tasks.task import Visual
 
@@ -15,9 +15,8 @@ _TAPE = (0.25, 0.25, 0.27)
 _FOOD = (0.55, 0.13, 0.03)
 _TABLE = (0.55, 0.53, 0.50)
 _TABLE_CORNERS_M = np.array([[0.30, -0.60, -0.03], [1.20, 0.60, 0.0]])
-_NECK_RISE_RAD = 0.9
 _NECK_M = 0.05
-_HANDLE_M = 0.14
+_HANDLE_M = GRIP_M + 0.03 - _NECK_M
 
 
 def table_visual() -> Visual:
@@ -33,13 +32,13 @@ def piece_visual(body: str, piece: Piece) -> Visual:
 def spatula_visuals(blade_body: str, handle_body: str) -> tuple[Visual, ...]:
     """Blade, neck and handle of the turner, and the box that the gripper holds."""
     root = np.array([-BLADE_LENGTH_M, 0.0, -EDGE_M / 2])
-    up = np.array([-np.cos(_NECK_RISE_RAD), 0.0, np.sin(_NECK_RISE_RAD)])
+    up = np.array([-np.cos(HANDLE_RISE_RAD), 0.0, np.sin(HANDLE_RISE_RAD)])
     neck_end = root + _NECK_M * up
     handle_end = neck_end + _HANDLE_M * up
     blade = _box(np.array([BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M]), np.array([-BLADE_LENGTH_M / 2, 0, -EDGE_M / 2]), 0)
-    neck = _box(np.array([_NECK_M, 0.035, 0.004]), (root + neck_end) / 2, _NECK_RISE_RAD)
-    handle = _box(np.array([_HANDLE_M, 0.024, 0.018]), (neck_end + handle_end) / 2, _NECK_RISE_RAD)
-    adapter = _box(np.array([0.05, 0.045, 0.035]), neck_end + 0.75 * _HANDLE_M * up, _NECK_RISE_RAD)
+    neck = _box(np.array([_NECK_M, 0.035, 0.004]), (root + neck_end) / 2, HANDLE_RISE_RAD)
+    handle = _box(np.array([_HANDLE_M, 0.024, 0.018]), (neck_end + handle_end) / 2, HANDLE_RISE_RAD)
+    adapter = _box(np.array([0.05, 0.045, 0.035]), root + GRIP_M * up, HANDLE_RISE_RAD)
     return (
         Visual(blade_body, *blade, _NYLON),
         Visual(handle_body, *neck, _NYLON),

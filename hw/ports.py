@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, Self
 
-from hw.types import Array, ArmState, CameraModel, Execution, Frame, JointPath
+from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath
 
 
 class Arm(Protocol):

@@ -40,7 +40,7 @@ class Unmodelled:
             raise ValueError(f"scale = {self.scale} must be positive")
 
 
-def build_scene(  # noqa: PLR0917
+def build_scene(
     plant: Any, tool_parent: Any, X_PT: Array, parameters: Array, nuisance: Array, unmodelled: Any
 ) -> SceneBodies:
     from pydrake.geometry import (  # noqa: PLC0415

@@ -36,7 +36,7 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.world import World, list_worlds, load_world
 
-CANDIDATES, SCREENING = 24, 12
+CANDIDATES, SCREENING = 16, 8
 """Policies that the oracle chooses from, and rollouts it chooses by."""
 
 

@@ -45,7 +45,8 @@ def verdict(task: Task, history: Sequence[Iteration], emulator: Emulator) -> Ver
             f"Reward stays low ({interval}) although the trajectories look like simulated ones: "
             f"no parameters in the ranges seem to give an action that suits this {task.object_name}."
         )
-    if len(history) >= 2 and _settled(task, history) and not low:
+    doing_well = _iteration_rewards(history)[-1] >= task.adaptation.threshold
+    if len(history) >= 2 and _settled(task, history) and doing_well and not low:
         return f"Converged: the parameters have stopped moving and the expected reward is {interval}."
     return f"Not converged yet: the best expected reward so far is {interval}."
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from toy_learning import iteration, trained
@@ -158,6 +160,8 @@ def test_the_verdict_says_what_the_data_say():
     emulator, _ = trained()
     good = session(MEAN, [MEAN, PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.15)])
     assert verdict(TOY, good, emulator).startswith("Converged")
+    failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
+    assert verdict(TOY, [*good, *good, *good, failing], emulator).startswith("Not converged")
     assert verdict(TOY, good[:1], emulator).startswith("Too few trials")
     windy = verdict(TOY, session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)), emulator)
     assert "the simulator cannot express this toy piece: 16 of 16" in windy

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -177,6 +178,15 @@ def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(
     assert (place / "home/data/sessions" / NAME / "iteration-00" / "result-0").is_dir()
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """As in a terminal, also where the tests themselves run in the background, which ignores interrupts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_control_c_stops_cleanly(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
     lab.hooks["stop_recording"] = lambda trial, _: trial == 2 and os.kill(os.getpid(), signal.SIGINT)
     assert app.run(RUN) == 130

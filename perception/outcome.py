@@ -51,7 +51,7 @@ def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s
         span_s = float(t_s[last][-1] - t_s[last][0])
         speed_m_s = float(np.linalg.norm(in_tool[-1] - in_tool[0])) / max(span_s, 1e-3)
         if speed_m_s > _MOVING_M_S:
-            flags.append(f"still moving on the tool at the end, at {1e3 * speed_m_s:.0f} mm/s")
+            flags.append(f"still moving against the tool at the end, at {1e3 * speed_m_s:.0f} mm/s")
     return Verdict(Outcome.ON_BLADE if on_blade else Outcome.ON_TABLE, end, tuple(flags))
 
 

@@ -1,0 +1,157 @@
+"""Worlds in which adapting pays: an honest search, with the policies that sessions really use.
+
+    python benchmarks/find_worlds.py --task scooping --draws 200 --out build/worlds
+
+Draws parameters and unmodelled effects, and keeps the combinations where UDR's policy fails and the policy of some E in
+Omega does not. The policies are the checkpoint's. Each stage uses fresh rollouts over contexts and executed noise, so
+that what passes by luck is found out: a few for UDR, a few for every E, then `--confirm` for UDR and the best E alone.
+Every draw is written down, kept or not; what was kept is also written as a world file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from worlds import rewards_of, simulate_in
+
+from hw.types import Array
+from sim.baselines.udr import Udr
+from sim.checkpoint import load_checkpoint
+from sim.rollouts import process_pool, run_many
+from sim.sampling import sobol, spread
+from sim.task_policy import EmulatorPolicy, train_many, train_task_policy
+from sim.tasks import get_task
+from sim.tasks.task import Task
+from sim.types import Dimension
+from sim.world import World, load_world
+
+UDR_BELOW, BEST_ABOVE = 0.6, 0.85
+CANDIDATES = 16
+SCREEN_UDR, SCREEN_EACH = 6, 4
+
+EFFECTS: dict[str, dict[str, Any]] = {
+    "scooping": {
+        "semi_axis_scale": ((0.8, 0.8), (1.3, 1.3)),
+        "density_scale": (0.5, 1.5),
+        "com_offset_m": ((-0.003, -0.002, -0.003), (0.003, 0.002, 0.003)),
+        "second_friction_scale": (0.4, 1.4),
+        "pitch_bias_rad": (-0.06, 0.06),
+        "blade_flex_rad": (0.0, 0.12),
+        "distance_bias_m": (-0.004, 0.008),
+        "contact": ("sap", "lagged"),
+    }
+}
+"""Ranges that a lab may plausibly show; each effect is present in every second world."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A world that was drawn."""
+
+    parameters: Array
+    nuisance: Array
+    effects: dict[str, Any]
+
+
+def main() -> None:
+    arguments = _arguments()
+    task = get_task(arguments.task)
+    emulator = load_checkpoint(task, arguments.checkpoint).emulator
+    rng = np.random.default_rng(0)
+    udr = train_task_policy(task, emulator, Udr(task).start(1, rng)[0].samples, rng)
+    grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
+    policies = train_many(task, emulator, grid[:, None, :], rng)
+    out = Path(arguments.out)
+    out.mkdir(parents=True, exist_ok=True)
+    with process_pool(arguments.workers) as executor, (out / f"{task.name}.jsonl").open("a") as log:
+        for i in range(arguments.first, arguments.first + arguments.draws):
+            drawn = draw(task, np.random.default_rng((arguments.seed, i)))
+            file = out / f"{task.name}-{i}.toml"
+            file.write_text(world_file(task, drawn), encoding="utf-8")
+            row = judge(task, load_world(str(file), task), udr, policies, executor, arguments.confirm)
+            line = json.dumps({"draw": i, **row, "parameters": drawn.parameters.tolist(), "effects": drawn.effects})
+            log.write(line + "\n")
+            log.flush()
+            if row["kept"]:
+                print(line, flush=True)
+            else:
+                file.unlink()
+
+
+def draw(task: Task, rng: np.random.Generator) -> Candidate:
+    """Parameters in Omega for every second draw, else in the margin; some effects."""
+    space = task.parameters if rng.random() < 0.5 else task.margin
+    effects: dict[str, Any] = {}
+    for name, between in EFFECTS[task.name].items():
+        if rng.random() < 0.5:
+            continue
+        low, high = between
+        effects[name] = high if isinstance(low, str) else np.round(rng.uniform(low, high), 4).tolist()
+    return Candidate(space.sample(rng, 1)[0], task.nuisance.sample(rng, 1)[0], effects)
+
+
+def judge(
+    task: Task,
+    world: World,
+    udr: EmulatorPolicy,
+    policies: tuple[EmulatorPolicy, ...],
+    executor: Executor,
+    confirm: int,
+) -> dict[str, Any]:
+    """What UDR and the best E earn there, as far as it had to be looked at."""
+    there = replace(task, simulate=partial(simulate_in, task.name, world))
+
+    def mean(policy: EmulatorPolicy, n: int, seed: int) -> float:
+        def roll(requests: Any) -> Any:
+            return run_many(there, requests, executor)
+
+        return round(float(rewards_of(task, policy, roll, n, np.random.default_rng(seed)).mean()), 3)
+
+    screened = mean(udr, SCREEN_UDR, 2)
+    if screened > UDR_BELOW:
+        return {"kept": False, "udr": screened}
+    each = [mean(policy, SCREEN_EACH, 3) for policy in policies]
+    best = int(np.argmax(each))
+    if each[best] < UDR_BELOW:
+        return {"kept": False, "udr": screened, "best": each[best]}
+    low, high = mean(udr, confirm, 4), mean(policies[best], confirm, 4)
+    near = sum(value >= BEST_ABOVE for value in each)
+    return {"kept": low < UDR_BELOW and high > BEST_ABOVE, "udr": low, "best": high, "good": near}
+
+
+def world_file(task: Task, drawn: Candidate) -> str:
+    """The drawn world as TOML, without a description."""
+    lines = [f'task = "{task.name}"', 'description = ""', "", "[params]"]
+    lines += [_line(d, v) for d, v in zip(task.parameters.dimensions, drawn.parameters, strict=True)]
+    lines += ["", "[nuisance]"]
+    lines += [_line(d, v) for d, v in zip(task.nuisance.dimensions, drawn.nuisance, strict=True)]
+    lines += ["", "[unmodelled]"] + [f"{name} = {json.dumps(value)}" for name, value in drawn.effects.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _line(dimension: Dimension, value: float) -> str:
+    return f"{dimension.name} = {value:.0f}" if dimension.scale == "integer" else f"{dimension.name} = {value:.4g}"
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="scooping")
+    parser.add_argument("--checkpoint", default="default", help="name of a shipped checkpoint, or a folder")
+    parser.add_argument("--draws", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="number of the first draw")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--confirm", type=int, default=20, help="fresh rollouts behind each number of a kept world")
+    parser.add_argument("--workers", type=int, default=None)
+    parser.add_argument("--out", default="build/worlds")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from adaptsim_cli.commands import checkpoints, config, lab, pretrain, report, run_iteration, sessions
+from adaptsim_cli.commands import checkpoints, config, lab, preview, pretrain, report, run_iteration, sessions
 
 EXIT_CODES = (
     "Exit codes: 0 done, 2 usage or configuration, 3 preflight failed, 4 motion refused by limits, 5 robot fault, "
@@ -30,6 +30,7 @@ app = typer.Typer(
 )
 app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
+app.command("preview")(preview.preview)
 app.command("report")(report.report)
 app.add_typer(sessions.app, name="sessions")
 app.add_typer(checkpoints.app, name="checkpoints")

@@ -1,0 +1,45 @@
+"""`adaptsim preview`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def preview(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    arm: Annotated[str, typer.Option("--arm", help="Whose limits: panda or fr3.")] = "panda",
+    context: Annotated[
+        list[str] | None, typer.Option("--context", help="Where, as name=value; may be repeated.")
+    ] = None,
+    action: Annotated[list[str] | None, typer.Option("--action", help="How, as name=value; may be repeated.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Write the page here and serve nothing.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; serves nothing.")] = False,
+) -> None:
+    """Plan one motion, show every limit that it uses, and play it in the browser. Nothing moves.
+
+    What is not given is the middle of its range.
+
+    Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
+    """
+    from adaptsim_cli import config, console, motion
+
+    resolved = config.load({"task": task})
+    screen = console.Screen(as_json=as_json)
+    with screen.busy("Planning the motion"):
+        planned = motion.planned(resolved.config.task, arm, context or [], action or [])
+    if as_json:
+        screen.data(planned.as_json())
+    else:
+        screen.show(planned.table())
+    if html is not None:
+        from adaptsim_cli.session import durable
+
+        durable.replace_file(html, planned.page().html().encode())
+        screen.plain(f"Written: {html}")
+    elif not as_json:
+        page = planned.page()
+        screen.plain(f"The motion plays at {page.url}")
+        screen.ask("Enter to close the page:")

@@ -1,0 +1,45 @@
+"""Quantities as an operator types them: `name=value`, checked against the space that they belong to."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptsim_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from hw.types import Array
+    from sim.types import Space
+
+
+def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Array:
+    """(n,) in units: `given` as name=value, what is not given from `otherwise` (n,).
+
+    Raises UsageError on a name, number or range that is wrong, naming those that are right.
+    """
+    values = dict(zip(space.names, np.asarray(otherwise, dtype=float), strict=True))
+    for text in given:
+        name, sign, number = text.partition("=")
+        if not sign or name not in values:
+            near = difflib.get_close_matches(name, space.names, n=1)
+            hint = f"did you mean {near[0]}? " if near and near[0] != name else ""
+            raise UsageError(f"{what} {text!r}: {hint}write name=value, e.g. {_examples(space)}")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            raise UsageError(f"{what} {text!r}: {number!r} is not a number") from None
+        dimension = space.dimensions[space.names.index(name)]
+        if not dimension.low <= values[name] <= dimension.high:
+            raise UsageError(
+                f"{what} {dimension.label} = {values[name]:g} lies outside of [{dimension.low:g}, {dimension.high:g}]"
+            )
+    return np.array([values[name] for name in space.names])
+
+
+def _examples(space: Space) -> str:
+    return ", ".join(
+        f"{d.name}={(d.low + d.high) / 2:.3g} ({d.low:g} to {d.high:g} {d.unit})" for d in space.dimensions
+    )

@@ -1,0 +1,58 @@
+"""A motion chosen by hand: what it uses of every limit, and the page that plays it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adaptsim_cli import app, values
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.motion import planned
+from sim.tasks import get_task
+
+TASK = get_task("scooping")
+
+
+def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "scoop.html"
+    code = app.run(["preview", "--task", "scooping", "--action", "pitch_rate=0.2", "--json", "--html", str(page)])
+    out, _ = capfd.readouterr()
+    shown = json.loads(out)
+    assert code == 0
+    assert shown["action"]["pitch_rate"] == 0.2
+    assert {row["path"] for row in shown["limits"]} == {"approach", "task", "way back"}
+    assert all(0.0 <= row["ratio"] <= 1.0 for row in shown["limits"])
+    assert any(row["quantity"] == "predicted contact force" for row in shown["limits"])
+    assert page.stat().st_size > 100_000
+    assert b"panda_link7" in page.read_bytes() or b"scene" in page.read_bytes()
+
+
+def test_the_page_is_served_to_this_machine_alone() -> None:
+    assert planned("scooping", "panda", [], []).page().url.startswith("http://127.0.0.1:")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--action", "pitch_rat=0.1"], "did you mean pitch_rate?"),
+        (["--action", "pitch"], "write name=value"),
+        (["--action", "pitch=steep"], "'steep' is not a number"),
+        (["--action", "pitch=3"], "lies outside of"),
+        (["--context", "x=2"], "lies outside of"),
+        (["--arm", "ur5"], "it is one of panda, fr3"),
+        (["--task", "juggling"], "no task"),
+    ],
+)
+def test_bad_values_are_named(arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["preview", *arguments]) == 2
+    assert message in capfd.readouterr().err
+
+
+def test_what_is_not_given_stays() -> None:
+    otherwise = np.array([0.1, 0.06, 0.01])
+    np.testing.assert_array_equal(values.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01])
+    with pytest.raises(UsageError, match="--action"):
+        values.point(TASK.action, ["distance=nan"], otherwise, "--action")

@@ -14,6 +14,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array, JointPath
+from sim.drake_types import vector
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
 from sim.tasks.task import Task, Visual
@@ -57,7 +58,7 @@ class Preview:
         self._meshcat.SetAnimation(animation)
         for clutter in ("/Grid", "/Axes"):
             self._meshcat.SetProperty(clutter, "visible", False)
-        self._meshcat.SetCameraPose(np.array([1.25, -0.95, 0.75]), np.array([0.45, 0.0, 0.2]))
+        self._meshcat.SetCameraPose(vector(1.25, -0.95, 0.75), vector(0.45, 0.0, 0.2))
 
     @property
     def url(self) -> str:

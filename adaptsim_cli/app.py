@@ -99,6 +99,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (sim.errors.OutOfRange, 2),
         (errors.PreflightFailed, 3),
         (hw.errors.DeviceUnavailable, 3),
+        (hw.errors.BalanceError, 3),
         (calib.errors.CalibrationError, 3),
         (hw.errors.MotionRefused, 4),
         (sim.errors.NotExecutable, 4),

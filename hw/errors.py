@@ -5,6 +5,7 @@ HardwareError
 ├── ArmFault             during a motion: the arm has stopped
 │   └── StoppedByPedal   because the operator let go of the enabling pedal
 ├── CameraError          no frame, or not in time
+├── BalanceError         the balance gives no stable mass
 └── DeviceUnavailable    a device is not there or not answering
 """
 
@@ -27,6 +28,10 @@ class StoppedByPedal(ArmFault):
 
 class CameraError(HardwareError):
     """The camera gave no frame, or not in time."""
+
+
+class BalanceError(HardwareError):
+    """The balance answered, but not with a stable mass."""
 
 
 class DeviceUnavailable(HardwareError):

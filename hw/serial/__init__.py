@@ -1,0 +1,1 @@
+"""Devices on a serial line: the enabling pedal and the balance."""

@@ -1,0 +1,118 @@
+"""A laboratory balance on its serial port: the mass of what was pushed or scooped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import serial
+
+from hw.errors import BalanceError, DeviceUnavailable
+
+ANSWER_S = 3.0
+"""How long a balance may take to come to rest."""
+
+_KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
+
+
+def sbi_mass_kg(answer: bytes) -> float:
+    """Sartorius SBI: sign, 9 characters of value, blank, 3 of unit; the unit is missing while the pan still moves.
+
+    Raises BalanceError.
+    """
+    text = answer.decode("ascii", "replace").rstrip("\r\n")
+    if len(text) != 14 or text[0] not in "+- ":
+        raise BalanceError(
+            f"the balance answered {text!r}, which is not 16 characters of SBI: set it to SBI, 16 characters"
+        )
+    value, unit = text[1:10].replace(" ", ""), text[11:14].strip()
+    if "H" in value or "L" in value:
+        raise BalanceError(f"the balance is {'over' if 'H' in value else 'under'}loaded: take the load off and tare it")
+    if not unit:
+        raise BalanceError("the balance is not at rest: keep draughts and hands away and weigh again")
+    return _kg(text[0].strip() + value, unit)
+
+
+def sics_mass_kg(answer: bytes) -> float:
+    """Mettler Toledo MT-SICS: `S S <value> <unit>` at rest, `S D` moving, `S I` busy, `S +` and `S -` out of range.
+
+    Raises BalanceError.
+    """
+    text = answer.decode("ascii", "replace").strip()
+    parts = text.split()
+    status = parts[1] if len(parts) > 1 and parts[0] == "S" else ""
+    refusals = {
+        "D": "the balance is not at rest: keep draughts and hands away and weigh again",
+        "I": "the balance is busy: end what its display asks for and weigh again",
+        "+": "the balance is overloaded: take the load off and tare it",
+        "-": "the balance is underloaded: put the pan on and tare it",
+    }
+    if status in refusals:
+        raise BalanceError(refusals[status])
+    if status != "S" or len(parts) != 4:
+        raise BalanceError(f"the balance answered {text!r}, which is not MT-SICS: set its interface to MT-SICS")
+    return _kg(parts[2], parts[3])
+
+
+def _kg(value: str, unit: str) -> float:
+    if unit not in _KG:
+        raise BalanceError(f"the balance weighs in {unit!r}: set it to g, kg or mg")
+    try:
+        return float(value) * _KG[unit]
+    except ValueError:
+        raise BalanceError(f"the balance answered {value!r} where a number belongs") from None
+
+
+@dataclass(frozen=True)
+class BalanceProtocol:
+    """How to ask one make of balance for a stable mass."""
+
+    name: str
+    baud: int
+    question: bytes
+    mass_kg: Callable[[bytes], float]
+
+
+PROTOCOLS = {
+    "sbi": BalanceProtocol("sbi", 1200, b"\x1bP\r\n", sbi_mass_kg),
+    "mt-sics": BalanceProtocol("mt-sics", 9600, b"S\r\n", sics_mass_kg),
+}
+
+
+class Balance:
+    """Asks for the mass on the pan."""
+
+    def __init__(self, port: str, protocol: str) -> None:
+        """`protocol` is a key of PROTOCOLS."""
+        self._port, self._protocol = port, PROTOCOLS[protocol]
+        self._line: serial.Serial | None = None
+
+    def __enter__(self) -> Self:
+        """Raises DeviceUnavailable."""
+        try:
+            self._line = serial.Serial(self._port, self._protocol.baud, timeout=ANSWER_S, exclusive=True)
+        except (OSError, serial.SerialException) as error:
+            raise DeviceUnavailable(
+                f"balance: {self._port} cannot be opened ({error}); check cable, name and permission "
+                "(on Debian: the group dialout)"
+            ) from error
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._line is not None:
+            self._line.close()
+
+    def mass_kg(self) -> float:
+        """The stable mass on the pan. Raises BalanceError (no number to be had), DeviceUnavailable (no answer)."""
+        if self._line is None:
+            raise DeviceUnavailable("the balance is not connected")
+        self._line.reset_input_buffer()
+        self._line.write(self._protocol.question)
+        answer = self._line.read_until(b"\n")
+        if not answer.endswith(b"\n"):
+            raise DeviceUnavailable(
+                f"the balance at {self._port} did not answer within {ANSWER_S:g} s: check its cable, baud rate "
+                f"({self._protocol.baud}) and protocol ({self._protocol.name})"
+            )
+        return self._protocol.mass_kg(answer)

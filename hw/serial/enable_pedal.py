@@ -1,0 +1,79 @@
+"""The enabling pedal on its serial port."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Self
+
+import serial
+
+from hw.errors import DeviceUnavailable
+from hw.serial.pedal_protocol import SILENCE_S, PedalState
+
+BAUD = 115_200
+_GREETING_S = 0.5
+
+
+class EnablePedal:
+    """Hold to run. A thread listens; `enabled` is always fresh, and False when in doubt.
+
+    Not a safety device: the stop button of the arm is.
+    """
+
+    def __init__(self, port: str) -> None:
+        self._port = port
+        self._line: serial.Serial | None = None
+        self._listener: threading.Thread | None = None
+        self._closing = threading.Event()
+        self._heard = threading.Event()
+        self._state = PedalState()  # replaced whole by the listener alone
+        self._lost = ""
+
+    def __enter__(self) -> Self:
+        """Open the port and wait for the first line. Raises DeviceUnavailable."""
+        try:
+            self._line = serial.Serial(self._port, BAUD, timeout=SILENCE_S / 4, exclusive=True)
+        except (OSError, serial.SerialException) as error:
+            raise DeviceUnavailable(
+                f"enabling pedal: {self._port} cannot be opened ({error}); check cable, name and permission "
+                "(on Debian: the group dialout)"
+            ) from error
+        self._line.reset_input_buffer()
+        self._listener = threading.Thread(target=self._listen, name="enable-pedal", daemon=True)
+        self._listener.start()
+        self._heard.wait(_GREETING_S)
+        if self._state.last is None:
+            reason = self._state.why_not(time.monotonic())
+            self.__exit__()
+            raise DeviceUnavailable(f"enabling pedal at {self._port}: {reason}")
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._closing.set()
+        if self._listener is not None:
+            self._listener.join()
+        if self._line is not None:
+            self._line.close()
+
+    def enabled(self) -> bool:
+        """Whether motion is allowed at this moment."""
+        return not self._lost and self._state.enabled(time.monotonic())
+
+    def why_not(self) -> str:
+        """What to tell the operator when it is not."""
+        return self._lost or self._state.why_not(time.monotonic())
+
+    def _listen(self) -> None:
+        assert self._line is not None
+        while not self._closing.is_set():
+            try:
+                data = self._line.read(1)
+                data += self._line.read(self._line.in_waiting) if data else b""
+            except (OSError, TypeError, serial.SerialException) as error:  # pulled out while being read
+                self._lost = f"the pedal was unplugged ({error}): plug it in and connect again"
+                self._heard.set()
+                return
+            self._state = self._state.feed(data, time.monotonic())
+            if self._state.last is not None:
+                self._heard.set()

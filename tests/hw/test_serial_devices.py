@@ -1,0 +1,202 @@
+"""Pedal and balance on a real serial line: the two ends of a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hw.errors import BalanceError, DeviceUnavailable
+from hw.serial.balance import Balance, sbi_mass_kg, sics_mass_kg
+from hw.serial.enable_pedal import EnablePedal
+from hw.serial.pedal_protocol import PERIOD_S, crc8, line_for
+
+
+class Line:
+    """A serial line; the test holds the device's end."""
+
+    def __init__(self) -> None:
+        self.device, self._program = pty.openpty()
+        tty.setraw(self.device)
+        tty.setraw(self._program)
+        self.port = os.ttyname(self._program)
+
+    def unplug(self) -> None:
+        for end in (self.device, self._program):
+            if end >= 0:
+                os.close(end)
+        self.device = self._program = -1
+
+
+class Box(threading.Thread):
+    """The pedal's box: a line every 20 ms."""
+
+    def __init__(self, line: Line) -> None:
+        super().__init__(daemon=True)
+        self._line, self._ended = line, threading.Event()
+        self.pressed, self.silent = False, False
+        self.release_sent_s = 0.0
+
+    def run(self) -> None:
+        counter, was = 0, False
+        while not self._ended.wait(PERIOD_S):
+            pressed = self.pressed
+            if not self.silent:
+                os.write(self._line.device, line_for(counter, pressed))
+            if was and not pressed:
+                self.release_sent_s = time.monotonic()
+            was, counter = pressed, counter + 1
+
+    def stop(self) -> None:
+        self._ended.set()
+        self.join()
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    made = Line()
+    yield made
+    made.unplug()
+
+
+@pytest.fixture
+def box(line: Line) -> Iterator[Box]:
+    made = Box(line)
+    made.start()
+    yield made
+    made.stop()
+
+
+def until(condition: Callable[[], bool], within_s: float = 2.0) -> float:
+    """Seconds until it holds. Fails when it does not come to hold."""
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < within_s, "it never came to hold"
+        threading.Event().wait(0.0005)
+    return time.monotonic() - began
+
+
+def test_hold_to_run(line: Line, box: Box) -> None:
+    with EnablePedal(line.port) as pedal:
+        assert not pedal.enabled()
+        box.pressed = True
+        until(pedal.enabled)
+        box.pressed = False
+        until(lambda: not pedal.enabled())
+        assert "released" in pedal.why_not()
+
+
+def test_silence_stops_and_is_explained(line: Line, box: Box) -> None:
+    with EnablePedal(line.port) as pedal:
+        box.pressed = True
+        until(pedal.enabled)
+        box.silent = True
+        until(lambda: not pedal.enabled())
+        assert "silent" in pedal.why_not()
+        box.silent = False
+        until(lambda: "again" in pedal.why_not())
+        assert not pedal.enabled()
+
+
+def test_unplugged_while_held(line: Line, box: Box) -> None:
+    with EnablePedal(line.port) as pedal:
+        box.pressed = True
+        until(pedal.enabled)
+        box.stop()
+        line.unplug()
+        until(lambda: not pedal.enabled())
+        assert pedal.why_not()
+
+
+def test_a_box_that_says_nothing(line: Line) -> None:
+    with pytest.raises(DeviceUnavailable, match="has not said anything"), EnablePedal(line.port):
+        pass
+
+
+def test_a_box_of_another_version(line: Line) -> None:
+    body = b"AP7 00001 0 "
+
+    def speak() -> None:
+        for _ in range(10):
+            os.write(line.device, body + b"%02X\n" % crc8(body))
+            threading.Event().wait(PERIOD_S)
+
+    box = threading.Thread(target=speak)
+    box.start()
+    with pytest.raises(DeviceUnavailable, match="version 7"), EnablePedal(line.port):
+        pass
+    box.join()
+
+
+def test_a_port_that_is_not_there() -> None:
+    with pytest.raises(DeviceUnavailable, match="cannot be opened"), EnablePedal("/dev/no-such-port"):
+        pass
+    with pytest.raises(DeviceUnavailable, match="cannot be opened"), Balance("/dev/no-such-port", "sbi"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("answer", "mass_kg"),
+    [(b"+   123.45 g  \r\n", 0.12345), (b"-     1.20 g  \r\n", -0.0012), (b"+   0.3005 kg \r\n", 0.3005)],
+)
+def test_sbi(answer: bytes, mass_kg: float) -> None:
+    assert len(answer) == 16
+    assert sbi_mass_kg(answer) == pytest.approx(mass_kg)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"+   123.45    \r\n", "not at rest"),
+        (b"       H      \r\n", "overloaded"),
+        (b"       L      \r\n", "underloaded"),
+        (b"+   123.45 oz \r\n", "'oz'"),
+        (b"+   12x.45 g  \r\n", "where a number belongs"),
+        (b"S S 1 g\r\n", "not 16 characters of SBI"),
+    ],
+)
+def test_sbi_that_is_no_mass(answer: bytes, message: str) -> None:
+    with pytest.raises(BalanceError, match=message):
+        sbi_mass_kg(answer)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (b"S D     12.3 g\r\n", "not at rest"),
+        (b"S I\r\n", "busy"),
+        (b"S +\r\n", "overloaded"),
+        (b"S -\r\n", "underloaded"),
+        (b"ES\r\n", "not MT-SICS"),
+        (b"S S     12.3 lb\r\n", "'lb'"),
+    ],
+)
+def test_sics_that_is_no_mass(answer: bytes, message: str) -> None:
+    with pytest.raises(BalanceError, match=message):
+        sics_mass_kg(answer)
+
+
+def test_a_balance_is_asked_and_answers(line: Line) -> None:
+    asked: list[bytes] = []
+
+    def answer() -> None:
+        asked.append(os.read(line.device, 16))
+        os.write(line.device, b"S S     300.12 g\r\n")
+
+    with Balance(line.port, "mt-sics") as balance:
+        device = threading.Thread(target=answer)
+        device.start()
+        assert balance.mass_kg() == pytest.approx(0.30012)
+        device.join()
+    assert asked == [b"S\r\n"]
+
+
+def test_a_balance_that_does_not_answer(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hw.serial.balance.ANSWER_S", 0.05)
+    with Balance(line.port, "sbi") as balance, pytest.raises(DeviceUnavailable, match="did not answer"):
+        balance.mass_kg()

@@ -1,7 +1,13 @@
 """What can go wrong in calibration.
 
 CalibrationError
-└── CalibrationMissing   no calibration for this rig
+├── CalibrationMissing   no calibration for this rig
+├── UnusableViews        the views cannot be solved: what is wrong with them as a whole
+│   ├── TooFewViews      not enough of them, or not enough that agree
+│   ├── DegenerateViews  all alike: some direction is not determined
+│   └── BoardDisagrees   corners that do not belong to the board stated
+├── CalibrationRejected  solved, but a gate says no; the message lists the reasons
+└── ViewFolderError      a folder of views, or a stored calibration, is malformed, truncated or incomplete
 """
 
 
@@ -11,3 +17,27 @@ class CalibrationError(Exception):
 
 class CalibrationMissing(CalibrationError):
     """There is no calibration for this camera and arm."""
+
+
+class UnusableViews(CalibrationError):
+    """The views cannot be solved."""
+
+
+class TooFewViews(UnusableViews):
+    """Not enough views, or not enough that agree with one another."""
+
+
+class DegenerateViews(UnusableViews):
+    """The board's poses are too much alike to determine the result."""
+
+
+class BoardDisagrees(UnusableViews):
+    """Corners that the stated board does not have, or that no pose of it explains."""
+
+
+class CalibrationRejected(CalibrationError):
+    """An acceptance gate says no."""
+
+
+class ViewFolderError(CalibrationError):
+    """A folder of views, or a stored calibration, is malformed, truncated or incomplete."""

@@ -2,7 +2,11 @@
 
 PerceptionError
 ├── ObjectNotFound       nothing in the search area looks like the object
-└── TrackingFailed       found at first, then too little evidence to go on
+├── TableNotFound        the table is not seen, or not where the calibration puts it
+├── TrackingFailed       found at first, then too little evidence to go on
+├── BoardNotFound        too little of the calibration board is seen
+├── WrongBoard           markers are seen, but not those of the board stated
+└── BoardMirrored        the markers can be read only in the mirror
 """
 
 
@@ -14,5 +18,21 @@ class ObjectNotFound(PerceptionError):
     """The object is not where it should be; the message says where was searched."""
 
 
+class TableNotFound(PerceptionError):
+    """Too little of the table is seen where it should be."""
+
+
 class TrackingFailed(PerceptionError):
     """The frames do not support a track."""
+
+
+class BoardNotFound(PerceptionError):
+    """Too little of the calibration board is seen for a pose; the message says why, as far as can be told."""
+
+
+class WrongBoard(PerceptionError):
+    """What is seen is not the board, or not the image, that was stated."""
+
+
+class BoardMirrored(PerceptionError):
+    """The image, or the print, is mirrored."""

@@ -1,0 +1,223 @@
+"""Checks beside the residuals: small residuals prove nothing.
+
+Each returns one `Check`, or a measurement and its `Check`. What they look at comes as plain values: points, samples,
+corners. The gates (`gates.py`) decide what forbids; here a value beyond its limit is "suspect", and "bad" only where
+it means that the calibration is of something else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from calib.bundle import State, motion_of, predict
+from calib.condense import condense
+from calib.geometry import adjoint, angle_deg, distance_mm, inverse, move
+from calib.projection import project_with_jacobian
+from calib.types import Check, Forward, Setup, Solution, Verdict, View
+from hw.types import Array, Intrinsics
+from perception.board_types import Board
+
+SQUARE_LIMIT = 0.003
+"""Share by which the board may differ from its stated size before it is said; also 4 of its standard deviations."""
+
+OFFSET_LIMIT_RAD = 1e-3
+TILT_SPREAD_LIMIT_DEG = 5.0
+"""Tilts under 8 degrees to all sides have 4 to 4.6; closed forms are then 3 to 5 times worse."""
+
+TABLE_LIMIT_MM, TABLE_LIMIT_DEG = 3.0, 0.3
+DEPTH_LIMIT_MM = 5.0
+ALIGNMENT_LIMIT_PX = 2.0
+TOUCH_LIMIT_MM = 3.0
+
+
+def square_size(solution: Solution) -> Check:
+    """Is the board as large as stated? The arm's motion has a scale of its own; the focal length enters as well."""
+    off, sigma = solution.square_scale - 1.0, solution.square_scale_sigma
+    limit = max(SQUARE_LIMIT, 4.0 * sigma)
+    message = f"the arm's motion asks for squares {100 * off:+.2f} % (± {100 * sigma:.2f}) of their stated size"
+    if abs(off) <= limit:
+        return Check("square size", Verdict.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
+    advice = "measure the print and state its true square size; if it is right, the focal length is wrong"
+    return Check(
+        "square size", Verdict.BAD, f"{message}, limit {100 * limit:.2f} %: {advice}", 100 * off, 100 * limit, "%"
+    )
+
+
+def joint_offsets(solution: Solution) -> Check:
+    """Are the joint zeros off, by the views?"""
+    joints = solution.joints
+    if joints is None or not np.isfinite(joints.delta_bic):
+        reason = "the views have poses, not joints" if joints is None else joints.reason
+        return Check("joint offsets", Verdict.NOT_MEASURED, reason)
+    worst = int(np.argmax(np.abs(joints.suspected_rad)))
+    value = float(1e3 * joints.suspected_rad[worst])
+    limit = 1e3 * OFFSET_LIMIT_RAD
+    message = f"joint {worst + 1} reads {value:+.2f} mrad off its zero; {joints.reason}"
+    if not joints.adopted or abs(value) <= limit:
+        return Check("joint offsets", Verdict.GOOD, message, value, limit, "mrad")
+    return Check(
+        "joint offsets",
+        Verdict.SUSPECT,
+        f"{message}. The solution takes them into account; planning must use the corrected joints too",
+        value,
+        limit,
+        "mrad",
+    )
+
+
+def variety(solution: Solution) -> Check:
+    """Do the views differ enough?"""
+    value, limit = solution.tilt_spread_deg, TILT_SPREAD_LIMIT_DEG
+    message = f"the board's tilts spread by {value:.1f}° (root mean square), at least {limit:.0f}° is wanted"
+    if value >= limit:
+        return Check("variety of views", Verdict.GOOD, message, value, limit, "°")
+    return Check(
+        "variety of views", Verdict.SUSPECT, f"{message}: add views tilted left, right, up and down", value, limit, "°"
+    )
+
+
+def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
+    """Is the board held as expected? Upside down or turned does no harm, since its pose is estimated, but is said."""
+    turn = angle_deg(solution.X_HM, X_HM_expected)
+    about_normal = float(np.dot(solution.X_HM[:3, 2], X_HM_expected[:3, 2]))
+    if turn < 30.0:
+        return Check("board's mounting", Verdict.GOOD, f"{turn:.1f}° from the expected pose", turn, 30.0, "°")
+    how = (
+        "upside down" if turn > 135.0 and about_normal > 0.7 else "turned" if about_normal > 0.7 else "facing elsewhere"
+    )
+    message = f"the board is {how}: {turn:.0f}° from the expected pose. Its pose is estimated, so the result holds"
+    return Check("board's mounting", Verdict.SUSPECT, message, turn, 30.0, "°")
+
+
+def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tuple[float, float] = (0.7, 0.0)) -> Check:
+    """Depth points (N, 3) of the table top in the base, by the new calibration: is it in its place, and level?
+
+    The plane is fitted by repeated trimming; an object on the table may cover up to a third of the points.
+    """
+    if len(points_A_m) < 50:
+        return Check("table plane", Verdict.NOT_MEASURED, f"{len(points_A_m)} depth points of the table, 50 are needed")
+    keep = np.abs(points_A_m[:, 2] - np.median(points_A_m[:, 2])) < 0.03
+    plane: Array = np.zeros(3)
+    for _ in range(8):
+        p = points_A_m[keep]
+        A = np.column_stack([p[:, 0] - at_xy_m[0], p[:, 1] - at_xy_m[1], np.ones(len(p))])
+        plane = np.asarray(np.linalg.lstsq(A, p[:, 2], rcond=None)[0], dtype=np.float64)
+        slopes = np.column_stack([points_A_m[:, :2] - at_xy_m, np.ones(len(points_A_m))])
+        off = np.abs(points_A_m[:, 2] - slopes @ plane)
+        keep = off < max(2.5 * 1.4826 * float(np.median(off[keep])), 1e-4)
+    height = float(1e3 * (plane[2] - expected_height_m))
+    tilt = float(np.rad2deg(np.hypot(plane[0], plane[1])))
+    message = f"the table top lies {height:+.1f} mm from its place and is tilted by {tilt:.2f}°"
+    if abs(height) <= TABLE_LIMIT_MM and tilt <= TABLE_LIMIT_DEG:
+        return Check("table plane", Verdict.GOOD, message, height, TABLE_LIMIT_MM, "mm")
+    advice = (
+        f" (limits {TABLE_LIMIT_MM:.0f} mm, {TABLE_LIMIT_DEG}°): if depth bias and touched point are good, the table is"
+        " not where the settings say; else recalibrate"
+    )
+    return Check("table plane", Verdict.SUSPECT, message + advice, height, TABLE_LIMIT_MM, "mm")
+
+
+def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None) -> Array:
+    """(N, 4, 4) X_CM of the views in the order given, as the solution predicts them from the arm alone."""
+    moved = motion_of(views, setup.mounting, forward)
+    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
+    return predict(State(solution.X_AC, solution.X_HM, offsets), moved)
+
+
+def depth_residuals(X_DM: Array, board: Board, depth_mm: Array, camera: Intrinsics) -> Array:
+    """(K,) measured less expected depth in metres, on the inner part of the board.
+
+    `depth_mm` (H, W), 0 = no reading; `X_DM` (4, 4) the board in the depth camera.
+    """
+    inner = board.outline_m.mean(axis=0) + 0.8 * (board.outline_m - board.outline_m.mean(axis=0))
+    uv, _ = cv2.projectPoints(inner, cv2.Rodrigues(X_DM[:3, :3])[0], X_DM[:3, 3], camera.K, camera.distortion)
+    mask = np.zeros((camera.height, camera.width), dtype=np.uint8)
+    cv2.fillConvexPoly(mask, np.rint(uv).astype(np.int32).reshape(-1, 2), 1)
+    v, u = np.nonzero(mask & (np.asarray(depth_mm) > 0))
+    if not len(u):
+        return np.zeros(0)
+    rays = cv2.undistortPoints(np.stack([u, v], axis=1).astype(np.float64)[:, None], camera.K, camera.distortion)
+    normal, p = X_DM[:3, 2], X_DM[:3, 3]
+    expected = (normal @ p) / (np.column_stack([rays.reshape(-1, 2), np.ones(len(u))]) @ normal)
+    off: Array = 1e-3 * np.asarray(depth_mm, dtype=np.float64)[v, u] - expected
+    return off
+
+
+def depth_bias(residuals_m: Sequence[Array]) -> Check:
+    """From `depth_residuals` of several views: does the depth camera measure short or long?"""
+    medians = np.array([np.median(r) for r in residuals_m if len(r) >= 30])
+    if len(medians) < 3:
+        return Check("depth bias", Verdict.NOT_MEASURED, f"{len(medians)} views with depth on the board, 3 are needed")
+    value = float(1e3 * np.median(medians))
+    spread = float(1e3 * np.std(medians))
+    message = (
+        f"depth reads {value:+.1f} mm on the board (spread over views {spread:.1f} mm, limit {DEPTH_LIMIT_MM:.0f} mm)"
+    )
+    if abs(value) <= DEPTH_LIMIT_MM:
+        return Check("depth bias", Verdict.GOOD, message, value, DEPTH_LIMIT_MM, "mm")
+    advice = ": let the camera warm up, look for a second light source or a shiny board; or correct it"
+    return Check("depth bias", Verdict.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
+
+
+def infrared_board(
+    solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None
+) -> tuple[Array | None, Check]:
+    """Where the depth camera stands, from the board in its own image: X_CD (4, 4) measured.
+
+    Every other unknown is held at the solution. The value is the shift, at the board, between a depth image laid over
+    the colour image by the factory's extrinsics and by the measured ones.
+    """
+    name = "colour-depth alignment"
+    usable = [v for v in views if v.infrared is not None and len(v.infrared) >= 8 and v.name in set(solution.used)]
+    if setup.infrared is None or setup.X_CD is None or len(usable) < 4:
+        return None, Check(name, Verdict.NOT_MEASURED, f"{len(usable)} views show the board in infrared, 4 are needed")
+    sight = condense(
+        [v.name for v in usable], [v.infrared for v in usable if v.infrared is not None], setup.board, setup.infrared
+    )
+    X_CM = board_poses(solution, usable, setup, forward)
+    X_CD = setup.X_CD
+    weight = np.ones(len(usable))
+    for _ in range(12):
+        uv, J = project_with_jacobian(setup.infrared, inverse(X_CD) @ X_CM, sight.p_M_m)
+        off = uv - sight.px
+        miss = np.sqrt(np.sum(np.sum(off**2, axis=-1) * sight.weight, axis=1) / sight.weight.sum(axis=1))
+        weight = np.minimum(1.0, 2.0 * np.median(miss) / np.maximum(miss, 1e-9))
+        # a twist of D moves the board by the opposite, seen in the board's axes
+        J_D = -J @ adjoint(inverse(X_CM) @ X_CD)[:, None]
+        w = sight.weight * weight[:, None]
+        A = np.einsum("nkai,nk,nkaj->ij", J_D, w, J_D)
+        step = -np.linalg.solve(A, np.einsum("nkai,nk,nka->i", J_D, w, off))
+        X_CD = move(X_CD, step)
+        if np.abs(step).max() < 1e-10:
+            break
+    value = _misalignment_px(setup, X_CM, X_CD)
+    message = (
+        f"colour and depth are {value:.1f} px apart on the board by the factory's extrinsics: the depth camera stands"
+        f" {distance_mm(X_CD, setup.X_CD):.1f} mm and {angle_deg(X_CD, setup.X_CD):.2f}° from there"
+        f" (limit {ALIGNMENT_LIMIT_PX:.0f} px)"
+    )
+    if value <= ALIGNMENT_LIMIT_PX:
+        return X_CD, Check(name, Verdict.GOOD, message, value, ALIGNMENT_LIMIT_PX, "px")
+    return X_CD, Check(name, Verdict.SUSPECT, message + ": use the measured pose", value, ALIGNMENT_LIMIT_PX, "px")
+
+
+def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
+    assert setup.X_CD is not None
+    p = np.broadcast_to(setup.board.p_MK_m, (len(X_CM), setup.board.corners, 3))
+    seen, _ = project_with_jacobian(setup.colour, X_CM, p)
+    laid, _ = project_with_jacobian(setup.colour, setup.X_CD @ inverse(X_CD) @ X_CM, p)
+    return float(np.mean(np.linalg.norm(laid - seen, axis=-1)))
+
+
+def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> Check:
+    """A point that the camera sees and the tool tip touched, both (3,) in A. `sigma_mm` is the stated error there."""
+    value = float(1e3 * np.linalg.norm(np.asarray(p_A_seen_m) - np.asarray(p_A_touched_m)))
+    limit = float(np.hypot(TOUCH_LIMIT_MM, 3.0 * sigma_mm))
+    message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
+    if value <= limit:
+        return Check("touched point", Verdict.GOOD, message, value, limit, "mm")
+    advice = ": touch it again with the calibrated tip; if it stays, check the tool's length and recalibrate"
+    return Check("touched point", Verdict.BAD, message + advice, value, limit, "mm")

@@ -1,0 +1,142 @@
+"""Each view boiled down to what its corners say about the board's pose in the camera.
+
+The reprojection error of a view is, near its least, a constant plus a quadratic form in the six numbers of the
+board's pose. That least, its place and its form are computed once from all corners; every later fit (there are dozens:
+starts, rejections, model comparisons, held-out fits) then works on six numbers a view. Against a bundle
+adjustment over all pixels the result differs by less than a hundredth of its own error (tested).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.errors import BoardDisagrees, TooFewViews
+from calib.geometry import move
+from calib.projection import project, project_with_jacobian
+from hw.types import Array, Intrinsics
+from perception.board_types import Board, Corners
+
+MIN_CORNERS = 6
+_HUBER = 2.5  # in standard deviations of a corner
+_NOISE_FLOOR_PX = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The board as N views show it. Two candidate poses a view: a flat board has a mirror solution."""
+
+    camera: Intrinsics
+    p_M_m: Array  # (N, K, 3) points, padded with the first one
+    px: Array  # (N, K, 2)
+    weight: Array  # (N, K) 0 where padded, 1 or less
+    X_CM: Array  # (2, N, 4, 4) best poses; the first fits better
+    information: Array  # (2, N, 6, 6) inverse covariance of the twist in the board's axes
+    rms_px: Array  # (2, N) distances of corners in that pose; inf where there is no second pose
+    corner_px: float  # standard deviation of a corner along an axis
+
+    def rms_at(self, X_CM: Array) -> Array:
+        """(N,) root mean square distance of the corners if the boards stood at `X_CM` (N, 4, 4)."""
+        squares = np.sum((project(self.camera, X_CM, self.p_M_m) - self.px) ** 2, axis=-1)
+        there = self.weight > 0
+        return np.asarray(np.sqrt(np.sum(squares * there, axis=1) / there.sum(axis=1)))
+
+
+def condense(names: Sequence[str], corners: Sequence[Corners], board: Board, camera: Intrinsics) -> Sight:
+    """Fit every view by itself. Raises BoardDisagrees or TooFewViews, naming the view."""
+    if not corners:
+        raise TooFewViews("there are no views: record some")
+    for name, seen in zip(names, corners, strict=True):
+        _check(name, seen, board)
+    p, px, mask = _padded(corners, board)
+    start = np.stack([_starts(p[i, : len(c)], c.px, camera, names[i]) for i, c in enumerate(corners)], axis=1)
+    twin = np.repeat(p, 2, axis=0).reshape(len(p), 2, *p.shape[1:]).swapaxes(0, 1)
+    X = start.copy()
+    weight = np.broadcast_to(mask, (2, *mask.shape)).copy()
+    noise = 1.0
+    for sweep in range(3):  # plain, then with the weights of an outlying corner taken down
+        for side in range(2):
+            X[side] = _polish(X[side], twin[side], px, weight[side], camera)
+        off = np.stack([np.linalg.norm(project(camera, X[s], p) - px, axis=-1) for s in range(2)])
+        noise = _corner_noise(off[0], weight[0] > 0)
+        if sweep < 2:
+            weight = mask * np.minimum(1.0, _HUBER * np.sqrt(2.0) * noise / np.maximum(off, 1e-9))
+    rms = np.sqrt(np.sum(off**2 * mask, axis=-1) / mask.sum(axis=-1))
+    X, weight, rms = _best_first(X, weight, rms)
+    J = np.stack([project_with_jacobian(camera, X[s], p)[1] for s in range(2)])
+    information = np.einsum("snkai,snk,snkaj->snij", J, weight, J) / noise**2
+    return Sight(camera, p, px, weight[0], X, information, rms, noise)
+
+
+def _check(name: str, corners: Corners, board: Board) -> None:
+    if len(corners) and corners.ids[-1] >= board.corners:
+        raise BoardDisagrees(
+            f"view {name}: corner {corners.ids[-1]}, but a board of {board.squares_across} x {board.squares_down}"
+            f" squares has corners 0 to {board.corners - 1}: state the board that was used"
+        )
+    flat = board.p_MK_m[corners.ids][:, :2]
+    if (
+        len(corners) < MIN_CORNERS
+        or np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[-1] < 0.5 * board.square_m
+    ):
+        raise TooFewViews(
+            f"view {name}: {len(corners)} corners, fewer than {MIN_CORNERS} or all in one row: leave the view out"
+        )
+
+
+def _padded(corners: Sequence[Corners], board: Board) -> tuple[Array, Array, Array]:
+    most = max(len(c) for c in corners)
+    p, px, mask = (np.zeros((len(corners), most, *tail)) for tail in ((3,), (2,), ()))
+    for i, c in enumerate(corners):
+        n = len(c)
+        p[i, :n], px[i, :n], mask[i, :n] = board.p_MK_m[c.ids], c.px, 1.0
+        p[i, n:], px[i, n:] = p[i, 0], px[i, 0]
+    return p, px, mask
+
+
+def _starts(p: Array, px: Array, camera: Intrinsics, name: str) -> Array:
+    """(2, 4, 4) both poses of a flat board; the same twice where there is one."""
+    _, rvecs, tvecs, _ = cv2.solvePnPGeneric(p, px, camera.K, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
+    poses = []
+    for r, t in zip(rvecs, tvecs, strict=True):
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = cv2.Rodrigues(r)[0], t.ravel()
+        if np.isfinite(X).all() and X[2, 3] > 0:
+            poses.append(X)
+    if not poses:
+        raise BoardDisagrees(f"view {name}: no pose of the board explains its corners: wrong board or intrinsics")
+    return np.stack([poses[0], poses[-1]])
+
+
+def _polish(X: Array, p: Array, px: Array, weight: Array, camera: Intrinsics) -> Array:
+    """Gauss-Newton with a little damping, all views together."""
+    for _ in range(8):
+        uv, J = project_with_jacobian(camera, X, p)
+        A = np.einsum("nkai,nk,nkaj->nij", J, weight, J)
+        b = np.einsum("nkai,nk,nka->ni", J, weight, px - uv)
+        A += 1e-9 * np.einsum("nii->n", A)[:, None, None] * np.eye(6)
+        step = np.linalg.solve(A, b[..., None])[..., 0]
+        X = move(X, np.clip(step, -0.2, 0.2))
+        if np.abs(step).max() < 1e-10:
+            break
+    return X
+
+
+def _corner_noise(off: Array, mask: NDArray[np.bool_]) -> float:
+    """Standard deviation along an axis, from the median view, so that a few spoilt views do not count."""
+    n = mask.sum(axis=1)
+    middle = np.array([np.median(row[there]) for row, there in zip(off, mask, strict=True)])
+    # the median of a Rayleigh variable is 1.1774 sigma; six parameters were fitted to 2 n numbers
+    return max(float(np.median(middle / 1.1774 / np.sqrt(1 - 6 / (2 * n)))), _NOISE_FLOOR_PX)
+
+
+def _best_first(X: Array, weight: Array, rms: Array) -> tuple[Array, Array, Array]:
+    swap = rms[1] < rms[0]
+    same = np.abs(X[0] - X[1]).max(axis=(1, 2)) < 1e-4
+    X[:, swap], weight[:, swap], rms[:, swap] = X[::-1][:, swap], weight[::-1][:, swap], rms[::-1][:, swap]
+    rms[1, same] = np.inf
+    return X, weight, rms

@@ -1,0 +1,101 @@
+"""`calibrate check`: has anything moved since the calibration?
+
+Three views are enough: the calibration predicts where the corners must appear. The distance is the first half of the
+verdict; the limit of 0.5 px lies between a rig that was not touched (0.14 px, p95 0.26) and one that moved by 2 mm
+(1.2). A shift along the line of sight hardly moves the image; so a camera pose fitted to the three views, with its
+uncertainty, is the other half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.bundle import Model, Motion, State, joint_spread, linearise, motion_of, predict
+from calib.condense import Sight, condense
+from calib.errors import TooFewViews
+from calib.geometry import angle_deg, distance_mm, move
+from calib.types import Drift, Forward, Setup, Solution, View
+from hw.types import Array, frozen_array
+
+LIMIT_PX = 0.5
+MIN_VIEWS = 3
+SIGNIFICANT = 5.0
+"""Standard deviations of the fitted shift or turn, beyond which it is one whatever the pixels say."""
+
+LEAST_MM, LEAST_DEG = 1.2, 0.12
+"""And no smaller than this: calibrations repeat no better on a warm day."""
+
+LEAST_JOINT_RAD = 5e-5
+"""An arm does not come back better than that, whatever the calibration's residuals said."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What a check needs of the calibration in use."""
+
+    X_AC: Array  # (4, 4)
+    X_HM: Array  # (4, 4)
+    offsets_rad: Array  # (n,) joint offsets in use, zeros where none
+    joint_rad: float  # spread of the joints from view to view, `Solution.noise.joint_rad`; nan where not known
+
+    def __post_init__(self) -> None:
+        for name in ("X_AC", "X_HM"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (4, 4), name))
+
+
+def known(solution: Solution) -> Known:
+    offsets = np.zeros(0) if solution.joints is None else solution.joints.offsets_rad
+    return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
+
+
+def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Known) -> Drift:
+    """Compare at least three views with the calibration. Raises TooFewViews, UnusableViews."""
+    if len(views) < MIN_VIEWS:
+        raise TooFewViews(f"{len(views)} views show the board, {MIN_VIEWS} are needed to tell a moved camera")
+    ordered = sorted(views, key=lambda view: view.name)
+    sight = condense([v.name for v in ordered], [v.corners for v in ordered], setup.board, setup.colour)
+    moved = motion_of(ordered, setup.mounting, forward)
+    offsets = was.offsets_rad if len(was.offsets_rad) == moved.joints else np.zeros(moved.joints)
+    state = State(was.X_AC, was.X_HM, offsets)
+    X_now, covariance = _camera_now(sight, state, moved, was.joint_rad)
+    return _verdict(was, X_now, covariance, _rms(sight.rms_at(predict(state, moved))))
+
+
+def _camera_now(sight: Sight, state: State, moved: Motion, joint_rad: float) -> tuple[Array, Array]:
+    """Camera pose (4, 4) fitted to the views with all else held, and its covariance (6, 6)."""
+    both = np.stack([np.linalg.norm(linearise(state, moved, X, Model())[0], axis=1) for X in sight.X_CM])
+    side, rows = np.argmin(both, axis=0), np.arange(both.shape[1])  # of the mirror poses, the one that is nearer
+    X_CM, information = sight.X_CM[side, rows], sight.information[side, rows]
+    spread = max(joint_rad, LEAST_JOINT_RAD) if np.isfinite(joint_rad) else 2 * LEAST_JOINT_RAD
+    G = joint_spread(state, moved)
+    L = np.linalg.inv(np.linalg.inv(information) + spread**2 * G @ np.swapaxes(G, 1, 2))
+    now, covariance = state, np.eye(6)
+    for _ in range(6):
+        e, B = linearise(now, moved, X_CM, Model())
+        A = np.einsum("nip,nij,njr->pr", B[:, :, :6], L, B[:, :, :6])
+        step = np.linalg.solve(A, np.einsum("nip,nij,nj->p", B[:, :, :6], L, e))
+        now = State(move(now.X_AC, np.clip(step, -0.3, 0.3)), now.X_HM, now.offsets_rad)
+        covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    return now.X_AC, covariance
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _verdict(was: Known, X_now: Array, covariance: Array, rms_px: float) -> Drift:
+    shift_mm, turn_deg = distance_mm(was.X_AC, X_now), angle_deg(was.X_AC, X_now)
+    sigma_mm = float(1e3 * np.sqrt(np.trace(covariance[3:, 3:])))
+    sigma_deg = float(np.rad2deg(np.sqrt(np.trace(covariance[:3, :3]))))
+    by_shift = shift_mm > max(LEAST_MM, SIGNIFICANT * sigma_mm)
+    by_turn = turn_deg > max(LEAST_DEG, SIGNIFICANT * sigma_deg)
+    moved = rms_px > LIMIT_PX or by_shift or by_turn
+    figures = (
+        f"corners {rms_px:.2f} px from where they should be (limit {LIMIT_PX} px), camera {shift_mm:.1f} ±"
+        f" {sigma_mm:.1f} mm and {turn_deg:.2f} ± {sigma_deg:.2f}° from its place"
+    )
+    message = f"moved: {figures}; calibrate again" if moved else f"not moved: {figures}"
+    return Drift(moved, rms_px, LIMIT_PX, shift_mm, turn_deg, sigma_mm, sigma_deg, X_now, message)

@@ -1,0 +1,77 @@
+"""When a calibration is good enough to use: every gate with its value, limit and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from calib.checks import joint_offsets, square_size, variety
+from calib.closed_form import disagreement_mm
+from calib.types import Acceptance, Check, Setup, Solution, Verdict
+
+MIN_USED = 10
+MAX_REJECTED_SHARE = 0.30
+FIT_LIMIT_PX = 0.8
+HELD_OUT_LIMIT_PX = 1.0
+WORST_LIMIT_MM = 5.0
+CROSS_CHECK_LIMIT_MM = 15.0
+"""Closed forms are this far off only where something is wrong with all of the data."""
+
+
+def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acceptance:
+    """All gates. `checks` are measurements that were made beside the solution; a bad one forbids too."""
+    own = (square_size(solution), joint_offsets(solution), variety(solution))
+    named = {check.name for check in checks}
+    return Acceptance((*_gates(solution, setup), *(check for check in own if check.name not in named), *checks))
+
+
+def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
+    rejected = 100 * len(solution.rejected) / len(solution.views)
+    intrinsics = (
+        f"are these the intrinsics for {setup.colour.width} x {setup.colour.height}? Focus, light, a flat board?"
+    )
+    unseen = "views that were not fitted are predicted badly: add views, tilted to all sides"
+    where = "95 % at the worst corner of the work volume; add views there, and more tilted ones"
+    return (
+        _at_least("views used", len(solution.used), MIN_USED, "", "record more views"),
+        _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", _why_rejected(solution)),
+        _at_most("fit", solution.fit_px, FIT_LIMIT_PX, "px", intrinsics),
+        _at_most("held-out error", solution.held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
+        _at_most("stated error", solution.uncertainty.worst_95_mm, WORST_LIMIT_MM, "mm", where),
+        _cross("closed forms", disagreement_mm(solution.methods)),
+    )
+
+
+def _why_rejected(solution: Solution) -> str:
+    """Views that are all at one end of the series point to something that slipped."""
+    used = [view.used for view in solution.views]
+    changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]
+    if len(changes) == 1:
+        return f"something slipped between {solution.views[changes[0] - 1].name} and {solution.views[changes[0]].name}"
+    return "the arm must rest before a picture, and board and camera must be tight"
+
+
+def _at_least(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
+    good = value >= limit
+    message = f"{name}: {value:.3g} {unit}, at least {limit:.3g} {unit}".replace(" ,", ",").rstrip()
+    return Check(
+        name, Verdict.GOOD if good else Verdict.BAD, message if good else f"{message}: {advice}", value, limit, unit
+    )
+
+
+def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
+    good = value <= limit
+    message = f"{name}: {value:.3g} {unit}, at most {limit:.3g} {unit}"
+    return Check(
+        name, Verdict.GOOD if good else Verdict.BAD, message if good else f"{message}: {advice}", value, limit, unit
+    )
+
+
+def _cross(name: str, value: float) -> Check:
+    """A doubt, not a verdict: closed forms are the weaker estimate."""
+    limit = CROSS_CHECK_LIMIT_MM
+    message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
+    if value <= limit:
+        return Check(name, Verdict.GOOD, message, value, limit, "mm")
+    return Check(
+        name, Verdict.SUSPECT, f"{message}: look at the views' tilts and at the poses' units", value, limit, "mm"
+    )

@@ -1,0 +1,96 @@
+"""Where to hold the board: poses before the camera that together determine the calibration.
+
+Spread matters more than number (`benchmarks/calibration.py`): the board tilted to all sides by 20 to 40 degrees, near
+and far, in every part of the image that it can reach, and turned about the line of sight.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import qmc
+
+from hw.types import Array, Intrinsics
+from perception.board_types import Board
+
+TILT_DEG = (18.0, 42.0)
+TURN_DEG = 40.0
+RIM_PX = 12.0
+"""All of the print stays at least so far inside the image; a rough camera pose needs the room."""
+
+_UNITS = np.array([0.28, 0.28, 0.30, 0.45, 0.45, 0.9])
+"""What counts as equally different: image width and height, relative distance, tilts and turn in rad."""
+
+
+def candidates(camera: Intrinsics, board: Board, count: int, distance_m: tuple[float, float], seed: int = 0) -> Array:
+    """Board poses X_CM (N, 4, 4), N <= `count`, all of them wholly in the image. Evenly spread, the same every time."""
+    draws = qmc.Sobol(6, seed=seed).random(count)
+    pixels = draws[:, :2] * [camera.width - 1, camera.height - 1]
+    flat = cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion).reshape(-1, 2)
+    away_m = np.exp(np.log(distance_m[0]) + draws[:, 2] * np.log(distance_m[1] / distance_m[0]))
+    tilt = np.deg2rad(TILT_DEG[0] + draws[:, 3] * (TILT_DEG[1] - TILT_DEG[0]))
+    towards = 2 * np.pi * draws[:, 4]
+    turn = np.deg2rad(TURN_DEG * (2 * draws[:, 5] - 1))
+    poses = np.array([_pose(*p, board) for p in zip(flat, away_m, tilt, towards, turn, strict=True)])
+    return poses[[_inside(X, board, camera) for X in poses]]
+
+
+def spread(X_CM: Array, board: Board, count: int) -> Array:
+    """Indices of up to `count` of the poses (N, 4, 4) that differ most: each is the farthest from those before it."""
+    features = np.array([_features(X, board) for X in X_CM]) / _UNITS
+    if not len(features):
+        return np.zeros(0, dtype=int)
+    chosen = [int(np.linalg.norm(features - np.median(features, axis=0), axis=1).argmax())]
+    nearest = np.full(len(features), np.inf)
+    while len(chosen) < min(count, len(features)):
+        nearest = np.minimum(nearest, np.linalg.norm(features - features[chosen[-1]], axis=1))
+        chosen.append(int(nearest.argmax()))
+    return np.array(chosen)
+
+
+def tilt_and_turn(X_CM: Array, board: Board) -> tuple[float, float, float]:
+    """How the board stands to the line of sight through its centre: tilts about the image's X and Y, and turn, rad."""
+    square = _facing(centre(X_CM, board))
+    normal = square.T @ X_CM[:3, 2]
+    across = square.T @ X_CM[:3, 0]
+    tilts = -np.arcsin(np.clip(normal[1], -1, 1)), np.arcsin(np.clip(normal[0], -1, 1))
+    return float(tilts[0]), float(tilts[1]), float(np.arctan2(across[1], across[0]))
+
+
+def centre(X_CM: Array, board: Board) -> Array:
+    """(3,) middle of the print in the camera."""
+    middle = np.array([*np.array(board.size_m) / 2, 0.0])
+    return np.asarray(X_CM[:3, :3] @ middle + X_CM[:3, 3])
+
+
+def _pose(flat: Array, away_m: float, tilt: float, towards: float, turn: float, board: Board) -> Array:
+    ray = np.array([*flat, 1.0])
+    ray *= away_m / np.linalg.norm(ray)
+    leaning = Rotation.from_rotvec(tilt * np.array([np.cos(towards), np.sin(towards), 0.0]))
+    X = np.eye(4)
+    X[:3, :3] = _facing(ray) @ (leaning * Rotation.from_euler("z", turn)).as_matrix()
+    X[:3, 3] = ray - X[:3, :3] @ np.array([*np.array(board.size_m) / 2, 0.0])
+    return X
+
+
+def _facing(p_C_m: Array) -> Array:
+    """(3, 3) axes whose Z looks along the line of sight to a point, upright in the image."""
+    z = p_C_m / np.linalg.norm(p_C_m)
+    x = np.cross([0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _inside(X_CM: Array, board: Board, camera: Intrinsics) -> bool:
+    rim = board.outline_m @ X_CM[:3, :3].T + X_CM[:3, 3]
+    limit = np.array([camera.width, camera.height]) - 1 - RIM_PX
+    if rim[:, 2].min() < 0.1:
+        return False
+    px = cv2.projectPoints(rim, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)
+    return bool((px > RIM_PX).all() and (px < limit).all())
+
+
+def _features(X_CM: Array, board: Board) -> Array:
+    p = centre(X_CM, board)
+    return np.array([p[0] / p[2], p[1] / p[2], np.log(p[2]), *tilt_and_turn(X_CM, board)])

@@ -1,0 +1,228 @@
+"""A finished calibration as it is stored: the result, how well it is known, why it was accepted, where it is from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from calib.records import FORMAT, BoardRecord, Matrix, Numbers, Record
+from calib.types import Acceptance, Check, HandEye, Mounting, Solution
+from hw.types import Array
+
+FILE = "calibration.json"
+
+
+class ViewOutcome(Record):
+    """What became of one view."""
+
+    name: str
+    sha256: str  # of its record, which holds the hashes of its images
+    used: bool
+    reason: str
+    rms_px: float | None
+    own_rms_px: float | None
+    off_mm: float | None
+    off_deg: float | None
+    held_out: bool
+    held_out_px: float | None
+
+
+class CheckRecord(Record):
+    name: str
+    verdict: str
+    message: str
+    value: float | None
+    limit: float | None
+    unit: str
+
+    @classmethod
+    def of(cls, check: Check) -> CheckRecord:
+        return cls(
+            name=check.name,
+            verdict=str(check.verdict),
+            message=check.message,
+            value=finite(check.value),
+            limit=finite(check.limit),
+            unit=check.unit,
+        )
+
+
+class OffsetsRecord(Record):
+    adopted: bool
+    reason: str
+    offsets_rad: Numbers
+    suspected_rad: Numbers
+    sigma_rad: tuple[float | None, ...]
+
+
+class UncertaintyRecord(Record):
+    sigma_mm: float
+    sigma_deg: float
+    position_95_mm: float
+    rotation_95_deg: float
+    worst_95_mm: float
+    arm_worst_95_mm: float
+    points_m: Matrix  # (P, 3) corners of the work volume
+    work_95_mm: Numbers  # (P,) there
+    arm_work_95_mm: Numbers
+
+
+class MethodRecord(Record):
+    name: str
+    from_solution_mm: float
+    from_solution_deg: float
+
+
+class SavedCalibration(Record):
+    """calibration.json."""
+
+    format: int = FORMAT
+    mounting: Literal["fixed", "wrist"]
+    X_AC: Matrix  # the camera in its carrier: in the base if fixed, in the flange on the wrist
+    X_HM: Matrix  # the board in its holder
+    joint_offsets: OffsetsRecord | None
+    uncertainty: UncertaintyRecord
+    fit_px: float
+    held_out_px: float | None
+    corner_px: float
+    joint_rad: float | None  # spread of the joints from view to view
+    square_scale: float
+    views: tuple[ViewOutcome, ...]
+    methods: tuple[MethodRecord, ...]
+    checks: tuple[CheckRecord, ...]
+    gates: tuple[CheckRecord, ...]  # the other conditions of accepting it
+    accepted: bool
+    created: str  # ISO 8601
+    source: str
+    folder: str  # of the views
+    hw: str
+    arm: str
+    camera: str  # serial
+    board: BoardRecord
+    temperatures_C: dict[str, float] = Field(default_factory=dict)  # where devices tell
+    versions: dict[str, str]
+
+    def hand_eye(self) -> HandEye:
+        """What perception needs. Raises ValueError for a camera on the wrist."""
+        if self.mounting != "fixed":
+            raise ValueError("a camera on the wrist has no constant pose in the base")
+        u = self.uncertainty
+        return HandEye(np.array(self.X_AC), u.sigma_mm, u.sigma_deg, self.source, self.created)
+
+    def offsets_rad(self) -> Array:
+        """(7,) true joint position minus what the arm reports; zeros where not estimated or not adopted."""
+        offsets = self.joint_offsets
+        return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
+
+    def content(self) -> bytes:
+        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
+
+    def sha256(self) -> str:
+        return hashlib.sha256(self.content()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a calibration comes from."""
+
+    folder: str
+    view_sha256: Mapping[str, str]
+    hw: str
+    arm: str
+    camera: str
+    created: str
+    source: str
+    versions: Mapping[str, str]
+
+
+def saved(
+    solution: Solution,
+    points_m: Array,
+    board: BoardRecord,
+    checks: Sequence[Check],
+    acceptance: Acceptance,
+    origin: Origin,
+) -> SavedCalibration:
+    """All of it as one record. `points_m` (P, 3) are the corners of the work volume."""
+    joints, u = solution.joints, solution.uncertainty
+    named = {check.name for check in checks}
+    offsets = None if joints is None else OffsetsRecord(
+        adopted=joints.adopted,
+        reason=joints.reason,
+        offsets_rad=_row(joints.offsets_rad),
+        suspected_rad=_row(joints.suspected_rad),
+        sigma_rad=tuple(finite(float(s)) for s in joints.sigma_rad),
+    )
+    return SavedCalibration(
+        mounting="fixed" if solution.mounting is Mounting.FIXED else "wrist",
+        X_AC=_rows(solution.X_AC),
+        X_HM=_rows(solution.X_HM),
+        joint_offsets=offsets,
+        uncertainty=UncertaintyRecord(
+            sigma_mm=u.sigma_mm,
+            sigma_deg=u.sigma_deg,
+            position_95_mm=u.position_95_mm,
+            rotation_95_deg=u.rotation_95_deg,
+            worst_95_mm=u.worst_95_mm,
+            arm_worst_95_mm=u.arm_worst_95_mm,
+            points_m=_rows(points_m),
+            work_95_mm=_row(u.work_95_mm),
+            arm_work_95_mm=_row(u.arm_work_95_mm),
+        ),
+        fit_px=solution.fit_px,
+        held_out_px=finite(solution.held_out_px),
+        corner_px=solution.noise.corner_px,
+        joint_rad=finite(solution.noise.joint_rad),
+        square_scale=solution.square_scale,
+        views=tuple(
+            ViewOutcome(
+                name=v.name,
+                sha256=origin.view_sha256.get(v.name, ""),
+                used=v.used,
+                reason=v.reason,
+                rms_px=finite(v.rms_px),
+                own_rms_px=finite(v.own_rms_px),
+                off_mm=finite(v.off_mm),
+                off_deg=finite(v.off_deg),
+                held_out=v.held_out,
+                held_out_px=finite(v.held_out_px),
+            )
+            for v in solution.views
+        ),
+        methods=tuple(
+            MethodRecord(name=m.name, from_solution_mm=m.from_solution_mm, from_solution_deg=m.from_solution_deg)
+            for m in solution.methods
+            if math.isfinite(m.from_solution_mm + m.from_solution_deg)
+        ),
+        checks=tuple(map(CheckRecord.of, checks)),
+        gates=tuple(CheckRecord.of(gate) for gate in acceptance.gates if gate.name not in named),
+        accepted=acceptance.accepted,
+        created=origin.created,
+        source=origin.source,
+        folder=origin.folder,
+        hw=origin.hw,
+        arm=origin.arm,
+        camera=origin.camera,
+        board=board,
+        versions=dict(origin.versions),
+    )
+
+
+def finite(value: float) -> float | None:
+    """JSON knows no NaN: what was not measured is null."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _row(values: Array) -> Numbers:
+    return tuple(float(v) for v in values)
+
+
+def _rows(matrix: Array) -> Matrix:
+    return tuple(_row(row) for row in matrix)

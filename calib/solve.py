@@ -1,0 +1,256 @@
+"""From views to a calibration: `solve`.
+
+1. Views are sorted; each is condensed to the board's pose and its information.
+2. A closed form on random subsets gives a start that a minority of spoilt views cannot bend.
+3. Views that disagree are rejected, with joint offsets and board size free, so that no view pays for those.
+4. Joint offsets are adopted if the Bayesian information criterion asks for them and every fifth view, held out, is
+   predicted no worse with them.
+5. The final fit uses all views that were kept, the held-out ones too: five samples more are worth more than a
+   figure of the very same fit. The held-out error quoted belongs to the fit without them, so it errs on the safe side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle import Fit, Model, Motion, State, fit, joint_spread, motion_of, observable_joints, predict
+from calib.closed_form import cross_check, robust_start
+from calib.condense import Sight, condense
+from calib.errors import DegenerateViews, TooFewViews, UnusableViews
+from calib.geometry import inverse, rotation_vector
+from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, reject
+from calib.types import Forward, JointOffsets, Noise, Setup, Solution, View, ViewFit
+from calib.uncertainty import jackknife, uncertainty
+from hw.types import Array
+
+MIN_VIEWS = 6
+HELD_OUT_EVERY = 5
+BIC_LIMIT = -2.0  # "positive evidence"; by chance alone once in some 5,000 calibrations
+HELD_OUT_MARGIN = 1.1  # four held-out views tell their own error to about a tenth
+MIN_TURN_DEG = 1.5
+"""Rotations about the second axis under this leave some direction all but free."""
+
+Rows = NDArray[np.int64]
+
+
+def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solution:
+    """Calibrate. `forward` is needed where the views have joints. Raises UnusableViews, one of its kinds."""
+    ordered = _sorted(views)
+    data, start = _agreeing(_data(ordered, setup, forward))
+    plain = data.fit(data.kept, _without_extras(start), Model())
+    final, joints, held = _with_offsets_where_supported(data, plain)
+    return _solution(ordered, setup, data, final, joints, held)
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """What the fits work on; the chosen candidate of each view once it is known."""
+
+    sight: Sight
+    moved: Motion
+    X_CM: Array  # (N, 4, 4)
+    information: Array  # (N, 6, 6)
+    distance2: Array  # (N,) of each view from a fit without it
+    kept: Rows  # rows of views that agree
+
+    def fit(self, rows: Rows, start: State, model: Model) -> Fit:
+        return fit(self.moved.take(rows), self.X_CM[rows], self.information[rows], start, model)
+
+
+@dataclass(frozen=True, eq=False)
+class _HeldOut:
+    """Every fifth of the views kept, predicted by a fit to the others."""
+
+    rows: Rows
+    px: Array  # root mean square distance of the corners, by row
+
+    @property
+    def rms_px(self) -> float:
+        return float(np.sqrt(np.mean(self.px**2)))
+
+
+def _sorted(views: Sequence[View]) -> list[View]:
+    """By name. The order in which views come must not show in the last digit."""
+    if len(views) < MIN_VIEWS:
+        raise TooFewViews(f"{len(views)} views, at least {MIN_VIEWS} are needed and 20 are good: record more")
+    names = [view.name for view in views]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UnusableViews(f"more than one view is called {', '.join(twice)}: give each its own name")
+    kinds = {None if view.q_rad is None else len(view.q_rad) for view in views}
+    if len(kinds) > 1:
+        raise UnusableViews("some views have joints and others have not, or not as many: record all of them alike")
+    return sorted(views, key=lambda view: view.name)
+
+
+def _data(views: Sequence[View], setup: Setup, forward: Forward | None) -> _Data:
+    sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
+    moved = motion_of(views, setup.mounting, forward)
+    return _Data(sight, moved, sight.X_CM[0], sight.information[0], np.zeros(len(views)), np.arange(len(views)))
+
+
+def _agreeing(data: _Data) -> tuple[_Data, State]:
+    """Reject views, choose among the mirror poses. Raises DegenerateViews or TooFewViews."""
+    n = data.moved.joints
+    _demand_variety(data.X_CM)
+    X_AC, X_HM = robust_start(data.moved.X_AH(np.zeros(n)), data.X_CM)
+    kept, side, now, distance2 = reject(
+        data.moved,
+        data.sight.X_CM,
+        data.sight.information,
+        State(X_AC, X_HM, np.zeros(n)),
+        _flexible(n, len(data.X_CM)),
+    )
+    rows, every = np.flatnonzero(kept), np.arange(len(kept))
+    chosen = replace(
+        data,
+        X_CM=data.sight.X_CM[side, every],
+        information=data.sight.information[side, every],
+        distance2=distance2,
+        kept=rows,
+    )
+    if len(rows) < max(MIN_VIEWS - 1, (len(kept) + 1) // 2):
+        raise TooFewViews(
+            f"only {len(rows)} of {len(kept)} views agree with one another: is the board tight on its holder, the"
+            " camera on its stand, does the arm rest before each picture, do images and joints belong together?"
+        )
+    _demand_variety(chosen.X_CM[rows])
+    return chosen, now.state
+
+
+def _flexible(joints: int, views: int) -> Model:
+    return Model(observable_joints(joints) if views >= MIN_TO_FREE else (), scale=views >= MIN_TO_FREE)
+
+
+def _without_extras(state: State) -> State:
+    return State(state.X_AC, state.X_HM, np.zeros_like(state.offsets_rad))
+
+
+def _spread_deg(X_CM: Array) -> Array:
+    """(3,) root mean square rotation of the boards about three axes, most first."""
+    turns = rotation_vector(np.swapaxes(X_CM[:1, :3, :3], 1, 2) @ X_CM[:, :3, :3])
+    turns = turns - turns.mean(axis=0)
+    return np.asarray(np.rad2deg(np.linalg.svd(turns, compute_uv=False)) / np.sqrt(len(turns)))
+
+
+def _demand_variety(X_CM: Array) -> None:
+    spread = _spread_deg(X_CM)
+    if spread[1] < MIN_TURN_DEG:
+        raise DegenerateViews(
+            f"the board is turned alike in all views ({spread[0]:.1f}° about one axis, {spread[1]:.1f}° about any"
+            f" other, at least {MIN_TURN_DEG}° is needed and 10° is good): tilt it left, right, up and down"
+        )
+
+
+def _with_offsets_where_supported(data: _Data, plain: Fit) -> tuple[Fit, JointOffsets | None, _HeldOut]:
+    held = _held_out(data, plain)
+    n = data.moved.joints
+    if not n:
+        return plain, None, held
+    none = np.zeros(n)
+    if len(data.kept) < MIN_TO_FREE:
+        reason = f"{len(data.kept)} views are too few to tell joint offsets, {MIN_TO_FREE} are needed"
+        unknown = np.full(n, np.nan)
+        return plain, JointOffsets(none, unknown, False, none, np.nan, held.rms_px, np.nan, reason), held
+    free = data.fit(data.kept, plain.state, Model(observable_joints(n)))
+    held_free = _held_out(data, free)
+    numbers = 6 * len(data.kept)
+    delta_bic = -2 * (free.log_likelihood - plain.log_likelihood) + len(free.model.offsets) * np.log(numbers)
+    adopted = delta_bic < BIC_LIMIT and held_free.rms_px < HELD_OUT_MARGIN * held.rms_px
+    sigma = np.full(n, np.nan)
+    sigma[list(free.model.offsets)] = np.sqrt(np.diagonal(jackknife(free))[12:])
+    reason = (
+        f"{'supported' if adopted else 'not supported'}: information criterion {delta_bic:+.1f} (limit"
+        f" {BIC_LIMIT:+.0f}), held-out error {held_free.rms_px:.2f} px with offsets, {held.rms_px:.2f} px without"
+    )
+    found = free.state.offsets_rad
+    joints = JointOffsets(
+        found if adopted else none, sigma, adopted, found, float(delta_bic), held.rms_px, held_free.rms_px, reason
+    )
+    return (free, joints, held_free) if adopted else (plain, joints, held)
+
+
+def _held_out(data: _Data, full: Fit) -> _HeldOut:
+    out = np.zeros(len(data.kept), dtype=bool)
+    out[HELD_OUT_EVERY - 1 :: HELD_OUT_EVERY] = True
+    without = data.fit(data.kept[~out], full.state, full.model)
+    rows = data.kept[out]
+    return _HeldOut(rows, data.sight.rms_at(predict(without.state, data.moved))[rows])
+
+
+def _square_scale(data: _Data, plain: Fit) -> tuple[float, float]:
+    """Size of the board by the arm's motion over the size given, and one standard deviation."""
+    model = Model(_flexible(data.moved.joints, len(data.kept)).offsets, scale=True)
+    free = data.fit(data.kept, plain.state, model)
+    return free.state.scale, float(np.sqrt(jackknife(free)[-1, -1]))
+
+
+def _solution(
+    views: Sequence[View], setup: Setup, data: _Data, final: Fit, joints: JointOffsets | None, held: _HeldOut
+) -> Solution:
+    kept, moved = data.kept, data.moved
+    predicted = predict(final.state, moved)
+    rms = data.sight.rms_at(predicted)
+    X_AH = moved.X_AH(final.state.offsets_rad)[kept]
+    scale, scale_sigma = _square_scale(data, final)
+    centre = setup.board.outline_m.mean(axis=0)
+    seen = data.X_CM[kept, :3, :3] @ centre + data.X_CM[kept, :3, 3]
+    return Solution(
+        mounting=setup.mounting,
+        X_AC=final.state.X_AC,
+        X_HM=final.state.X_HM,
+        joints=joints,
+        views=_view_fits(views, data, predicted, rms, centre, held),
+        fit_px=float(np.sqrt(np.mean(rms[kept] ** 2))),
+        held_out_px=held.rms_px,
+        noise=_noise(data, final, centre),
+        uncertainty=uncertainty(final, moved.take(kept), setup),
+        methods=cross_check(X_AH, data.X_CM[kept], final.state.X_AC),
+        square_scale=scale,
+        square_scale_sigma=scale_sigma,
+        tilt_spread_deg=float(_spread_deg(data.X_CM[kept])[1]),
+        pose_span_m=float(np.linalg.norm(np.ptp(seen, axis=0))),
+    )
+
+
+def _view_fits(
+    views: Sequence[View], data: _Data, predicted: Array, rms: Array, centre: Array, held: _HeldOut
+) -> tuple[ViewFit, ...]:
+    off = inverse(predicted) @ data.X_CM
+    off_mm = 1e3 * np.linalg.norm(off[:, :3, :3] @ centre + off[:, :3, 3] - centre, axis=1)
+    off_deg = np.rad2deg(np.linalg.norm(rotation_vector(off[:, :3, :3]), axis=1))
+    kept, out = set(data.kept.tolist()), dict(zip(held.rows.tolist(), held.px.tolist(), strict=True))
+    return tuple(
+        ViewFit(
+            name=view.name,
+            used=i in kept,
+            reason="" if i in kept else _reason(off_mm[i], off_deg[i], data.distance2[i]),
+            rms_px=float(rms[i]),
+            own_rms_px=float(data.sight.rms_at(data.X_CM)[i]),
+            off_mm=float(off_mm[i]),
+            off_deg=float(off_deg[i]),
+            held_out=i in out,
+            held_out_px=float(out.get(i, np.nan)),
+        )
+        for i, view in enumerate(views)
+    )
+
+
+def _reason(off_mm: float, off_deg: float, distance2: float) -> str:
+    times = np.sqrt(distance2 / (MARGIN * LIMIT))
+    return (
+        f"the board is {off_mm:.1f} mm and {off_deg:.2f}° from where the other views and the joints put it,"
+        f" {times:.1f} times the limit: the arm still moved, the image belongs to other joints, or the board slipped"
+    )
+
+
+def _noise(data: _Data, final: Fit, centre: Array) -> Noise:
+    """Spread of the board's centre that the joints' spread explains."""
+    G = joint_spread(final.state, data.moved.take(data.kept))
+    at_centre = G[:, 3:] - np.cross(centre, np.swapaxes(G[:, :3], 1, 2)).swapaxes(1, 2)
+    flange_mm = 1e3 * final.joint_rad * np.sqrt(np.mean(np.sum(at_centre**2, axis=(1, 2))))
+    return Noise(data.sight.corner_px, final.joint_rad if data.moved.joints else float("nan"), float(flange_mm))

@@ -1,0 +1,112 @@
+"""Time offset between camera and arm, from a short motion seen by both.
+
+The board's corners in each frame are compared with where the joints say they were; the offset that makes them agree is
+found together with a constant shift of the image: an error of the calibration must not pass for one of the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.bundle import State, motion, predict
+from calib.projection import project
+from calib.types import Check, Forward, Setup, Solution, Verdict
+from hw.types import Array
+from perception.board_types import Corners
+
+LIMIT_MS = 5.0
+SEARCH_S = 0.25
+MIN_FRAMES = 6
+MIN_SPEED_PX_S = 40.0
+"""Slower than this, 0.2 px of noise are the limit itself."""
+
+
+@dataclass(frozen=True)
+class TimeOffset:
+    """Camera stamps less arm stamps of the same moment: subtract it from the camera's."""
+
+    offset_s: float
+    sigma_s: float
+
+
+def time_offset(
+    frames: Sequence[tuple[float, Corners]],
+    arm_t_s: Array,
+    q_rad: Array,
+    solution: Solution,
+    setup: Setup,
+    forward: Forward,
+) -> tuple[TimeOffset | None, Check]:
+    """Frames (time stamp, corners) beside the arm's log (M,), (M, n) of the same motion.
+
+    Positive means that the camera's stamps are late. Not measured where the motion is too short or too slow.
+    """
+    name = "time offset"
+    order = np.argsort([t for t, _ in frames], kind="stable")
+    usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
+    if len(usable) < MIN_FRAMES:
+        return None, Check(
+            name, Verdict.NOT_MEASURED, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed"
+        )
+    path = _Path(np.asarray(arm_t_s), np.asarray(q_rad), solution, setup, forward)
+    shifts = np.linspace(-SEARCH_S, SEARCH_S, 51)
+    cost = [float(np.sum(_residual(usable, path, s)[0] ** 2)) for s in shifts]
+    best = float(shifts[int(np.argmin(cost))])
+    sigma = np.inf
+    for _ in range(8):
+        r, slope, speed = _residual(usable, path, best)
+        if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
+            return None, Check(
+                name, Verdict.NOT_MEASURED, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed"
+            )
+        step = -float(slope @ r) / float(slope @ slope)
+        best += float(np.clip(step, -0.02, 0.02))
+        sigma = float(np.sqrt(r @ r / (len(r) - 3) / (slope @ slope)))
+        if abs(step) < 1e-6:
+            break
+    found = TimeOffset(best, sigma)
+    value = 1e3 * best
+    message = (
+        f"the camera's time stamps are {value:+.1f} ms (± {1e3 * sigma:.1f}) late against the arm's,"
+        f" limit {LIMIT_MS:g} ms"
+    )
+    if abs(value) <= LIMIT_MS:
+        return found, Check(name, Verdict.GOOD, message, value, LIMIT_MS, "ms")
+    advice = f": at 0.6 m/s that is {abs(600e-3 * value):.0f} mm. Synchronise the clocks, or subtract it"
+    return found, Check(name, Verdict.SUSPECT, message + advice, value, LIMIT_MS, "ms")
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    t_s: Array
+    q_rad: Array
+    solution: Solution
+    setup: Setup
+    forward: Forward
+
+    def pixels(self, times_s: Array, frames: Sequence[tuple[float, Corners]]) -> Array:
+        """(N, 2) mean pixel of the corners of each frame as predicted for `times_s` (N,)."""
+        q = np.stack([np.interp(times_s, self.t_s, column) for column in self.q_rad.T], axis=-1)
+        moved = motion(self.setup.mounting, self.forward, q, None)
+        joints = self.solution.joints
+        offsets = np.zeros(q.shape[1]) if joints is None else joints.offsets_rad
+        X_CM = predict(State(self.solution.X_AC, self.solution.X_HM, offsets), moved)
+        grid = np.broadcast_to(self.setup.board.p_MK_m, (len(q), self.setup.board.corners, 3))
+        uv = project(self.setup.colour, X_CM, grid)
+        return np.stack([uv[i, corners.ids].mean(axis=0) for i, (_, corners) in enumerate(frames)])
+
+
+def _residual(frames: Sequence[tuple[float, Corners]], path: _Path, offset_s: float) -> tuple[Array, Array, float]:
+    """Predicted less seen, less the mean (2 N,); its derivative; the median speed in px/s."""
+    stamps = np.array([t for t, _ in frames]) - offset_s
+    seen = np.stack([corners.px.mean(axis=0) for _, corners in frames])
+    h = 2e-3
+    late, early = path.pixels(stamps + h, frames), path.pixels(stamps - h, frames)
+    velocity = (late - early) / (2 * h)
+    off = path.pixels(stamps, frames) - seen
+    centred = off - off.mean(axis=0)
+    slope = -(velocity - velocity.mean(axis=0))
+    return centred.ravel(), slope.ravel(), float(np.percentile(np.linalg.norm(velocity, axis=1), 75))

@@ -1,0 +1,121 @@
+"""Following the bottle, against the truth of rendered scenes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, at, leaning, plate_arm, stage
+
+from hw.types import Array, Frame
+from perception.bottle import Arm, BottleDetection, find_bottle, track_bottle
+from perception.errors import TrackingFailed
+from perception.types import ObjectTrack, Outcome
+
+T0 = 100.0
+TIMES = T0 + np.arange(0.0, 0.70, 1 / 15)
+
+
+def up(x: float, y: float) -> Array:
+    return BODY.upright(np.array([x, y]))
+
+
+@lru_cache
+def scene() -> Stage:
+    return stage(seed=1)
+
+
+@lru_cache
+def detection() -> BottleDetection:
+    s = scene()
+    return find_bottle(s.shot(T0 - 1, bottle=up(*MARK)), s.model, s.X_BC, BODY, AREA, MARK)
+
+
+def film(bottle: Pose, **others: Pose) -> list[Frame]:
+    shifted = {name: (lambda t, X=X: X(t - T0)) for name, X in {"bottle": bottle, **others}.items()}
+    return scene().film(TIMES, **shifted)
+
+
+def track(frames: list[Frame], plate: Pose | None = None) -> ObjectTrack:
+    s = scene()
+    arm = (lambda t: Arm()) if plate is None else plate_arm(lambda t: plate(t - T0))
+    return track_bottle(frames, s.model, s.X_BC, detection(), arm, T0, 0.4, AREA)
+
+
+def errors_mm(found: ObjectTrack, bottle: Pose) -> Array:
+    truth = np.stack([bottle(t)[:3, 3] for t in found.t_s])
+    return np.asarray(1e3 * np.linalg.norm(found.state - truth, axis=1))
+
+
+def slide(t: float) -> Array:
+    """Touched at 0.1 s, pushed at up to 1 m/s, at rest after 0.5 s."""
+    s = np.clip((t - 0.1) / 0.4, 0, 1)
+    return up(MARK[0] + 0.2 * s * s * (3 - 2 * s), 0.03 * s)
+
+
+def plate(t: float) -> Array:
+    X = slide(min(t, 0.35))
+    return at(X[0, 3] - 0.031, X[1, 3], 0.006)
+
+
+def test_a_push_by_a_masked_plate_is_followed_until_it_rests() -> None:
+    found = track(film(slide, plate=plate), plate)
+    assert np.percentile(errors_mm(found, slide), 95) < 1.0
+    assert found.outcome is Outcome.UPRIGHT and found.flags == ()
+    assert found.confidence.min() > 0.9
+    assert np.isfinite(found.end_in_tool_m).all()
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.57, 3.0])
+def test_a_fall_is_followed_in_any_direction(heading: float) -> None:
+    def fall(t: float) -> Array:
+        return leaning(np.array([0.56 + 0.1 * t, 0]), float(np.clip((t / 0.5) ** 2 * 1.57, 0, 1.5707)), heading)
+
+    found = track(film(fall))
+    assert found.outcome is Outcome.TIPPED
+    assert np.percentile(errors_mm(found, fall), 90) < 2.5
+
+
+def test_a_wobble_is_not_a_fall() -> None:
+    def wobble(t: float) -> Array:
+        return leaning(np.array([0.56 + 0.1 * min(t, 0.4), 0.0]), 0.2 * np.sin(9 * t) ** 2 * (t < 0.5), 0.5)
+
+    found = track(film(wobble))
+    assert found.outcome is Outcome.UPRIGHT
+    assert np.percentile(errors_mm(found, wobble), 90) < 1.5
+
+
+def test_a_hand_is_flagged_near_and_apart() -> None:
+    found = track(film(lambda t: up(*MARK), hand=lambda t: at(0.95 - 0.5 * t, 0.20 - 0.18 * t, 0.08)))
+    assert any("is in the picture" in flag for flag in found.flags)
+    near = track(film(lambda t: up(*MARK), hand=lambda t: at(0.56, 0.25 - 0.4 * min(t, 0.42), 0.06)))
+    assert any("touches or nears the bottle" in flag for flag in near.flags)
+    assert np.median(errors_mm(near, lambda t: up(*MARK))) < 1.0
+
+
+def test_a_bottle_that_is_taken_away_is_lost_and_no_hand_is_taken_for_it() -> None:
+    def taken(t: float) -> Array:
+        return up(*MARK) if t < 0.2 else GONE
+
+    found = track(film(taken, hand=lambda t: at(0.56, 0.0, 0.14) if 0.1 < t < 0.3 else GONE))
+    assert found.outcome is Outcome.LOST
+    assert any("out of sight at the end" in flag for flag in found.flags)
+    assert any("is not located in" in flag for flag in found.flags)
+
+
+def test_the_edge_of_the_image_is_flagged() -> None:
+    found = track(film(lambda t: up(0.56 + 1.0 * min(t, 0.62), 0.0)))
+    assert any("at the edge of the image" in flag for flag in found.flags)
+
+
+def test_a_bottle_that_still_moves_at_the_end_is_flagged() -> None:
+    found = track(film(lambda t: up(0.56 + 0.2 * t, 0.0)))
+    assert any("still moves at the end (200 mm/s)" in flag for flag in found.flags)
+
+
+def test_frames_without_the_bottle_or_of_another_clock_are_refused() -> None:
+    with pytest.raises(TrackingFailed, match="is in none of"):
+        track(film(lambda t: GONE))
+    with pytest.raises(TrackingFailed, match="share one clock"):
+        track([Frame(f.t_s + 50, f.colour, f.depth_mm) for f in film(slide)[:2]])

@@ -20,6 +20,7 @@ class Outcome(StrEnum):
     SETTLED = "settled"
     LOST = "lost"  # out of sight, or off the table
     SOLVER_FAILED = "solver_failed"  # simulation only
+    DIVERGED = "diverged"  # the pendulum, under a feedback that does not hold it
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,99 @@
+"""How the object of each kind of task is seen: one function a kind, chosen by `Task.tracker`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from adaptsim_cli.session.parts import Tracker, TrackRequest
+from perception.types import ObjectTrack, Outcome
+from sim.errors import UnknownName
+from sim.tasks.task import Task
+
+
+def tracker_of(task: Task) -> Tracker:
+    """Raises UnknownName."""
+    if task.tracker not in TRACKERS:
+        raise UnknownName(f"no tracker {task.tracker!r} for {task.name}: there are {', '.join(TRACKERS)}")
+    return TRACKERS[task.tracker](task)
+
+
+def _piece(task: Task) -> Tracker:
+    """A piece of food, seen and followed with the blade at its kinematic pose; it lies where the context says."""
+    from perception import piece
+    from sim.tasks.tool_mesh import tool_mesh
+
+    mesh = tool_mesh(task)
+    x, y = task.context.dimensions[:2]
+    area = (x.low, x.high, y.low, y.high)
+
+    def track(request: TrackRequest) -> ObjectTrack:
+        return piece.track_piece(
+            request.frames,
+            request.model,
+            request.X_BC,
+            request.detection,
+            mesh,
+            request.X_BT_at,
+            request.t_start_s,
+            request.duration_s,
+        )
+
+    return Tracker(
+        find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, area),
+        overlay=lambda frame, model, X_BC, found, drawn: piece.overlay(frame, model, X_BC, found, area, drawn[:2]),
+        track=track,
+        placement=lambda drawn: drawn,
+        context=lambda drawn, detection: np.asarray(detection.xy_m),
+        outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
+    )
+
+
+BOTTLE_AREA = (0.42, 1.22, -0.36, 0.36)
+"""What of the table is looked at for a bottle, x and y in the base frame in m: all that the camera sees of it."""
+
+
+def _bottle(task: Task) -> Tracker:
+    """A bottle that stands on its mark, is pushed, and is followed until it rests; the context is a goal."""
+    from hw.collision import ARM, HAND, segments
+    from hw.kinematics import link_poses
+    from perception import bottle
+    from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M, goal_m
+    from sim.tasks.tool_mesh import tool_mesh
+
+    body = bottle.Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
+    tool = bottle.ToolMask(*tool_mesh(task))
+    capsules = (*ARM, *HAND)
+    radii_m = np.array([capsule.radius_m for capsule in capsules])
+
+    def track(request: TrackRequest) -> ObjectTrack:
+        def arm_at(t_s: float) -> bottle.Arm:
+            ends_m = segments(link_poses(request.q_at(t_s)), capsules)
+            return bottle.Arm(bottle.Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
+
+        return bottle.track_bottle(
+            request.frames,
+            request.model,
+            request.X_BC,
+            request.detection,
+            arm_at,
+            request.t_start_s,
+            request.duration_s,
+            BOTTLE_AREA,
+        )
+
+    return Tracker(
+        find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, START_M),
+        overlay=lambda frame, model, X_BC, found, drawn: bottle.overlay(
+            frame, model, X_BC, found, body, START_M, goal_m(drawn)
+        ),
+        track=track,
+        placement=lambda drawn: np.array(START_M),
+        context=lambda drawn, detection: np.asarray(drawn),
+        outcomes=(Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST),
+    )
+
+
+TRACKERS: dict[str, Callable[[Task], Tracker]] = {"piece": _piece, "bottle": _bottle}
+"""`Task.tracker` -> how its object is seen."""

@@ -1,0 +1,1 @@
+"""What `tracking.py` measures, one module a task."""

@@ -1,0 +1,1 @@
+"""RGB-D cameras, each behind `hw.ports.Camera`."""

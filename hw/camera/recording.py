@@ -1,0 +1,108 @@
+"""Recordings of an Azure Kinect: Matroska files with colour as JPEG, depth and infrared as 16-bit grey, and the
+device's factory calibration attached. Needs PyAV (`pip install adaptsim[kinect]`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from hw.camera.kinect import camera_model
+from hw.errors import CameraError, DeviceUnavailable
+from hw.types import CameraModel, Frame
+
+if TYPE_CHECKING:
+    import av.container
+    import av.video
+
+_TOGETHER_S = 0.010  # colour and depth of one instant differ by less
+_PIXELS = {"gray16be": ">u2", "gray16le": "<u2"}
+
+
+class KinectRecording:
+    """Frames and calibration of one file. Opens on entering; the time of a frame is that of the device's clock."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._container: av.container.InputContainer | None = None
+
+    def __enter__(self) -> Self:
+        """Raises DeviceUnavailable without PyAV, CameraError for a file that is no such recording."""
+        try:
+            import av  # noqa: PLC0415 an optional extra
+        except ImportError as error:
+            raise DeviceUnavailable("recordings need PyAV: install it with pip install 'adaptsim[kinect]'") from error
+        try:
+            self._container = av.open(str(self._path))
+        except (OSError, av.error.FFmpegError) as error:
+            raise CameraError(f"{self._path} cannot be opened as a recording: {error}") from error
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._container is not None:
+            self._container.close()
+            self._container = None
+
+    def model(self) -> CameraModel:
+        """Factory calibration, for the modes that were recorded. Raises CameraError."""
+        colour, depth = self._tag("COLOR", "K4A_COLOR_MODE"), self._tag("DEPTH", "K4A_DEPTH_MODE")
+        return camera_model(self._attached("calibration.json"), colour.removeprefix("MJPG_"), depth)
+
+    def frames(self) -> Iterator[Frame]:
+        """Every instant with both a colour and a depth image, in order of time. Raises CameraError."""
+        container = self._open
+        tracks = [self._track(title) for title in ("COLOR", "DEPTH")]
+        start_s = 1e-9 * int(container.metadata.get("K4A_START_OFFSET_NS", "0"))
+        waiting: dict[int, list[tuple[float, Any]]] = {track.index: [] for track in tracks}
+        colour_of, depth_of = (waiting[track.index] for track in tracks)
+        container.seek(0)
+        for packet in container.demux(*tracks):
+            for image in packet.decode():
+                waiting[packet.stream.index].append((start_s + float(image.time or 0.0), image))
+            while colour_of and depth_of:
+                apart_s = colour_of[0][0] - depth_of[0][0]
+                if abs(apart_s) < _TOGETHER_S:
+                    (t_s, colour), (_, depth) = colour_of.pop(0), depth_of.pop(0)
+                    yield Frame(t_s, _rgb(colour), millimetres(depth))
+                else:  # the older of the two has no partner
+                    (colour_of if apart_s < 0 else depth_of).pop(0)
+
+    @property
+    def _open(self) -> av.container.InputContainer:
+        if self._container is None:
+            raise DeviceUnavailable(f"the recording {self._path} is not open: enter it with `with` first")
+        return self._container
+
+    def _track(self, title: str) -> Any:
+        for stream in self._open.streams.video:
+            if stream.metadata.get("title") == title:
+                return stream
+        raise CameraError(f"{self._path} has no track {title}: record colour and depth together")
+
+    def _tag(self, title: str, key: str) -> str:
+        tags = self._track(title).metadata
+        if key not in tags:
+            raise CameraError(f"track {title} of {self._path} lacks {key}: it is no recording of an Azure Kinect")
+        return str(tags[key])
+
+    def _attached(self, name: str) -> bytes:
+        for stream in self._open.streams:
+            if stream.type == "attachment" and stream.metadata.get("filename") == name:
+                return bytes(stream.data)  # type: ignore[attr-defined]
+        raise CameraError(f"{self._path} lacks its {name}: it is no recording of an Azure Kinect")
+
+
+def _rgb(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    return np.ascontiguousarray(image.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+def millimetres(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint16]]:
+    """(H, W) of a 16-bit grey image, in the byte order of this machine. Raises CameraError for any other."""
+    if image.format.name not in _PIXELS:
+        raise CameraError(f"the depth track holds {image.format.name}, expected 16-bit grey")
+    plane = image.planes[0]
+    rows = np.frombuffer(plane, dtype=_PIXELS[image.format.name]).reshape(image.height, -1)  # type: ignore[call-overload]
+    return np.ascontiguousarray(rows[:, : image.width], dtype=np.uint16)

@@ -1,0 +1,179 @@
+"""Where a cylinder of known size stands, leans or lies in one depth image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+
+from hw.types import Array
+from perception.arm_mask import Arm
+from perception.cylinder import Cylinder, fit_circle, fit_pose, front_m, lowest_m, tilt_rad
+from perception.geometry import Array32, View, project
+from perception.scan import Raw, Scan
+
+ABOVE_M = 0.012
+"""Readings lower than this over the table are table."""
+_REACH_M = 0.13  # looked at around where it is expected
+_TOP_M = 0.008  # this near to its full height is its top
+_FEWEST = 30
+_AGREES_M = 0.008
+_WELL, _BADLY = 0.80, 0.60
+_LEANS_DEG = 2.5  # less is within what fitting a tilt leaves
+_SAME = 0.01  # of confidence
+_FALLING_DEG, _SURE = 20.0, 0.92
+_OFF_TABLE_M = 0.015  # nothing is a bottle that floats, or sinks into the table, by so much
+_ENOUGH = 400  # points for a fit
+_CLEAR_SHARE = 0.75  # of the points on one circle: there is no other to be looked for
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """An estimate for one frame, and how far the picture supports it."""
+
+    X_BO: Array  # (4, 4), Z along the axis
+    in_picture: float  # share of it that lies inside the camera's image
+    visible: float  # share of its face that is in the picture, read and not hidden
+    fit: float  # 0 ... 1, agreement of the readings there with it
+
+    @property
+    def centre_m(self) -> Array:
+        return np.asarray(self.X_BO[:3, 3])
+
+    @property
+    def tilt_deg(self) -> float:
+        return float(np.rad2deg(tilt_rad(self.X_BO)))
+
+    @property
+    def confidence(self) -> float:
+        return self.visible * self.fit
+
+    @classmethod
+    def better(cls, places: list[Self]) -> Self:
+        """The one that explains most."""
+        return max(places, key=lambda place: place.confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """What the depth camera saw around one place."""
+
+    view: View
+    depth_m: Array32  # (h, w) 0 where there is no reading
+    along: Array32  # (h, w, 3) how a point moves with its depth
+    points_m: Array  # (n, 3) above the table and not of the arm
+
+    @property
+    def eye_m(self) -> Array:
+        """(3,) the camera."""
+        return np.asarray(self.view.X_BV[:3, 3])
+
+
+def patch(scan: Scan, raw: Raw, centre_m: Array, arm: Arm) -> Patch | None:
+    """The surroundings of `centre_m` (3,); None outside of the picture."""
+    view = scan.view.window(centre_m, _REACH_M)
+    if view is None:
+        return None
+    part = scan.rectangle(view)
+    depth, along = scan.depth(raw[part]), scan.along[part]
+    above = (depth > 0) & (scan.heights(depth, part) > ABOVE_M)
+    points = scan.points(depth, above, part)
+    away = points - centre_m
+    points = points[np.einsum("ni,ni->n", away, away) < _REACH_M**2]
+    return Patch(view, depth, along, points[~arm.holds(points)])
+
+
+def place(seen: Patch, body: Cylinder, guess: Array) -> Place | None:
+    """The body near X_BO `guess` (4, 4): upright if that explains the readings, else as it leans or lies."""
+    if len(seen.points_m) < _FEWEST:
+        return None
+    few = seen.points_m[:: max(1, len(seen.points_m) // _ENOUGH)]
+    if np.rad2deg(tilt_rad(guess)) > _FALLING_DEG:  # it goes on falling, or lies
+        again = fit_pose(few, guess, body)
+        fallen = appraise(seen, body, again)
+        if _leans(again, body) and fallen.confidence > _SURE:
+            return fallen
+    standing = [appraise(seen, body, X) for X in _standing(seen, body, guess)]
+    best = Place.better(standing) if standing else None
+    starts = [best.X_BO] if best is not None and best.fit >= _WELL else [guess, *(p.X_BO for p in standing)]
+    leaning = [appraise(seen, body, X) for X in (fit_pose(few, X, body) for X in starts) if _leans(X, body)]
+    if best is None or (leaning and Place.better(leaning).confidence > best.confidence - _SAME):
+        best = Place.better(leaning) if leaning else None
+    if best is None or best.fit < _BADLY:
+        fits = (fit_pose(few, X, body) for X in _lying(seen, body))
+        lying = [appraise(seen, body, X) for X in fits if _leans(X, body)]
+        best = Place.better([p for p in (best, *lying) if p is not None]) if lying or best else None
+    return best
+
+
+def _leans(X_BO: Array, body: Cylinder) -> bool:
+    """Whether it is not upright, and on the table."""
+    return bool(np.rad2deg(tilt_rad(X_BO)) > _LEANS_DEG and abs(lowest_m(X_BO, body)) < _OFF_TABLE_M)
+
+
+def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
+    """How well the body at X_BO agrees with what was seen."""
+    camera = seen.view.camera
+    uv = project(camera, seen.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
+    inside = float(((uv > 1) & (uv < np.array([camera.width, camera.height]) - 2)).all(axis=1).mean())
+    nothing = Place(X_BO, inside, 0.0, 0.0)
+    corner = np.array([seen.view.columns.start, seen.view.rows.start])
+    low, high = (np.clip(x - corner, 0, seen.depth_m.shape[::-1]) for x in (uv.min(axis=0) - 1, uv.max(axis=0) + 2))
+    box = np.s_[int(low[1]) : int(high[1]), int(low[0]) : int(high[0])]
+    measured, along = seen.depth_m[box], seen.along[box]
+    if measured.size == 0:
+        return nothing
+    front = front_m(along.reshape(-1, 3).astype(np.float64), seen.eye_m, X_BO, body).reshape(measured.shape)
+    # readings at its rim may be mixed with what lies behind: one pixel all around is not asked
+    face = cv2.erode(np.isfinite(front).astype(np.uint8), _CROSS, borderValue=0) > 0
+    read = face & (measured > 0)
+    off = (measured - np.where(read, front, 0))[read]
+    agree, deeper = int((np.abs(off) < _AGREES_M).sum()), int((off >= _AGREES_M).sum())
+    if agree == 0:
+        return nothing
+    hidden = 1 - (agree + deeper) / len(off)
+    known = min(1.0, 2 * len(off) / int(face.sum()))  # up to half may lack, as on a dark or shiny face
+    return Place(X_BO, inside, known * (1 - hidden) * inside, agree / (agree + deeper))
+
+
+def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:
+    """Upright poses: from where its top is seen, or where it was expected, or behind the middle of its side."""
+    points = seen.points_m
+    height = points[:, 2]
+    side = points[height < body.height_m - _TOP_M, :2]
+    if len(side) < _FEWEST:
+        return []
+    top = points[np.abs(height - body.height_m) < _TOP_M, :2]
+    middle = np.median(side, axis=0)
+    away = (middle - seen.eye_m[:2]) / max(float(np.linalg.norm(middle - seen.eye_m[:2])), 1e-9)
+    starts = [guess[:2, 3], middle + 2 / np.pi * body.radius_m * away]
+    if len(top) >= _FEWEST:
+        starts.insert(0, np.median(top, axis=0))
+    few = side[:: max(1, len(side) // _ENOUGH)]
+    found: list[Array] = []
+    for start in starts:
+        circle = fit_circle(few, start, body.radius_m)
+        if all(np.linalg.norm(circle.centre_m - other) > 0.001 for other in found):
+            found.append(circle.centre_m)
+        if circle.share > _CLEAR_SHARE:
+            break
+    return [body.upright(xy) for xy in found]
+
+
+def _lying(seen: Patch, body: Cylinder) -> list[Array]:
+    """On its side along the longest direction of what is seen, and across it."""
+    low = seen.points_m[seen.points_m[:, 2] < 3 * body.radius_m]
+    if len(low) < _FEWEST:
+        return []
+    middle = np.median(low[:, :2], axis=0)
+    _, axes = np.linalg.eigh(np.cov((low[:, :2] - middle).T))
+    poses = []
+    for x, y in axes.T:
+        X = np.eye(4)
+        X[:3, :3] = np.column_stack([[0.0, 0.0, 1.0], [y, -x, 0.0], [x, y, 0.0]])
+        X[:3, 3] = middle[0], middle[1], body.radius_m
+        poses.append(X)
+    return poses

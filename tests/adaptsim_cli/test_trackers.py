@@ -1,0 +1,38 @@
+"""Which tracker a task gets, and what the bottle's says of contexts, marks and outcomes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adaptsim_cli.trackers import TRACKERS, tracker_of
+from perception.types import Outcome
+from sim.errors import UnknownName
+from sim.tasks import get_task
+from sim.tasks.pushing.params import START_M, goal_m
+
+
+def test_every_task_with_hardware_names_a_tracker_that_exists() -> None:
+    for name in ("scooping", "pushing"):
+        assert get_task(name).tracker in TRACKERS
+
+
+def test_an_unknown_tracker_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(UnknownName, match="no tracker 'cloth' for pushing: there are piece, bottle"):
+        tracker_of(replace(get_task("pushing"), tracker="cloth"))
+
+
+def test_a_bottle_is_placed_on_its_mark_whatever_the_goal() -> None:
+    tracker = tracker_of(get_task("pushing"))
+    goal = np.array([0.9, 0.1])
+    assert tracker.placement(goal) == pytest.approx(START_M)
+    assert tracker.context(goal, None) == pytest.approx(goal)
+    assert goal_m(goal)[0] == pytest.approx(0.9)  # drawn in metres
+    assert tracker.outcomes == (Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST)
+
+
+def test_a_piece_of_food_lies_where_the_context_says() -> None:
+    tracker = tracker_of(get_task("scooping"))
+    assert tracker.placement(np.array([0.68, 0.01])) == pytest.approx([0.68, 0.01])

@@ -1,0 +1,110 @@
+"""The factory calibration, and recordings made by the test itself."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from hw.camera.kinect import camera_model
+from hw.camera.recording import KinectRecording, millimetres
+from hw.errors import CameraError, DeviceUnavailable
+
+CALIBRATION = Path(__file__).parents[1] / "perception" / "data" / "kinect_calibration.json"
+SMALL = (64, 48)
+
+
+def test_calibration_of_a_real_device_in_720p() -> None:
+    model = camera_model(CALIBRATION.read_bytes() + b"\0", "720P", "NFOV_UNBINNED")
+    assert (model.colour.width, model.colour.height) == (1280, 720)
+    assert (model.depth.width, model.depth.height) == (640, 576)
+    # as libk4a gives them for this file
+    assert model.colour.K[[0, 1, 0, 1], [0, 1, 2, 2]] == pytest.approx([611.795, 611.927, 639.304, 365.853], abs=1e-3)
+    assert model.depth.K[[0, 1, 0, 1], [0, 1, 2, 2]] == pytest.approx([504.608, 504.733, 332.781, 348.830], abs=1e-3)
+    assert model.depth.distortion[:4] == pytest.approx([0.54794, -0.02097, 2.056e-5, -7.210e-5], rel=1e-3)
+    assert model.X_CD[:3, 3] == pytest.approx([-0.03208, -0.00221, 0.00388], abs=1e-5)
+    assert np.rad2deg(np.arcsin(model.X_CD[1, 2])) == pytest.approx(4.94, abs=0.01)
+
+
+def test_a_mode_is_a_part_of_one_reference_image() -> None:
+    wide, narrow = (camera_model(CALIBRATION.read_bytes(), "2160P", m) for m in ("WFOV_UNBINNED", "NFOV_UNBINNED"))
+    assert np.allclose(wide.depth.K[:2, 2] - narrow.depth.K[:2, 2], [192, 180])
+    assert np.allclose(wide.colour.K[0, 0] / 3840, 611.79534912 / 1280)
+
+
+def test_calibrations_that_cannot_be_used_are_refused() -> None:
+    with pytest.raises(CameraError, match="mode 'VGA' is not known"):
+        camera_model(CALIBRATION.read_bytes(), "VGA", "NFOV_UNBINNED")
+    with pytest.raises(CameraError, match="cannot be read"):
+        camera_model(b"{}", "720P", "NFOV_UNBINNED")
+    strange = json.loads(CALIBRATION.read_bytes())
+    strange["CalibrationInformation"]["Cameras"][0]["Intrinsics"]["ModelType"] = "fisheye"
+    with pytest.raises(CameraError, match="fisheye"):
+        camera_model(json.dumps(strange).encode(), "720P", "NFOV_UNBINNED")
+
+
+def record(
+    path: Path, colour_s: list[float], depth_s: list[float], titles: tuple[str, str] = ("COLOR", "DEPTH")
+) -> None:
+    """A file laid out like those of k4arecorder: frame i has the grey value 10 i, and 1000 + i in its first column."""
+    with av.open(str(path), "w", format="matroska") as container:
+        container.metadata["K4A_START_OFFSET_NS"] = "2000000000"
+        container.add_attachment("calibration.json", "application/octet-stream", CALIBRATION.read_bytes())
+        tracks = []
+        for title, codec, pixels, key, mode in (
+            (titles[0], "mjpeg", "yuvj422p", "K4A_COLOR_MODE", "MJPG_720P"),
+            (titles[1], "ffv1", "gray16le", "K4A_DEPTH_MODE", "NFOV_UNBINNED"),
+        ):
+            track = container.add_stream(codec, rate=30)
+            track.width, track.height, track.pix_fmt = *SMALL, pixels
+            track.metadata["title"], track.metadata[key] = title, mode
+            tracks.append(track)
+        images = [(t, 0, i) for i, t in enumerate(colour_s)] + [(t, 1, i) for i, t in enumerate(depth_s)]
+        for t_s, which, i in sorted(images):
+            pixels = np.full((*SMALL[::-1], 3), 10 * i, np.uint8)
+            depth = np.full(SMALL[::-1], 500, np.uint16)
+            depth[:, 0] = 1000 + i
+            frame = (
+                av.VideoFrame.from_ndarray(pixels, format="rgb24")
+                if which == 0
+                else av.VideoFrame.from_ndarray(depth, format="gray16le")
+            )
+            frame.pts, frame.time_base = round(30 * t_s), Fraction(1, 30)
+            container.mux(tracks[which].encode(frame))
+        for track in tracks:
+            container.mux(track.encode())
+
+
+def test_frames_are_paired_by_time_and_on_the_clock_of_the_device(tmp_path: Path) -> None:
+    path = tmp_path / "r.mkv"
+    record(path, [0.0, 1 / 30, 3 / 30], [0.0, 2 / 30, 3 / 30])
+    with KinectRecording(path) as recording:
+        model, frames = recording.model(), list(recording.frames())
+        assert [f.t_s for f in recording.frames()] == [f.t_s for f in frames]  # can be read again
+    assert model.serial == "001514394512"
+    assert [f.t_s for f in frames] == pytest.approx([2.0, 2.1], abs=2e-3)
+    assert [int(f.depth_mm[5, 0]) for f in frames] == [1000, 1002]
+    assert [int(f.depth_mm[5, 9]) for f in frames] == [500, 500]
+    assert [int(f.colour.mean().round()) for f in frames] == pytest.approx([0, 20], abs=2)
+    assert frames[0].colour.shape == (*SMALL[::-1], 3) and frames[0].depth_mm.dtype == np.uint16
+
+
+@pytest.mark.parametrize("pixels", ["gray16be", "gray16le"])
+def test_depth_is_read_in_either_order_of_bytes(pixels: str) -> None:
+    depth_mm = np.arange(7 * 5, dtype=np.uint16).reshape(5, 7) * 1000  # 7 wide: rows are padded
+    assert np.array_equal(millimetres(av.VideoFrame.from_ndarray(depth_mm, format=pixels)), depth_mm)
+
+
+def test_files_that_are_no_recordings_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match="cannot be opened"), KinectRecording(tmp_path / "none.mkv"):
+        pass
+    path = tmp_path / "r.mkv"
+    record(path, [0.0], [0.0], titles=("COLOR", "THERMAL"))
+    with KinectRecording(path) as recording, pytest.raises(CameraError, match="no track DEPTH"):
+        recording.model()
+    with pytest.raises(DeviceUnavailable, match="not open"):
+        next(KinectRecording(path).frames())

@@ -1,11 +1,12 @@
 """Is every action of a task within the arm's limits? Worst ratio over a grid of contexts and actions.
 
     python benchmarks/executability.py --task scooping --model panda --model fr3 --png executability.png
+    python benchmarks/executability.py --task pushing --contexts 1 --actions 9 5 --map action --png executability.png
 
 The ratio of a motion is the largest of any joint's position, velocity, acceleration and jerk to its limit. A motion is
 executable when approach, task and retreat pass every check of `hw.limits`, a stop along the path is possible at any
 moment, and no ratio of the task path is above `sim.panda.redundancy.ALLOWED`. `--noise` widens the grid by the task's
-action noise.
+action noise. The picture maps the first two dimensions of the contexts or of the actions.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from hw.types import Array
 from sim.errors import NotExecutable
 from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
+from sim.panda.tool import held
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -36,24 +38,28 @@ class Motion:
     ratio: float
     cpu_s: float
     note: str
+    tightest: str = ""  # "joint 4, velocity"
 
 
-def grid(low: Array, high: Array, points: int) -> list[Array]:
-    """`points` per dimension, ends included."""
-    return [np.array(v) for v in product(*(np.linspace(a, b, points) for a, b in zip(low, high, strict=True)))]
+def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
+    """So many `points` per dimension (one number: the same for all), ends included; a single one is the middle."""
+    counts = points * len(low) if len(points) == 1 else points
+    lines = (np.linspace(a, b, n) if n > 1 else [(a + b) / 2] for a, b, n in zip(low, high, counts, strict=True))
+    return [np.array(v) for v in product(*lines)]
 
 
 def examine(task: Task, model: str, contexts: list[Array], actions: list[Array]) -> list[Motion]:
     """Plan every trial of the grid, approach and retreat included."""
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
-    q_home = home(task.X_FT, model)
+    tool = held(task.X_FT, task.keep_clear)
+    q_home = home(task.X_FT, model, tool)
     found = []
     for context, action in product(contexts, actions):
         motion = task.plan(context, action)
         start = time.process_time()
         try:
-            path = trial_paths(motion, task.X_FT, model, q_home)[1]
+            path = trial_paths(motion, task.X_FT, model, q_home, tool=tool)[1]
         except NotExecutable as error:
             found.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
             continue
@@ -64,7 +70,8 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
             found.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
             continue
         tightest = max((c for c in report.checks if c.unit.startswith("rad")), key=lambda c: c.ratio)
-        found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest)))
+        what = f"{tightest.where}, {tightest.quantity}"
+        found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what))
     return found
 
 
@@ -87,27 +94,47 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
         print(f"  {motion.ratio:.3f} at {where}: {motion.note}")
 
 
-def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
-    """For every context (its first two dimensions): the share of executable actions, and the worst ratio of these."""
+def draw(task: Task, over: str, results: dict[str, list[Motion]], png: Path) -> None:
+    """A map for each arm over two dimensions of contexts or actions: the worst ratio at each place, and what limits it.
+
+    Where not every motion is executable, the worst of those that are, and how many.
+    """
     import matplotlib  # noqa: PLC0415
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt  # noqa: PLC0415
+    from matplotlib.colors import ListedColormap  # noqa: PLC0415
 
-    figure, axes = plt.subplots(1, len(results), figsize=(4.6 * len(results), 3.8), squeeze=False, layout="constrained")
-    names = [d.label for d in task.context.dimensions[:2]]
+    space = task.context if over == "context" else task.action
+    names = [d.label for d in space.dimensions[:2]]
+    size = (max(5.2, 0.25 + 0.72 * len({m.action[0] for m in next(iter(results.values()))})) * len(results), 4.0)
+    figure, axes = plt.subplots(1, len(results), figsize=size, squeeze=False, layout="constrained")
+    light = plt.get_cmap("YlOrBr")(np.linspace(0.05, 0.6, 64))  # black text stays readable
+    colours = ListedColormap(light).with_extremes(bad="0.35")
     for axis, (model, found) in zip(axes[0], results.items(), strict=True):
-        xs, ys = (sorted({float(m.context[k]) for m in found}) for k in (0, 1))
-        share = np.zeros((len(ys), len(xs)))
-        for (i, j), _ in np.ndenumerate(share):
-            here = [m.ratio for m in found if (float(m.context[0]), float(m.context[1])) == (xs[j], ys[i])]
-            good = [ratio for ratio in here if ratio <= ALLOWED]
-            share[i, j] = len(good) / len(here)
-            text = f"{len(good)} of {len(here)}" + (f"\nworst {max(good):.2f}" if good else "")
-            axis.text(xs[j], ys[i], text, ha="center", va="center")
-        image = axis.pcolormesh(xs, ys, share, vmin=0.0, vmax=1.0, cmap="RdYlGn", shading="nearest")
-        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}")
-        figure.colorbar(image, ax=axis, label=f"share of actions with every ratio ≤ {ALLOWED:g}")
+        places: dict[tuple[float, float], list[Motion]] = {}
+        for motion in found:
+            at = getattr(motion, over)
+            places.setdefault((float(at[0]), float(at[1])), []).append(motion)
+        xs, ys = (sorted({place[k] for place in places}) for k in (0, 1))
+        worst = np.full((len(ys), len(xs)), np.nan)
+        for (x, y), here in places.items():
+            good = [m for m in here if m.ratio <= ALLOWED]
+            tightest = max(good, key=lambda m: m.ratio, default=None)
+            lines = [] if tightest is None else [f"{tightest.ratio:.2f}", *tightest.tightest.split(", ")]
+            lines += [f"{len(good)} of {len(here)}"] if len(good) < len(here) or len(here) > 1 else []
+            axis.text(x, y, "\n".join(lines), ha="center", va="center", fontsize=6)
+            if tightest is not None:
+                worst[ys.index(y), xs.index(x)] = tightest.ratio
+        image = axis.pcolormesh(
+            xs, ys, worst, vmin=0.5, vmax=ALLOWED, cmap=colours, shading="nearest", edgecolors="white"
+        )
+        share = sum(m.ratio <= ALLOWED for m in found)
+        axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}: {share} of {len(found)} executable")
+        axis.set(xticks=xs, yticks=ys)
+        axis.tick_params(labelsize=7)
+    label = f"largest ratio of any joint to its limit (allowed: {ALLOWED:g})"
+    figure.colorbar(image, ax=axes[0].tolist(), label=label)
     figure.savefig(png, dpi=150)
     plt.close(figure)
 
@@ -116,8 +143,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--model", action="append", choices=["panda", "fr3"])
-    parser.add_argument("--contexts", type=int, default=3, help="grid points per context dimension")
-    parser.add_argument("--actions", type=int, default=2, help="grid points per action dimension")
+    parser.add_argument("--contexts", type=int, nargs="+", default=[3], help="grid points, of all or each dimension")
+    parser.add_argument("--actions", type=int, nargs="+", default=[2], help="grid points, of all or each dimension")
+    parser.add_argument("--map", choices=["context", "action"], default="context", help="what the picture maps")
     parser.add_argument("--noise", action="store_true", help="widen the actions by the task's action noise")
     parser.add_argument("--png", type=Path)
     options = parser.parse_args()
@@ -130,7 +158,7 @@ def main() -> None:
         results[model] = examine(chosen, model, contexts, actions)
         show(chosen, model, results[model])
     if options.png:
-        draw(chosen, results, options.png)
+        draw(chosen, options.map, results, options.png)
         print(f"picture: {options.png}")
 
 

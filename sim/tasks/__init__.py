@@ -8,6 +8,8 @@ from sim.errors import UnknownName
 from sim.tasks.task import Task
 
 TASKS = {
+    "pendulum": "sim.tasks.pendulum",
+    "pushing": "sim.tasks.pushing",
     "scooping": "sim.tasks.scooping",
 }
 """Name -> the module whose `TASK` it is."""

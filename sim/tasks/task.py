@@ -6,20 +6,23 @@ walks an operator takes a `Task` and never asks which one it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.types import Array
+from hw.collision import Capsule
+from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.types import Space, ToolMotion
 
 if TYPE_CHECKING:
     import pydrake.multibody.plant as drake_plant
     import pydrake.multibody.tree as drake_tree
+
+    from sim.solver import Solver
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,9 @@ class AdaptationSettings:
     threshold: float  # sparse reward: R counts only where R >= threshold
     trials_per_iteration: int
     learning_rate: float
+    trial_std: float = 0.4
+    """Spread of single trials around their expectation. The default is nearly that of a coin: of contact tasks, most
+    rewards are near 0 or near 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +50,8 @@ class Observation:
     high: Array  # (len(columns),) maps to 1
     noise_mean: Array  # (len(columns),) added to simulated observations, in state units
     noise_std: Array  # (len(columns),)
+    curves: tuple[str, ...] = ()
+    """What the columns are called where they are to be drawn over time; empty: they are x and y on the table."""
 
     @property
     def size(self) -> int:
@@ -85,6 +93,23 @@ class Simulate(Protocol):
         ...
 
 
+class SimulateMany(Protocol):
+    """The rollouts of a task that is cheaper in stacks, each the same as by `Simulate`."""
+
+    def __call__(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Sequence[ObjectTrack]:
+        """(N, p), (N, c), (N, a), (N, n) -> N tracks."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A grey picture printed on a plane of a body: on z = 0 of its own frame P, from the origin along X and Y."""
+
+    albedo: NDArray[np.float32]  # (h, w) linear, 0..1; row 0 along Y = 0
+    X_OP: Array  # (4, 4) the picture's first corner in the body's frame
+    size_m: tuple[float, float]  # along X and Y
+
+
 @dataclass(frozen=True, eq=False)
 class Visual:
     """A coloured triangle mesh fixed to a body of the plant (or to the world), as a camera sees it."""
@@ -93,6 +118,7 @@ class Visual:
     vertices_m: Array  # (V, 3) in the body's frame
     triangles: NDArray[np.int32]  # (F, 3)
     rgb: tuple[float, float, float]  # albedo, linear, 0..1
+    texture: Texture | None = None  # replaces `rgb` where a surface of the mesh lies on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +146,24 @@ class BuildScene(Protocol):
         ...
 
 
+def no_scene(*_: Any) -> Any:
+    """What a task in simulation only answers to questions about its scene."""
+    raise ValueError("this task has no scene: it runs in simulation only")
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Everything that is particular to one task."""
+    """Everything that is particular to one task.
+
+    What has a default below only tasks with hardware need: without `plan` a task runs in simulation only, and trials
+    need neither arm nor camera.
+    """
 
     name: str
     title: str
     parameters: Space  # Omega
     margin: Space  # Omega and a margin around it: where datasets are drawn
-    context: Space
+    context: Space  # may be empty
     action: Space
     nuisance: Space  # what varies from trial to trial and nobody chooses (may be empty)
     action_noise: Array  # (a,) half-width of the uniform error of executed actions
@@ -136,19 +171,24 @@ class Task:
     adaptation: AdaptationSettings
     unmodelled: type[Any]  # frozen dataclass of a world's effects that no parameter expresses; all have defaults
     simulate: Simulate
-    build_scene: BuildScene | None  # None: no lab scene
-    time_step_s: Callable[[Any], float]  # of the plant, given the unmodelled effects (None: training)
-    rest_pose: Callable[[Array, Array, Array, Any], Array]
-    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
-    plan: Callable[[Array, Array], ToolMotion] | None  # (context, action) -> motion; None: no hardware
-    X_FT: Array  # (4, 4) the tool in the arm's flange
     reference_context: Array  # (c,) where datasets are drawn: contexts differ from it by `relocate` alone
     relocate: Callable[[Array, Array], Array]  # observation (..., size) at reference, context (..., c) -> there
     succeeded: Callable[[ObjectTrack], bool]
     end_state: Callable[[ObjectTrack], Array]  # (k,) what the reward of a success depends on
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # how a person calls it, e.g. "piece of food"
-    tracker: str  # the key of the tracker in adaptsim_cli.wiring
+    simulate_many: SimulateMany | None = None  # None: one by one, on an executor
+    exact: Callable[[Task], Solver] | None = None
+    """Makes the solver of a task whose answers are exact; None: they are learnt from a dataset, as an emulator."""
+    build_scene: BuildScene | None = None  # None: no lab scene
+    time_step_s: Callable[[Any], float] = no_scene  # of the plant, given the unmodelled effects (None: training)
+    rest_pose: Callable[[Array, Array, Array, Any], Array] = no_scene
+    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
+    plan: Callable[[Array, Array], ToolMotion] | None = None  # (context, action) -> motion; None: no hardware
+    X_FT: Array = field(default_factory=lambda: frozen_array(np.eye(4), (4, 4)))  # (4, 4) the tool in the arm's flange
+    keep_clear: tuple[Capsule, ...] = ()
+    """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
+    tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""

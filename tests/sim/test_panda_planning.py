@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hw.collision import KeepOut, point_heights
-from hw.kinematics import forward, link_poses
+from hw.collision import Capsule, KeepOut, point_heights
+from hw.kinematics import FLANGE, forward, link_poses
 from hw.limits import LIMITS, check_path, require
 from hw.types import ContactWindow
 from sim.errors import NotExecutable
@@ -147,3 +149,16 @@ def test_paths_join_only_at_rest_in_the_same_posture() -> None:
     assert check_path(both, "panda", READY).ok
     with pytest.raises(ValueError, match="join"):
         joined(a, a)
+
+
+def test_a_held_tool_brings_its_capsules_into_the_flange_and_they_must_stay_clear() -> None:
+    stem = Capsule("stem", FLANGE, np.array([0.0, 0.0, 0.02]), np.array([0.0, 0.0, 0.12]), 0.01)
+    tool = held(X_FT, (stem,))
+    X_TF = np.linalg.inv(X_FT)
+    carried = next(c for c in tool.capsules if c.name == "stem")
+    assert np.allclose(X_TF[:3, :3] @ carried.start_m + X_TF[:3, 3], stem.start_m)
+    assert np.allclose(X_TF[:3, :3] @ carried.end_m + X_TF[:3, 3], stem.end_m)
+    assert joint_path(sweep(0.05, start_m=(0.5, 0.0, 0.005)), X_FT, tool=tool)
+    thick = replace(stem, radius_m=0.03)
+    with pytest.raises(NotExecutable, match="stem and table"):
+        joint_path(sweep(0.05, start_m=(0.5, 0.0, 0.005)), X_FT, tool=held(X_FT, (thick,)))

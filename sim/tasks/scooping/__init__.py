@@ -1,5 +1,6 @@
 """Scooping food with a spatula."""
 
+from sim.tasks.scooping.handle import KEEP_CLEAR
 from sim.tasks.scooping.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.scooping.params import (
     ACTION,
@@ -44,4 +45,5 @@ TASK = Task(
     reward_of_success=reward_of_success,
     object_name="piece of food",
     tracker="piece",
+    keep_clear=KEEP_CLEAR,
 )

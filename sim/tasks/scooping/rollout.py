@@ -1,33 +1,31 @@
 """One training rollout: the spatula driven directly, through springs as stiff as the arm's.
 
-Drake steps the plant; every 20 ms the poses are read. The rollout starts shortly before the edge reaches the piece
+The rollout starts shortly before the edge reaches the piece
 (before that nothing happens) and ends with the motion, or as soon as the piece rests where nothing moves it any more.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import RigidBody
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.systems.primitives import TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.scooping.carriage import CARRIAGE, add_carriage, drive_of, place_carriage
+from sim.tasks.carriage import Drive, VerticalSpring, drive_of
+from sim.tasks.direct import READ_EVERY_S, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
-from sim.tasks.scooping.plan import DURATION_S, plan
+from sim.tasks.scooping.plan import (
+    DURATION_S,
+    VERTICAL_DAMPING_NS_M,
+    VERTICAL_STIFFNESS_N_M,
+    edge_height_m,
+    plan,
+)
 from sim.tasks.scooping.rest import lying, sink_m
-from sim.tasks.scooping.scene import OBJECT, TOOL, build_scene, piece_of, time_step_s
+from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
 from sim.types import ToolMotion
 
-READ_EVERY_S = 0.020
 LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""
 
@@ -36,14 +34,6 @@ SETTLING_S = 0.70
 
 REST_SPEED_M_S = 0.003
 REST_RATE_RAD_S = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class _Readings:
-    t_s: tuple[float, ...]
-    X_BO: tuple[RigidTransform, ...]
-    X_BT: tuple[RigidTransform, ...]
-    failure: str | None
 
 
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
@@ -58,16 +48,11 @@ def simulate(
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
     motion = plan(context, action)
-    drive = drive_of(motion)
+    drive = drive_of(motion, VerticalSpring(VERTICAL_STIFFNESS_N_M, VERTICAL_DAMPING_NS_M))
     start_s = _start_s(motion, context, nuisance, unmodelled)
-    diagram, plant = _diagram(drive, float(motion.X_BT[0, 1, 3]), parameters, nuisance, unmodelled)
-    simulator = Simulator(diagram)
-    simulator.get_mutable_context().SetTime(start_s)
-    state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    X_BO = rest_pose(context, parameters, nuisance, unmodelled)
-    plant.SetFreeBodyPose(state, plant.GetBodyByName(OBJECT), RigidTransform(X_BO))
-    place_carriage(plant, state, drive.value(start_s)[:, 0])
-    return _track(_run(simulator, plant, start_s), motion)
+    start = Start(start_s, rest_pose(context, parameters, nuisance, unmodelled), _on_table(drive, start_s))
+    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
+    return _track(run(drive, build, time_step_s(unmodelled), start, DURATION_S, _finished), motion)
 
 
 def _start_s(motion: ToolMotion, context: Array, nuisance: Array, unmodelled: Unmodelled | None) -> float:
@@ -76,61 +61,35 @@ def _start_s(motion: ToolMotion, context: Array, nuisance: Array, unmodelled: Un
     side_m = context[0] - nuisance[0] * effects.semi_axis_scale[0]
     reached = motion.X_BT[:, 0, 3] - effects.distance_bias_m >= side_m
     touch_s = float(motion.t_s[reached][0]) if reached.any() else 0.0
-    return max(0.0, math.floor((touch_s - LEAD_S) / READ_EVERY_S) * READ_EVERY_S)
+    return reading_before_s(touch_s - LEAD_S)
 
 
-def _diagram(
-    drive: PiecewisePolynomial, y_m: float, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
-) -> tuple[Diagram, MultibodyPlant]:
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=time_step_s(unmodelled))
-    plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
-    carriage = add_carriage(plant, y_m)
-    build_scene(plant, carriage, np.eye(4), parameters, nuisance, unmodelled)
-    plant.Finalize()
-    source = builder.AddSystem(TrajectorySource(drive))
-    port = plant.get_desired_state_input_port(plant.GetModelInstanceByName(CARRIAGE))
-    builder.Connect(source.get_output_port(), port)
-    return builder.Build(), plant
+def _on_table(drive: Drive, t_s: float) -> Array:
+    """(6,) where the motion has the carriage, except that the table holds the edge up."""
+    start = np.array(drive.trajectory.value(t_s)[:, 0])
+    floor_m = float(edge_height_m(start[2]))
+    if start[1] <= floor_m:
+        start[1], start[4] = floor_m, 0.0
+    return start
 
 
-def _run(simulator: Simulator, plant: MultibodyPlant, start_s: float) -> _Readings:
-    state = plant.GetMyContextFromRoot(simulator.get_context())
-    piece, tool = plant.GetBodyByName(OBJECT), plant.GetBodyByName(TOOL)
-    t_s = [start_s]
-    X_BO = [piece.EvalPoseInWorld(state)]
-    X_BT = [tool.EvalPoseInWorld(state)]
-    failure = None
-    try:
-        simulator.Initialize()
-        while t_s[-1] < DURATION_S and not (t_s[-1] >= SETTLING_S and _rests(piece, tool, state)):
-            t = min(start_s + len(t_s) * READ_EVERY_S, DURATION_S)
-            simulator.AdvanceTo(t)
-            t_s.append(t)
-            X_BO.append(piece.EvalPoseInWorld(state))
-            X_BT.append(tool.EvalPoseInWorld(state))
-    except RuntimeError as error:  # what Drake's solvers raise
-        failure = f"the solver failed after {t_s[-1]:.2f} s: {error}"
-    return _Readings(tuple(t_s), tuple(X_BO), tuple(X_BT), failure)
-
-
-def _rests(piece: RigidBody, tool: RigidBody, state: Context) -> bool:
-    """Whether the piece rests on the blade or on the table."""
-    V_BO, V_BT = piece.EvalSpatialVelocityInWorld(state), tool.EvalSpatialVelocityInWorld(state)
-    p_TO_B = piece.EvalPoseInWorld(state).translation() - tool.EvalPoseInWorld(state).translation()
+def _finished(now: Moment) -> bool:
+    """Whether the tool all but rests, and the piece on it or on the table."""
+    if now.t_s < SETTLING_S:
+        return False
+    V_BO, V_BT = (body.EvalSpatialVelocityInWorld(now.state) for body in (now.object, now.tool))
+    p_TO_B = now.object.EvalPoseInWorld(now.state).translation() - now.tool.EvalPoseInWorld(now.state).translation()
     carried = V_BT.Shift(p_TO_B)
     return any(
-        np.linalg.norm(V_BO.translational() - v) < REST_SPEED_M_S
-        and np.linalg.norm(V_BO.rotational() - w) < REST_RATE_RAD_S
+        bool(np.linalg.norm(V_BO.translational() - v) < REST_SPEED_M_S)
+        and bool(np.linalg.norm(V_BO.rotational() - w) < REST_RATE_RAD_S)
         for v, w in ((carried.translational(), carried.rotational()), (np.zeros(3), np.zeros(3)))
     )
 
 
-def _track(readings: _Readings, motion: ToolMotion) -> ObjectTrack:
+def _track(readings: Readings, motion: ToolMotion) -> ObjectTrack:
     """The readings, held before the first one, and after the last one carried along by whatever the piece lies on."""
-    t_s = np.array(readings.t_s)
-    p_BO_m = np.array([X.translation() for X in readings.X_BO])
-    p_TO_m = readings.X_BT[-1].inverse() @ readings.X_BO[-1].translation()
+    t_s, p_BO_m, p_TO_m = readings.t_s, readings.p_BO_m, readings.p_TO_m
     outcome = Outcome.SOLVER_FAILED if readings.failure else _outcome(p_BO_m[-1], p_TO_m)
     if t_s[-1] < DURATION_S:
         later_s = np.append(np.arange(t_s[-1] + READ_EVERY_S, DURATION_S - 1e-9, READ_EVERY_S), DURATION_S)

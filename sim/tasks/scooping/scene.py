@@ -7,22 +7,10 @@ between blade and table is left out, so each step has few contacts.
 
 from __future__ import annotations
 
-import logging
-
-import numpy as np
 from pydrake.common import MemoryFile
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Convex,
-    HalfSpace,
-    InMemoryMesh,
-    ProximityProperties,
-    Sphere,
-)
+from pydrake.geometry import Convex, HalfSpace, InMemoryMesh, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
@@ -36,26 +24,22 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from sim.drake_types import vector
-from sim.tasks.scooping.looks import piece_visual, spatula_visuals, table_visual
+from sim.tasks.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
+from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, CORNER_M, EDGE_M, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
+from sim.tasks.shapes import table_visual
 from sim.tasks.task import SceneBodies
 
 TOOL = "spatula"
 OBJECT = "piece"
 STEP_S = 0.0025
-RELAXATION_TIME_S = 0.020
-HUNT_CROSSLEY_S_M = 1.0
 
 EDGE_STIFFNESS_N_M = 2e5
 BLADE_MASS_KG = 0.02
 FLEX_TIME_S = 0.010
 """How fast a bent blade returns: nylon is well damped."""
-
-
-logging.getLogger("drake").addFilter(lambda record: "half spaces" not in record.getMessage())
-"""Drake warns of a half space that deformable bodies would not feel; there are none here."""
 
 
 def time_step_s(unmodelled: Unmodelled | None) -> float:
@@ -81,10 +65,8 @@ def build_scene(
     """Add table, piece and spatula, and set the contact model. The spatula's body frame is T (see plan.py)."""
     effects = unmodelled or Unmodelled()
     mu, e_Pa = float(parameters[0]), float(parameters[1])
-    plant.set_discrete_contact_approximation(
-        DiscreteContactApproximation.kSap if effects.contact == "sap" else DiscreteContactApproximation.kLagged
-    )
-    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", _rigid(mu))
+    set_contact(plant, effects.contact)
+    plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(mu))
     piece = piece_of(parameters, nuisance, effects)
     _add_piece(plant, piece, mu, e_Pa, effects)
     handle, turner = _add_spatula(plant, tool_parent, X_PT, effects)
@@ -93,7 +75,7 @@ def build_scene(
         RigidTransform(),
         _polyhedron(blade()),
         "blade",
-        _rigid(effects.friction_of_blade(mu)),
+        rigid(effects.friction_of_blade(mu)),
     )
     for side in (-1.0, 1.0):
         _add_corner(plant, turner, side)
@@ -107,11 +89,7 @@ def _add_piece(plant: MultibodyPlant, piece: Piece, mu: float, e_Pa: float, effe
     central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
     inertia = SpatialInertia.MakeFromCentralInertia(mass_kg, vector(*effects.com_offset_m), central * mass_kg)
     body = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
-    properties = ProximityProperties()
-    AddContactMaterial(HUNT_CROSSLEY_S_M, None, CoulombFriction(mu, mu), properties)
-    properties.AddProperty("material", "relaxation_time", RELAXATION_TIME_S)
-    AddCompliantHydroelasticProperties(0.01, e_Pa, properties)
-    plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, properties)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, compliant(mu, e_Pa))
 
 
 def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:
@@ -139,19 +117,10 @@ def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unm
 
 
 def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float) -> None:
-    properties = ProximityProperties()
-    AddContactMaterial(HUNT_CROSSLEY_S_M, EDGE_STIFFNESS_N_M, CoulombFriction(0.0, 0.0), properties)
-    properties.AddProperty("material", "relaxation_time", RELAXATION_TIME_S)
+    properties = relaxing(material(0.0, EDGE_STIFFNESS_N_M), RELAXATION_TIME_S)
     X_TG = RigidTransform(vector(0.0, side * (BLADE_WIDTH_M - EDGE_M) / 2, -EDGE_M + CORNER_M))
     name = "corner_left" if side > 0 else "corner_right"
     plant.RegisterCollisionGeometry(blade, X_TG, Sphere(CORNER_M), name, properties)
-
-
-def _rigid(mu: float) -> ProximityProperties:
-    properties = ProximityProperties()
-    AddContactMaterial(HUNT_CROSSLEY_S_M, None, CoulombFriction(mu, mu), properties)
-    AddRigidHydroelasticProperties(1.0, properties)
-    return properties
 
 
 def _polyhedron(solid: Piece) -> Convex:

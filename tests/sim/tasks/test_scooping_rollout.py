@@ -6,7 +6,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from perception.types import Outcome
-from sim.tasks.scooping import TASK, rollout
+from sim.tasks import direct
+from sim.tasks.scooping import TASK
 from sim.tasks.scooping.params import REFERENCE_CONTEXT, Unmodelled
 
 CYLINDER = np.array([0.30, 1e5, 1, 2.0])
@@ -51,13 +52,13 @@ def test_a_blade_held_like_a_wall_lifts_nothing():
 
 
 def test_a_solver_that_gives_up_is_an_outcome_with_a_reason(monkeypatch):
-    class Stuck(rollout.Simulator):
+    class Stuck(direct.Simulator):
         def AdvanceTo(self, boundary_time):
             if boundary_time > 0.3:
                 raise RuntimeError("did not converge")
             return super().AdvanceTo(boundary_time)
 
-    monkeypatch.setattr(rollout, "Simulator", Stuck)
+    monkeypatch.setattr(direct, "Simulator", Stuck)
     failed = scoop()
     assert failed.outcome is Outcome.SOLVER_FAILED
     assert "did not converge" in failed.flags[0]

@@ -1,0 +1,78 @@
+"""Postures that hold something at given flange poses, and safe paths between them: for visiting many places in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.collision import KeepOut, Tool, box_clearance, self_clearance, table_clearance
+from hw.joint_limits import LIMITS
+from hw.kinematics import link_poses
+from hw.limits import check_path
+from hw.types import Array, JointPath, frozen_array
+from sim.errors import NotExecutable
+from sim.panda.inverse import inverse
+from sim.panda.moves import joined, move_path
+
+ROOM_M = 0.03
+"""Least distance of a posture from everything; a path between postures may come nearer, as `hw.limits` allows."""
+
+SPEED = 0.25
+_USE = 0.9  # of the position limits
+_Q7 = 61
+
+
+def postures(
+    X_BF: Array, model: str, q_near_rad: ArrayLike, tool: Tool, keep_out: tuple[KeepOut, ...] = ()
+) -> list[Array | None]:
+    """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps its distance, else None."""
+    limits, near = LIMITS[model], frozen_array(q_near_rad, (7,), "q_near_rad")
+    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
+    found: list[Array | None] = []
+    for X in X_BF:
+        q = inverse(X, q7).reshape(-1, 7)
+        q = q[np.isfinite(q).all(axis=1)]
+        still = np.zeros_like(q)
+        q = q[limits.ratios(q, still, still)[0].max(axis=1) <= _USE] if len(q) else q
+        q = q[_room(q, tool, keep_out)] if len(q) else q
+        found.append(q[np.linalg.norm(q - near, axis=1).argmin()] if len(q) else None)
+    return found
+
+
+def nearest_first(q_rad: Array, q_start_rad: ArrayLike) -> list[int]:
+    """An order in which to visit postures (N, 7): always on to the nearest that is left."""
+    left, here, order = list(range(len(q_rad))), np.asarray(q_start_rad), []
+    while left:
+        best = min(left, key=lambda i: float(np.abs(q_rad[i] - here).max()))
+        order.append(best)
+        left.remove(best)
+        here = q_rad[best]
+    return order
+
+
+def way(
+    q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, model: str, tool: Tool, keep_out: tuple[KeepOut, ...]
+) -> JointPath:
+    """A checked path: straight in joint space, else by way of home. Raises NotExecutable with the reason."""
+    reason = ""
+    for path in _ways(frozen_array(q_from_rad), frozen_array(q_to_rad), q_home_rad, model):
+        report = check_path(path, model, q_from_rad, keep_out, tool)
+        if report.ok:
+            return path
+        reason = str(report.worst)
+    raise NotExecutable(f"{model}: no free way there: {reason}; leave this place out")
+
+
+def _ways(q_from: Array, q_to: Array, q_home: Array, model: str) -> Iterator[JointPath]:
+    yield move_path(q_from, q_to, model, SPEED)
+    if np.abs(q_from - q_home).max() > 1e-6 and np.abs(q_to - q_home).max() > 1e-6:
+        yield joined(move_path(q_from, q_home, model, SPEED), move_path(q_home, q_to, model, SPEED))
+
+
+def _room(q: Array, tool: Tool, keep_out: tuple[KeepOut, ...]) -> Array:
+    poses = link_poses(q)
+    clearances = [self_clearance(poses, tool)[0], table_clearance(poses, tool)[0]]
+    clearances += [box_clearance(poses, tool, box)[0] for box in keep_out]
+    return np.asarray(np.min([c.min(axis=1) for c in clearances], axis=0) > ROOM_M)

@@ -1,0 +1,86 @@
+"""Double pendulum: the spaces, fixed numbers and hyperparameters (Tables A1 and A2 and A4.1 of the paper).
+
+Point masses at the ends of two massless links of 1 m, both joints driven and viscous, linearised around upright. The
+second angle is relative to the first. Our reading: Q = R = I, continuous time, start (-pi, 0, 0, 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.tasks.task import AdaptationSettings, Observation
+from sim.types import Dimension, Space
+
+PARAMETERS = Space(
+    (
+        Dimension("m1", "kg", 1.0, 2.0),
+        Dimension("m2", "kg", 1.0, 2.0),
+        Dimension("b1", "N m s/rad", 1.0, 2.0),
+        Dimension("b2", "N m s/rad", 1.0, 2.0),
+    )
+)
+"""Omega."""
+
+MARGIN = Space(
+    (
+        Dimension("m1", "kg", 0.4, 2.0),
+        Dimension("m2", "kg", 0.3, 2.6),
+        Dimension("b1", "N m s/rad", 1.0, 10.0),
+        Dimension("b2", "N m s/rad", 1.0, 10.0),
+    )
+)
+"""Omega and everything that the targets of Table A2 reach."""
+
+CONTEXT = Space(())
+"""Every trial starts from `START`, so a policy is told nothing."""
+
+REFERENCE_CONTEXT: Array = frozen_array(np.zeros(0))
+
+START: Array = frozen_array([-np.pi, 0.0, 0.0, 0.0], (4,))
+"""(q1, q2) in rad and their rates in rad/s."""
+
+ACTION = Space(
+    (
+        Dimension("k11", "N m/rad", 0.0, 160.0),
+        Dimension("k12", "N m/rad", 0.0, 70.0),
+        Dimension("k13", "N m s/rad", 0.0, 70.0),
+        Dimension("k14", "N m s/rad", 0.0, 30.0),
+        Dimension("k21", "N m/rad", -10.0, 100.0),
+        Dimension("k22", "N m/rad", 0.0, 75.0),
+        Dimension("k23", "N m s/rad", -5.0, 45.0),
+        Dimension("k24", "N m s/rad", 0.0, 25.0),
+    )
+)
+"""The feedback gain K, row by row: torques are -K x. The ranges hold every optimal gain of the margin."""
+
+ACTION_NOISE: Array = frozen_array(np.zeros(8))
+
+NUISANCE = Space(())
+
+OBSERVATION = Observation(
+    times_s=frozen_array(np.linspace(0.0, 2.5, 12)),
+    columns=(0, 1),
+    low=frozen_array([-3.5, -9.5]),
+    high=frozen_array([1.5, 2.5]),
+    noise_mean=frozen_array([0.0, 0.0]),
+    noise_std=frozen_array([0.0, 0.0]),
+    curves=("q1 [rad]", "q2 [rad]"),
+)
+
+ADAPTATION = AdaptationSettings(
+    horizon=10,
+    delta=0.10,
+    discount=0.9,
+    threshold=0.95,
+    trials_per_iteration=1,
+    learning_rate=3e-4,
+    trial_std=0.01,  # a repeated trial earns the same
+)
+
+
+@dataclass(frozen=True)
+class Unmodelled:
+    """What a world may add and no simulation parameter expresses: nothing, this is the control experiment."""

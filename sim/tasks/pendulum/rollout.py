@@ -1,0 +1,59 @@
+"""Rollouts of the pendulum, a whole stack at a time: a matrix exponential on a fixed grid, and the exact cost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from perception.types import ObjectTrack, Outcome
+from sim.tasks.pendulum.dynamics import motion
+from sim.tasks.pendulum.lqr import INPUTS, STATES, closed_loop, cost, optimal
+from sim.tasks.pendulum.params import OBSERVATION
+
+BETWEEN = 4
+"""Steps from one observed time to the next, so that a curve through them is smooth."""
+
+TIMES_S: Array = frozen_array(
+    np.linspace(0.0, float(OBSERVATION.times_s[-1]), (OBSERVATION.times_s.size - 1) * BETWEEN + 1)
+)
+
+HELD_RAD = 4.0 * np.pi
+"""Two turns: beyond, an angle of the linear model means nothing and is held there."""
+
+WORST = 1e3
+"""The excess cost that is written down where the true one is larger or infinite."""
+
+_NOWHERE = np.full(3, np.nan)
+_SURE: Array = frozen_array(np.ones(len(TIMES_S)))
+
+
+def simulate_many(
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+) -> tuple[ObjectTrack, ...]:
+    """Tracks of N rollouts: parameters (N, 4), action (N, 8), the rest without columns.
+
+    A state is (q1, q2, q1', q2', excess): rad, rad/s, and (J - J*) / J* of the whole trial, the same in every row.
+    """
+    parameters = np.asarray(parameters, dtype=np.float64)
+    gains = np.asarray(action, dtype=np.float64).reshape(-1, INPUTS, STATES)
+    closed = closed_loop(parameters, gains)
+    costs, (_, best) = cost(closed, gains), optimal(parameters)
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = motion(closed, float(TIMES_S[1]), len(TIMES_S) - 1)
+        excess = np.minimum(costs / best - 1.0, WORST)
+    states = np.clip(np.nan_to_num(states, nan=HELD_RAD), -HELD_RAD, HELD_RAD)
+    rows = np.concatenate([states, np.broadcast_to(excess[:, None, None], (*states.shape[:2], 1))], axis=-1)
+    return tuple(_track(row, bool(np.isfinite(j))) for row, j in zip(rows, costs, strict=True))
+
+
+def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None) -> ObjectTrack:
+    """One rollout: the stack of one."""
+    return simulate_many(parameters[None], context[None], action[None], nuisance[None], unmodelled)[0]
+
+
+def _track(rows: Array, stable: bool) -> ObjectTrack:
+    if stable:
+        return ObjectTrack(TIMES_S, rows, Outcome.SETTLED, _NOWHERE, _SURE)
+    return ObjectTrack(TIMES_S, rows, Outcome.DIVERGED, _NOWHERE, _SURE, ("the closed loop is not stable",))

@@ -1,0 +1,94 @@
+"""Task policies of the pendulum and what they earn, exactly: no dataset, no emulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.solver import Executable, SolverSettings
+from sim.tasks.pendulum.lqr import INPUTS, STATES, excess, optimal
+from sim.tasks.pendulum.observe import reward_of_success
+from sim.tasks.pendulum.params import OBSERVATION
+from sim.tasks.pendulum.rollout import simulate_many
+
+if TYPE_CHECKING:
+    from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class LqrPolicy:
+    """The optimal gain for the mean of one distribution, whatever the context."""
+
+    samples: Array  # (m, 4) the distribution, in units
+    gain: Array  # (8,)
+
+    def __call__(self, context: Array) -> Array:
+        return self.gain
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, 0) -> (G, 8)."""
+        return np.tile(self.gain, (len(contexts), 1))
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Mean reward over the distribution, and the least and largest of it; 1 for a single mean."""
+        earned = rewards(self.samples, self.gain)
+        return float(earned.mean()), float(earned.min()), float(earned.max())
+
+
+@dataclass(frozen=True, eq=False)
+class LqrSolver:
+    """The pendulum's `sim.solver.Solver`."""
+
+    task: Task
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[LqrPolicy, ...]:
+        """Of B distributions, samples (B, m, 4). Nothing is searched and nothing can fail to be executable."""
+        gains, _ = optimal(samples.mean(axis=1))
+        return tuple(
+            LqrPolicy(frozen_array(s), frozen_array(k.reshape(-1))) for s, k in zip(samples, gains, strict=True)
+        )
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 1
+    ) -> Array:
+        """(B,) rewards in targets (B, 4) of actions (B, G, 8): one context is like another, so the first is all."""
+        return rewards(targets, actions[:, 0])
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,)"""
+        return rewards(parameters, action)
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, 24)"""
+        tracks = simulate_many(parameters, nuisance, np.broadcast_to(action, (len(parameters), 8)), nuisance)
+        return np.stack([OBSERVATION(track) for track in tracks])
+
+    @property
+    def residual_std(self) -> Array:
+        """(24,) zero: its trajectories are the simulator's own."""
+        return np.zeros(OBSERVATION.size)
+
+    @property
+    def misfit_limit(self) -> float:
+        """Measured on targets in Omega, observed under the gain of another E (`benchmarks/pendulum.py`)."""
+        return _MISFIT_LIMIT
+
+
+def rewards(parameters: Array, action: Array) -> Array:
+    """(..., 4), (..., 8), broadcast -> (...): 0 where the loop is not stable."""
+    lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1])
+    gains = np.broadcast_to(action, (*lead, INPUTS * STATES)).reshape(*lead, INPUTS, STATES)
+    spent = excess(np.broadcast_to(parameters, (*lead, STATES)), gains)
+    return np.asarray(reward_of_success(spent[..., None], np.zeros(0)))
+
+
+_MISFIT_LIMIT = 2.7

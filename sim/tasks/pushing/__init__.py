@@ -1,0 +1,50 @@
+"""Pushing a bottle to a goal."""
+
+from sim.tasks.pushing.mount import KEEP_CLEAR
+from sim.tasks.pushing.observe import end_state, relocate, reward_of_success, succeeded
+from sim.tasks.pushing.params import (
+    ACTION,
+    ACTION_NOISE,
+    ADAPTATION,
+    CONTEXT,
+    MARGIN,
+    NUISANCE,
+    OBSERVATION,
+    PARAMETERS,
+    REFERENCE_CONTEXT,
+    X_FT,
+    Unmodelled,
+)
+from sim.tasks.pushing.plan import plan
+from sim.tasks.pushing.rest import rest_pose
+from sim.tasks.pushing.rollout import simulate
+from sim.tasks.pushing.scene import build_scene, time_step_s
+from sim.tasks.task import Task
+
+TASK = Task(
+    name="pushing",
+    title="push a bottle across the table to a goal with a plate",
+    parameters=PARAMETERS,
+    margin=MARGIN,
+    context=CONTEXT,
+    action=ACTION,
+    nuisance=NUISANCE,
+    action_noise=ACTION_NOISE,
+    observation=OBSERVATION,
+    adaptation=ADAPTATION,
+    unmodelled=Unmodelled,
+    simulate=simulate,
+    build_scene=build_scene,
+    time_step_s=time_step_s,
+    rest_pose=rest_pose,
+    plan=plan,
+    X_FT=X_FT,
+    reference_context=REFERENCE_CONTEXT,
+    relocate=relocate,
+    succeeded=succeeded,
+    end_state=end_state,
+    reward_of_success=reward_of_success,
+    object_name="bottle",
+    tracker="bottle",
+    keep_clear=KEEP_CLEAR,
+)

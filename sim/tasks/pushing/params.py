@@ -1,0 +1,135 @@
+"""Pushing: the spaces, fixed numbers and hyperparameters (Tables A1 and A2 and A4.1 of the paper)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.errors import OutOfRange
+from sim.tasks.pushing.mount import mounting
+from sim.tasks.task import AdaptationSettings, Observation
+from sim.types import Dimension, Space
+
+PARAMETERS = Space(
+    (
+        Dimension("mu", "", 0.05, 0.20),  # friction of the pair bottle-table
+        Dimension("e", "Pa", 1e4, 1e6, "log"),  # hydroelastic modulus of the bottle
+        Dimension("mu_p", "", 0.2, 0.8),  # friction of the pair bottle-patch
+        Dimension("y_p", "m", -0.10, 0.10),  # where the patch lies across the table
+    )
+)
+"""Omega."""
+
+MARGIN = Space(
+    (
+        Dimension("mu", "", 0.04, 0.32),
+        Dimension("e", "Pa", 8e3, 6e6, "log"),
+        Dimension("mu_p", "", 0.08, 0.95),
+        Dimension("y_p", "m", -0.16, 0.16),
+    )
+)
+"""Omega and everything that the targets of Table A2 reach."""
+
+CONTEXT = Space(
+    (
+        Dimension("goal_x", "m", 0.70, 1.00),
+        Dimension("goal_bearing", "rad", -float(np.deg2rad(10.0)), float(np.deg2rad(10.0))),
+    )
+)
+"""The goal. The paper's region is a wedge: X in [0.7, 1.0] m and at most 10° off the centre line as seen from the
+bottle's start. In X and bearing the wedge is a box; in X and Y a box would hold goals 36° off, or crowd them at its rim
+if it were clipped. `goal_m` gives metres, for people and for rewards."""
+
+ACTION = Space((Dimension("yaw", "rad", -0.3, 0.3), Dimension("speed", "m/s", 0.4, 0.8)))
+"""Direction of the push about the bottle's start, positive to the left, and the plate's speed along it."""
+
+NUISANCE = Space((Dimension("placed_x", "m", -0.0035, 0.0035), Dimension("placed_y", "m", -0.0035, 0.0035)))
+"""How far from `START_M` the bottle stands. Every corner passes the check of 5 mm before a motion, and the spread is
+that of a steady hand, 2 mm."""
+
+ACTION_NOISE: Array = frozen_array([0.01, 0.01], (2,))
+"""Half-width of the uniform error of an executed action, in the order of `ACTION`; ours, the paper gives none here."""
+
+REFERENCE_CONTEXT: Array = frozen_array([0.85, 0.0], (2,))
+
+OBSERVATION_TIMES_S: Array = frozen_array(1.3 * np.arange(1, 7) / 6)
+"""Six evenly spaced moments of 1.3 s. Not the first one, when the bottle always stands at the start."""
+
+OBSERVATION = Observation(
+    times_s=OBSERVATION_TIMES_S,
+    columns=(0, 1),
+    low=frozen_array([0.50, -0.30]),
+    high=frozen_array([1.30, 0.30]),
+    noise_mean=frozen_array([0.0, 0.0]),
+    noise_std=frozen_array([0.001, 0.001]),  # what tracking a bottle in a point cloud leaves
+)
+
+ADAPTATION = AdaptationSettings(
+    horizon=8, delta=0.15, discount=0.9, threshold=0.8, trials_per_iteration=2, learning_rate=3e-4
+)
+
+START_M: Array = frozen_array([0.56, 0.0], (2,))
+"""Where the bottle stands before the push."""
+
+BOTTLE_RADIUS_M = 0.03
+BOTTLE_HEIGHT_M = 0.10
+BOTTLE_MASS_KG = 0.3
+TIPPED_RAD = float(np.deg2rad(30.0))
+"""A bottle that leans more has fallen."""
+
+PATCH_X_M = 0.75
+PATCH_SIZE_M = 0.10
+"""A square of other friction, centred at (`PATCH_X_M`, y_p)."""
+
+PLATE_FRICTION = 0.3
+"""Of the pair bottle-plate."""
+
+GOAL_SCALE_M = 0.20
+"""Distance from the goal at which the reward is down to 0."""
+
+X_FT: Array = frozen_array(mounting(), (4, 4))
+"""The tool in the flange (docs/decisions/0008)."""
+
+
+def goal_m(context: Array) -> Array:
+    """(..., 2) contexts -> (..., 2) goal (x, y) on the table in the base frame."""
+    x_m, bearing_rad = context[..., 0], context[..., 1]
+    return np.stack([x_m, START_M[1] + (x_m - START_M[0]) * np.tan(bearing_rad)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Unmodelled:
+    """What a world of the lab may add and no simulation parameter expresses. Defaults are the training scene."""
+
+    bottle_mass_scale: float = 1.0
+    com_height_m: float = BOTTLE_HEIGHT_M / 2  # of what does not slosh, above the bottom
+    slosh_share: float = 0.0  # of the bottle's mass that moves to and fro as the liquid of a half-full bottle does
+    slosh_height_m: float = 0.03  # of that mass above the bottom
+    patch_size_scale: float = 1.0
+    table_tilt_rad: tuple[float, float] = (0.0, 0.0)  # of table and arm against level, about X and Y (Y: far end down)
+    plate_restitution_scale: float = 1.0  # divides the dissipation of the bottle, which is that of its contacts
+    contact: Literal["sap", "lagged"] = "lagged"
+    dt_s: float | None = None  # step of the plant; None: the step of training
+
+    def __post_init__(self) -> None:
+        for name in ("bottle_mass_scale", "patch_size_scale", "plate_restitution_scale"):
+            if not getattr(self, name) > 0.0:
+                raise OutOfRange(f"{name} = {getattr(self, name):g} must be positive")
+        if self.dt_s is not None and not self.dt_s > 0.0:
+            raise OutOfRange(f"dt_s = {self.dt_s:g} must be positive")
+        for name in ("com_height_m", "slosh_height_m"):
+            if not 0.0 < getattr(self, name) < BOTTLE_HEIGHT_M:
+                raise OutOfRange(
+                    f"{name} = {getattr(self, name):g} lies outside of the bottle, 0 to {BOTTLE_HEIGHT_M} m"
+                )
+        if not 0.0 <= self.slosh_share <= 0.9:
+            raise OutOfRange(
+                f"slosh_share = {self.slosh_share:g} must lie in [0, 0.9]: the bottle itself weighs something"
+            )
+        if max(map(abs, self.table_tilt_rad)) > 0.3:
+            raise OutOfRange(f"table_tilt_rad = {self.table_tilt_rad} is steeper than 0.3 rad")
+        if self.contact not in ("sap", "lagged"):
+            raise OutOfRange(f'contact = "{self.contact}" is neither "sap" nor "lagged"')

@@ -1,0 +1,99 @@
+"""One training rollout: the plate driven directly against the bottle, until the bottle rests.
+
+It starts shortly before the plate touches (before that nothing happens) and ends once the bottle rests where the plate
+does not come any more, has fallen, or has left the table. A bottle that fell counts from then on as where it fell.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.tasks.carriage import VerticalSpring, drive_of
+from sim.tasks.direct import Moment, Readings, Start, reading_before_s, run
+from sim.tasks.pushing.params import BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
+from sim.tasks.pushing.plan import plan
+from sim.tasks.pushing.rest import rest_pose
+from sim.tasks.pushing.scene import build_scene, time_step_s
+from sim.tasks.pushing.table import on_table
+from sim.types import ToolMotion
+
+LEAD_S = 0.020
+"""How long before the plate touches the rollout starts at the latest."""
+
+SLIDING_S = 3.0
+"""How long after the motion a bottle may slide; then it counts as where it is."""
+
+ARM = VerticalSpring(stiffness_N_m=4000.0, damping_Ns_m=130.0)
+"""A Franka under its default joint impedance (sim/tasks/scooping/plan.py); friction lifts the plate by micrometres."""
+
+REST_SPEED_M_S = 0.002
+REST_RATE_RAD_S = 0.1
+_NEAR_M = 0.002
+
+
+def simulate(
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
+) -> ObjectTrack:
+    """Push once (see `sim.tasks.task.Simulate`)."""
+    motion = plan(context, action)
+    drive = drive_of(motion, ARM)
+    X_BO = rest_pose(context, parameters, nuisance, unmodelled)
+    start_s = _start_s(motion, X_BO[:3, 3])
+    start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
+    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
+    end_s = float(motion.t_s[-1]) + SLIDING_S
+    return _track(run(drive, build, time_step_s(unmodelled), start, end_s, partial(_finished, motion)))
+
+
+def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:
+    """Shortly before the plate touches, on the grid of readings."""
+    touching = _gap_m(motion.X_BT, p_BO_m) <= 0.0
+    touch_s = float(motion.t_s[touching][0]) if touching.any() else float(motion.t_s[-1])
+    return reading_before_s(touch_s - LEAD_S)
+
+
+def _gap_m(X_BT: Array, p_BO_m: Array) -> Array:
+    """(...) distance from the lower edge of the plate at (..., 4, 4) to an upright bottle, along the push."""
+    left = X_BT[..., :2, 1]
+    ahead = np.stack([left[..., 1], -left[..., 0]], axis=-1)
+    gap_m: Array = ((p_BO_m[:2] - X_BT[..., :2, 3]) * ahead).sum(axis=-1) - BOTTLE_RADIUS_M
+    return gap_m
+
+
+def _finished(motion: ToolMotion, now: Moment) -> bool:
+    X_BO = now.object.EvalPoseInWorld(now.state)
+    p_BO_m = X_BO.translation()
+    if _lean_rad(X_BO) > TIPPED_RAD or not on_table(p_BO_m[:2]):
+        return True
+    V_BO = now.object.EvalSpatialVelocityInWorld(now.state)
+    if np.linalg.norm(V_BO.translational()) > REST_SPEED_M_S or np.linalg.norm(V_BO.rotational()) > REST_RATE_RAD_S:
+        return False
+    return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], p_BO_m)) > _NEAR_M
+
+
+def _track(readings: Readings) -> ObjectTrack:
+    """The readings, with the bottle at rest before them."""
+    t_s, p_BO_m = readings.t_s, readings.p_BO_m
+    if t_s[0] > 0.0:
+        t_s, p_BO_m = np.concatenate([[0.0], t_s]), np.concatenate([p_BO_m[:1], p_BO_m])
+    flags = () if readings.failure is None else (readings.failure,)
+    return ObjectTrack(t_s, p_BO_m, _outcome(readings), readings.p_TO_m, np.ones(len(t_s)), flags)
+
+
+def _outcome(readings: Readings) -> Outcome:
+    if readings.failure is not None:
+        return Outcome.SOLVER_FAILED
+    X_BO = readings.X_BO[-1]
+    if not on_table(X_BO.translation()[:2]):
+        return Outcome.LOST
+    return Outcome.TIPPED if _lean_rad(X_BO) > TIPPED_RAD else Outcome.UPRIGHT
+
+
+def _lean_rad(X_BO: RigidTransform) -> float:
+    return math.acos(min(1.0, max(-1.0, float(X_BO.rotation().matrix()[2, 2]))))

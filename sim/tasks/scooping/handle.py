@@ -1,0 +1,26 @@
+"""Neck and handle of the turner: what of the spatula must stay clear of the arm and of the table.
+
+The blade is not among it: it slides on the table, and there the contact window of the motion is the judge.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.collision import Capsule
+from hw.kinematics import FLANGE
+from hw.types import Array
+from sim.tasks.scooping.params import BLADE_LENGTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
+
+NECK_M = 0.05
+HANDLE_M = GRIP_M + 0.03 - NECK_M
+ROOT_M: Array = np.array([-BLADE_LENGTH_M, 0.0, -EDGE_M / 2])
+"""Where the neck leaves the blade, in T."""
+
+UP: Array = np.array([-np.cos(HANDLE_RISE_RAD), 0.0, np.sin(HANDLE_RISE_RAD)])
+"""Along the handle, in T."""
+
+KEEP_CLEAR = (
+    Capsule("neck of the spatula", FLANGE, ROOT_M + 0.02 * UP, ROOT_M + NECK_M * UP, 0.005),
+    Capsule("handle of the spatula", FLANGE, ROOT_M + NECK_M * UP, ROOT_M + (NECK_M + HANDLE_M) * UP, 0.015),
+)

@@ -157,15 +157,15 @@ class Attended:
     def approve(self, proposal: Proposal, real: bool) -> None:
         if proposal.overlay is not None:
             self.screen.plain(f"  What the camera found: {proposal.overlay}")
-        who = "THE REAL ROBOT moves" if real else "The simulated robot moves"
-        self._go_on(f"{who} for {proposal.duration_s:.1f} s. Enter to start, q to stop:")
+        self._go_on(f"{proposal.announced}. Enter to start, q to stop:")
 
     def review(self, judged: Judged) -> Review:
         self.screen.show(f"  Tracked: {judged.outcome.value.replace('_', ' ')}, reward {judged.reward:.2f}")
         for flag in judged.flags:
             self.screen.note(f"  note: {flag}")
+        overrule = "o to overrule the outcome, " if judged.possible else ""
         while True:
-            answer = self.screen.ask("Enter to accept, o to overrule the outcome, r to redo this trial, q to stop:")
+            answer = self.screen.ask(f"Enter to accept, {overrule}r to redo this trial, q to stop:")
             if answer == "":
                 return Accept()
             if answer == "q":
@@ -173,7 +173,7 @@ class Attended:
             if answer == "r":
                 reason = self.screen.ask("Why does this trial not count?")
                 return Redo(reason or "the operator had it redone")
-            if answer == "o" and (outcome := self._other_outcome(judged)) is not None:
+            if answer == "o" and judged.possible and (outcome := self._other_outcome(judged)) is not None:
                 return Overrule(outcome)
 
     def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:

@@ -73,11 +73,12 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
 
 def proposal(task: Task, made: Proposal) -> RenderableType:
     expected = made.prediction
+    found = (f"Found at {values(task.context, made.context)}",) if len(task.context) else ()
     lines = (
-        f"Found at {values(task.context, made.context)}",
+        *found,
         f"Action   {values(task.action, made.action)}",
         f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
-        f"The motion takes {made.duration_s:.1f} s and passed all limits",
+        made.told,
     )
     return _indent(Group(*map(Text, lines)))
 

@@ -1,7 +1,8 @@
 """Checkpoints: what pretraining hands on to sessions.
 
-A folder `<task>/<name>/` with `model.safetensors` (emulator and adaptation policy) and `card.toml` (task, ranges,
-seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie beside this file.
+A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where the task needs one) and
+`card.toml` (task, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie beside
+this file.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from sim.adaptation.step import state_size
 from sim.emulator import Emulator
 from sim.errors import CheckpointError
 from sim.files import read_toml, sha256, whole_file, write_toml
+from sim.solver import Solver
+from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
 
@@ -37,7 +40,7 @@ class Checkpoint:
 
     path: Path
     card: Mapping[str, Any]
-    emulator: Emulator
+    solver: Solver
     q_network: QNetwork
 
     @property
@@ -47,10 +50,13 @@ class Checkpoint:
 
 
 def save_checkpoint(
-    task: Task, folder: Path, emulator: Emulator, q_network: QNetwork, facts: Mapping[str, Any]
+    task: Task, folder: Path, emulator: Emulator | None, q_network: QNetwork, facts: Mapping[str, Any]
 ) -> Path:
-    """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder."""
-    tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()}
+    """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
+
+    `emulator` is None for a task with an exact solver.
+    """
+    tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     tensors |= {f"q_network.{name}": t.detach() for name, t in q_network.state_dict().items()}
     save_tensors(folder / MODEL, tensors)
     card = {
@@ -85,7 +91,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     return Checkpoint(
         path=path,
         card=card,
-        emulator=Emulator(task, _part(tensors, "emulator.")),
+        solver=task.exact(task) if task.exact else EmulatorSolver(Emulator(task, _part(tensors, "emulator."))),
         q_network=restore_network(inputs, branches, _part(tensors, "q_network.")),
     )
 

@@ -20,6 +20,7 @@ from sim.errors import DatasetError
 from sim.misfit import misfit
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import OUTCOMES
+from sim.task_policy import EmulatorSolver
 from sim.tasks.task import Task
 
 Rows = NDArray[np.intp]
@@ -212,9 +213,9 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
-    context = np.asarray(task.reference_context, dtype=np.float64)
+    context, solver = np.asarray(task.reference_context, dtype=np.float64), EmulatorSolver(emulator)
     values = [
-        misfit(emulator, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
+        misfit(solver, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
         for i in inside
     ]
     return float(np.quantile(values, 0.95))

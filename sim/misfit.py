@@ -10,7 +10,7 @@ from hw.types import Array
 from sim.sampling import sobol, spread
 
 if TYPE_CHECKING:
-    from sim.emulator import Emulator
+    from sim.solver import Solver
 
 DRAWS = 512
 """Parameters, nuisances and action errors tried: the spread of trajectories that one commanded action can have."""
@@ -19,20 +19,20 @@ LEAST_STD = 2e-3
 """Floor of the tolerated deviation, normalised: below it, a camera's pixels decide."""
 
 
-def misfit(emulator: Emulator, context: Array, action: Array, observation: Array) -> float:
+def misfit(solver: Solver, context: Array, action: Array, observation: Array) -> float:
     """Distance of `observation` (size,) to the nearest trajectory that some parameters in the ranges explain.
 
-    In standard deviations (root mean square over the observed values) of the camera's noise and the emulator's
-    held-out error together: about 1 for a trajectory of the simulator.
+    In standard deviations (root mean square over the observed values) of the camera's noise and the error of
+    the solver's trajectories together: about 1 for a trajectory of the simulator.
     """
-    task = emulator.task
+    task = solver.task
     p, a = len(task.parameters), len(task.action)
     unit = sobol(DRAWS, p + a + len(task.nuisance), np.random.default_rng(0))
     executed = action + (2.0 * unit[:, p : p + a] - 1.0) * task.action_noise
     parameters, nuisance = spread(task.parameters, unit[:, :p]), spread(task.nuisance, unit[:, p + a :])
-    there = task.relocate(emulator.predict(parameters, executed, nuisance).observation, np.tile(context, (DRAWS, 1)))
+    there = task.relocate(solver.trajectories(parameters, executed, nuisance), np.tile(context, (DRAWS, 1)))
     seen = task.observation
     expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
     camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-    std = np.sqrt(camera**2 + emulator.residual_std**2 + LEAST_STD**2)
+    std = np.sqrt(camera**2 + solver.residual_std**2 + LEAST_STD**2)
     return float(np.sqrt((((expected - observation) / std) ** 2).mean(axis=1)).min())

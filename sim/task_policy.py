@@ -1,4 +1,4 @@
-"""Task policies from the emulator: the solver that pretraining, sessions and every baseline share.
+"""Task policies from the emulator: the solver of every task whose answers have to be learnt.
 
 For one distribution of parameters the reward of a fixed set of candidate actions is averaged over parameters,
 nuisance and the error of the executed action (common random numbers), taken pessimistically over the
@@ -8,7 +8,6 @@ evaluated once for all contexts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,21 +16,8 @@ from hw.types import Array, frozen_array
 from sim.emulator import Emulator
 from sim.errors import NotExecutable
 from sim.sampling import sobol, spread
+from sim.solver import Executable, SolverSettings
 from sim.tasks.task import Task
-
-Executable = Callable[[Array, Array], bool]
-"""(context (c,), action (a,)) in units -> whether the arm can do it within its limits."""
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """How finely the solver searches, and how cautious it is."""
-
-    candidates: int = 256
-    scenarios: int = 16  # parameters x nuisance x action errors an action is averaged over
-    refine: int = 32  # points around the winner; 0: none
-    kappa: float = 0.5  # reward counted: mean - kappa * standard deviation of the ensemble
-    attempts: int = 64  # candidates offered to the executability check before giving up
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,3 +162,43 @@ def expected_reward(
     success, end = emulator.outcomes(parameters[:, None, None, :], actions[:, :, None, :] + error, nuisance)
     rewards = success * task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
     return np.asarray(rewards.mean(axis=(0, 2, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorSolver:
+    """A `sim.solver.Solver` that asks an emulator."""
+
+    emulator: Emulator
+
+    @property
+    def task(self) -> Task:
+        return self.emulator.task
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[EmulatorPolicy, ...]:
+        return train_many(self.task, self.emulator, samples, rng, executable, settings)
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        return expected_reward(self.emulator, targets, contexts, actions, rng, draws)
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        success, end = self.emulator.outcomes(parameters, action, nuisance)
+        return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        return self.emulator.predict(parameters, action, nuisance).observation
+
+    @property
+    def residual_std(self) -> Array:
+        return self.emulator.residual_std
+
+    @property
+    def misfit_limit(self) -> float:
+        return self.emulator.misfit_limit

@@ -26,12 +26,19 @@ def show(
     Example: adaptsim lab show --task scooping --world ood-1 --json
     """
     from adaptsim_cli import config, console, views
+    from adaptsim_cli.errors import UsageError
     from sim.lab import SimulatedLab
     from sim.tasks import get_task
     from sim.world import load_world
 
     chosen = config.load({"task": task, "world": world, "seed": seed}).config
     the_task = get_task(chosen.task)
+    if the_task.build_scene is None:
+        target = load_world(chosen.world, the_task)
+        raise UsageError(
+            f"the task {the_task.name} has no lab to look into: it runs in simulation only. World {target.name} has "
+            f"{views.values(the_task.parameters, target.parameters)}"
+        )
     lab = SimulatedLab(the_task, load_world(chosen.world, the_task), chosen.seed)
     truth = lab.truth()
     screen = console.Screen(as_json=as_json)

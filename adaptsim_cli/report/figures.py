@@ -109,5 +109,29 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     return canvas.svg()
 
 
+def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> str:
+    """One quantity of every track against time. Older iterations are faint; a dashed line is a trial that failed."""
+    paths = [(np.array(t.track.t_s), np.array(t.track.state)[:, column]) for t in trials]
+    canvas = Canvas(760, 240, f"{label} over time")
+    left, right, top, bottom = 48.0, 752.0, 12.0, 196.0
+    everything = np.concatenate([values for _, values in paths])
+    pad = 0.05 * max(float(np.ptp(everything)), 1e-6)
+    x = Scale(0.0, max(float(t_s[-1]) for t_s, _ in paths), left, right)
+    y = Scale(float(everything.min()) - pad, float(everything.max()) + pad, bottom, top)
+    for tick in x.ticks(6):
+        canvas.line(x(tick), top, x(tick), bottom, "grid")
+        canvas.text(x(tick), bottom + 16, plain(round(tick, 4)), anchor="middle")
+    for tick in y.ticks(5):
+        canvas.line(left, y(tick), right, y(tick), "grid")
+        canvas.text(left - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+    canvas.text((left + right) / 2, bottom + 36, "time in s", anchor="middle")
+    for trial, (t_s, values) in zip(trials, paths, strict=True):
+        css = f"track c{trial.particle}" + ("" if trial.iteration == newest else " faint")
+        css += "" if trial.reward > 0 else " failed"
+        told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
+        canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
+    return canvas.svg()
+
+
 def _size(x: Scale, y: Scale, corners: Array) -> tuple[float, float]:
     return x(corners[1, 0]) - x(corners[0, 0]), y(corners[0, 1]) - y(corners[1, 1])

@@ -78,6 +78,8 @@ def render(store: SessionStore) -> str:
     views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i)).trials)
     trials = [t.record for view in views for t in view.trials]
     results = [view.result for view in views if view.result is not None]
+    newest = trials[-1].iteration if trials else 0
+    curves = facts.curves.items() if trials else ()
     folder = resources.files("adaptsim_cli.report")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
@@ -95,7 +97,8 @@ def render(store: SessionStore) -> str:
         figure_parameters=[
             (d, figures.parameter(d, paths)) for d, paths in zip(facts.parameters, _paths(store, results), strict=True)
         ],
-        figure_table=figures.table_view(trials, facts.context, trials[-1].iteration) if trials else "",
+        figure_table=figures.table_view(trials, facts.context, newest) if trials and not facts.curves else "",
+        figure_curves=[(label, figures.curve_view(trials, label, column, newest)) for label, column in curves],
         kinds=("rollouts", "tracking", "adaptation", "training", "total"),
     )
 

@@ -53,14 +53,16 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
     name = request.session or default_name(asked)
     known = _known(root, name)
     config = _continued(asked, known, request) if known else asked
-    if config.hw != "fake" or not request.yes:
+    if not request.yes:
         console.require_terminal()
     screen = Screen(as_json=request.as_json)
     unattended = request.yes and config.hw == "fake"
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):
             parts = stack.enter_context(open_parts(config))
-            store = _same_parts(known, parts) if known else begin(root, name, config, parts)
+        if config.hw != "fake":  # --yes or not: a person confirms what a real arm does
+            console.require_terminal()
+        store = _same_parts(known, parts) if known else begin(root, name, config, parts)
         session = Session(store, parts, Unattended(screen) if unattended else Attended(screen), screen)
         stack.enter_context(store.locked())
         stack.enter_context(_how_to_continue(name))
@@ -120,7 +122,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         checkpoint=origin.checkpoint,
         checkpoint_sha256=origin.checkpoint_sha256,
-        calibration=parts.rig.hand_eye.source,
+        calibration=origin.calibration,
         calibration_sha256=origin.calibration_sha256,
         versions=origin.versions,
         title=parts.task.title,
@@ -128,6 +130,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         parameters=as_records(parts.task.parameters),
         context=as_records(parts.task.context),
         action=as_records(parts.task.action),
+        curves=dict(zip(parts.task.observation.curves, parts.task.observation.columns, strict=False)),
     )
     particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
     rows = tuple(tuple(as_row(sample) for sample in np.asarray(p.samples)) for p in particles)
@@ -154,11 +157,11 @@ def _ready(session: Session, config: Config) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.particles, facts.trials)
-    screen.session(session.parts.task, facts, stage.iteration, session.parts.rig.title)
+    screen.session(session.parts.task, facts, stage.iteration, session.parts.target.title)
     if existing.completed:
         count = len(existing.completed)
         screen.note(f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session begins afresh.")
-    checks = preflight(session.parts.rig, facts, session.store.folder, config.min_free_mb)
+    checks = preflight(session.parts.target, facts, session.store.folder, config.min_free_mb)
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")

@@ -18,11 +18,13 @@ class Proposal:
 
     stage: RunTrial
     parameters: Array  # (p,) the particle's mean, which the task policy was trained for
+    drawn: Array  # (c,) the context that was asked for
     context: Array  # (c,) as measured
     action: Array  # (a,)
     prediction: Prediction
-    duration_s: float  # of all motions together
-    overlay: Path | None  # image with what the camera found
+    told: str  # what has been planned
+    announced: str  # what happens when the operator agrees
+    overlay: Path | None  # image with what the camera found, where there is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class Operator(Protocol):
         ...
 
     def approve(self, proposal: Proposal, real: bool) -> None:
-        """Returns when the motion may start."""
+        """Returns when the trial may start."""
         ...
 
     def review(self, judged: Judged) -> Review: ...

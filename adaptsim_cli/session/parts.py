@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from sim.adaptation.method import Best, Iteration, Particle
 from sim.tasks.task import Task
 from sim.types import ToolMotion
 
+if TYPE_CHECKING:
+    from adaptsim_cli.session.target import Target
+
 Image = NDArray[np.uint8]
 
 
@@ -25,7 +28,7 @@ class Prediction:
     """What training expects of an action at a context."""
 
     reward: float
-    low: float  # two standard deviations of the emulator's ensemble
+    low: float  # of the emulator's ensemble, two standard deviations
     high: float
 
 
@@ -67,6 +70,7 @@ class TrackRequest:
     X_BC: Array  # (4, 4)
     detection: Any  # what `find` returned before the motion
     X_BT_at: Callable[[float], Array]  # arm clock -> measured pose of the tool (4, 4)
+    q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
     t_start_s: float  # arm clock at the start of the tool's motion
     duration_s: float  # of the tool's motion
 
@@ -76,9 +80,9 @@ class Tracker:
     """How the camera sees the object of one kind of task."""
 
     find: Callable[[Frame, CameraModel, Array], Detection]
-    """(frame, model, X_BC) -> detection. Raises ObjectNotFound, also where it lies outside of its area."""
+    """(frame, model, X_BC) -> detection. Raises PerceptionError, also where it is misplaced."""
     overlay: Callable[[Frame, CameraModel, Array, Any, Array], Image]
-    """(frame, model, X_BC, detection, where it was asked to be (2,)) -> (H, W, 3) RGB with both drawn."""
+    """(frame, model, X_BC, detection, drawn context) -> (H, W, 3) RGB with what was asked for and what was found."""
     track: Callable[[TrackRequest], ObjectTrack]
     placement: Callable[[Array], Array]
     """Drawn context -> where the object has to be put, (2,) m in the base frame."""
@@ -113,6 +117,7 @@ class Rig:
     camera: Camera
     bench: Bench
     hand_eye: HandEye
+    calibration_days: int = 30  # the age from which it is warned of
 
     @property
     def is_real(self) -> bool:
@@ -126,6 +131,7 @@ class Provenance:
     checkpoint: str
     checkpoint_sha256: str
     world_sha256: str  # "" where the hardware is real
+    calibration: str  # "" where there is no camera
     calibration_sha256: str
     versions: dict[str, str]
 
@@ -135,8 +141,6 @@ class Parts:
     """Everything that one session is joined from."""
 
     task: Task
-    rig: Rig
+    target: Target
     learner: Learner
-    tracker: Tracker
-    planner: Planner
     provenance: Provenance

@@ -5,11 +5,17 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.records import Facts
+from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
+
+if TYPE_CHECKING:
+    from adaptsim_cli.session.target import Target
 
 
 @dataclass(frozen=True)
@@ -19,15 +25,18 @@ class Check:
     detail: str  # what was found, and where not ok what to do
 
 
-def preflight(rig: Rig, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Check, ...]:
+def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Check, ...]:
     """All checks, in the order in which they are shown. Raises nothing for a device that is not ready."""
     return (
         Check("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
-        _calibration(rig),
         _disk(folder, min_free_mb),
-        _arm(rig),
-        _camera(rig),
+        *target.checks(),
     )
+
+
+def rig_checks(rig: Rig) -> tuple[Check, ...]:
+    """Calibration, arm and camera."""
+    return (calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC)), _arm(rig), _camera(rig))
 
 
 def failures(checks: Sequence[Check]) -> str:
@@ -35,9 +44,13 @@ def failures(checks: Sequence[Check]) -> str:
     return "; ".join(f"{check.name}: {check.detail}" for check in checks if not check.ok)
 
 
-def _calibration(rig: Rig) -> Check:
-    eye = rig.hand_eye
-    return Check("calibration", True, f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°")
+def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Check:
+    """Never fails; one that is older than `calibration_days` says so and how to look whether it still holds."""
+    detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
+    days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0
+    if days >= calibration_days:
+        detail += f". It is {days} days old: has the camera moved? adaptsim calibrate check, one minute"
+    return Check("calibration", True, detail)
 
 
 def _disk(folder: Path, min_free_mb: int) -> Check:

@@ -71,6 +71,8 @@ class Facts(Record):
     parameters: tuple[DimensionRecord, ...]
     context: tuple[DimensionRecord, ...]
     action: tuple[DimensionRecord, ...]
+    curves: dict[str, int] = {}
+    """Column of the track by what it is called, where it is drawn over time instead of on the table."""
 
 
 class Start(Record):

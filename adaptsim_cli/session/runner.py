@@ -1,7 +1,8 @@
 """One iteration of a session, from the first question to the next proposal. Read from the top.
 
 `run_iteration` asks `stages.next_stage` what is missing and does that: a trial, or the adaptation. Whatever
-completes is stored before the next thing begins, so a session can stop or be killed between any two lines.
+completes is stored before the next thing begins, so a session can stop or be killed between any two lines. What
+a trial is made of depends on where it happens: `on_rig` or `in_simulation`.
 """
 
 from __future__ import annotations
@@ -15,16 +16,15 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.console import Screen
-from adaptsim_cli.session import execution, moments, recording
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts, TrainedPolicy
-from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import BestRecord, ResultRecord, Samples, TrackRecord, TrialRecord, as_row
 from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
+from adaptsim_cli.session.target import Evidence, Planned, Ready
 from hw.errors import HardwareError
-from perception.errors import ObjectNotFound, PerceptionError
+from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.errors import NotExecutable
@@ -66,26 +66,24 @@ def run_iteration(session: Session) -> dict[str, Any]:
 
 def run_trial(session: Session, stage: RunTrial) -> None:
     """Set up, propose, confirm, execute, track, review and store one trial; or note why it does not count."""
-    store, parts, operator = session.store, session.parts, session.operator
-    if stage.interrupted:
-        operator.repeat_interrupted(stage, parts.rig.is_real)
-        if parts.rig.is_real:
-            _reject(session, stage, "interrupted while the arm may have moved")
-            return
+    store, target, operator = session.store, session.parts.target, session.operator
+    if stage.interrupted and target.spent(stage, operator):
+        _reject(session, stage, "interrupted while the arm may have moved")
+        return
     moved = False
     try:
         policy = _policy(session, stage.iteration, stage.particle)
         ready = _set_up(session, stage)
-        proposal, plan = _propose(session, stage, policy, ready)
-        operator.approve(proposal, parts.rig.is_real)
+        proposal, planned = _propose(session, stage, policy, ready)
+        operator.approve(proposal, target.is_real)
 
         store.mark_started(stage.iteration, stage.key, _now())
         moved, began = True, time.perf_counter()
-        with session.screen.busy("The robot moves and the camera records"):
-            executed = execution.execute(parts, plan)
+        with session.screen.busy(planned.doing):
+            executed = planned.execute()
         executed_s = time.perf_counter() - began
-        with session.screen.busy(f"Tracking the {parts.task.object_name} in {len(executed.frames)} frames"):
-            track = execution.track(parts, executed, ready.detection)
+        with session.screen.busy(executed.looking):
+            track = executed.track()
         tracked_s = time.perf_counter() - began - executed_s
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
@@ -101,10 +99,11 @@ def run_trial(session: Session, stage: RunTrial) -> None:
     if isinstance(review, Overrule):
         track = replace(track, outcome=review.outcome)
     with session.screen.busy("Storing the trial"):
-        record, files = _trial_record(session, proposal, ready, executed, track, tracked)
+        evidence = executed.evidence(track)
+        record = _trial_record(session, proposal, evidence, track, tracked)
         timing_s = {"rollout": executed_s, "tracking": tracked_s, "storing": time.perf_counter() - began - executed_s}
         timing_s["storing"] -= tracked_s
-        store.save_trial(record.model_copy(update={"timing_s": timing_s}), files)
+        store.save_trial(record.model_copy(update={"timing_s": timing_s}), evidence.files)
     session.screen.trial_done(record, manual=not isinstance(review, Accept))
 
 
@@ -169,77 +168,49 @@ def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
     return tuple(Particle(np.array(samples)) for samples in stored)
 
 
-def _set_up(session: Session, stage: RunTrial) -> execution.Ready:
-    """Say what is going to happen and why, have the object placed, find it, and check that it lies in the area."""
-    task, rig, tracker = session.parts.task, session.parts.rig, session.parts.tracker
+def _set_up(session: Session, stage: RunTrial) -> Ready:
+    """Say what is going to happen and why, and have everything put in its place."""
+    task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     session.screen.trial(task, session.store.facts, stage, particle)
-
-    wanted_m = tracker.placement(drawn)
-    session.operator.placed(task.object_name, wanted_m, rig.is_real)
-    rig.bench.place(wanted_m, stage.key.number, stage.key.attempt)
-    frame, model = rig.camera.snapshot(), rig.camera.model()
-    detection = tracker.find(frame, model, rig.hand_eye.X_BC)
-    context = tracker.context(drawn, detection)
-    if not task.context.contains(context):
-        ranges = ", ".join(f"{d.label} {d.low:g} to {d.high:g}" for d in task.context.dimensions)
-        found = ", ".join(f"{value:.3f}" for value in context)
-        raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
-    overlay = encode_jpeg(tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, wanted_m), 90)
-    return execution.Ready(drawn, context, frame, detection, overlay)
+    return parts.target.set_up(drawn, stage.key, session.operator)
 
 
-def _propose(
-    session: Session, stage: RunTrial, policy: TrainedPolicy, ready: execution.Ready
-) -> tuple[Proposal, execution.Plan]:
-    """The action for this context, planned and checked against the arm's limits before anyone is asked."""
+def _propose(session: Session, stage: RunTrial, policy: TrainedPolicy, ready: Ready) -> tuple[Proposal, Planned]:
+    """The action for this context, planned and checked before anyone is asked."""
     action = policy(ready.context)
-    plan = execution.plan(session.parts, ready.context, action)
+    planned = ready.plan(action)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    overlay = session.store.scratch("overlay.jpg", ready.overlay)
+    overlay = None if ready.overlay is None else session.store.scratch("overlay.jpg", ready.overlay)
+    expected = policy.predict(ready.context)
     proposal = Proposal(
-        stage, particle.mean, ready.context, action, policy.predict(ready.context), plan.duration_s, overlay
+        stage, particle.mean, ready.drawn, ready.context, action, expected, planned.told, planned.announced, overlay
     )
     session.screen.proposal(session.parts.task, proposal)
-    return proposal, plan
+    return proposal, planned
 
 
 def _judged(session: Session, proposal: Proposal, track: ObjectTrack) -> Judged:
-    task, outcomes = session.parts.task, session.parts.tracker.outcomes
+    task, outcomes = session.parts.task, session.parts.target.outcomes
     rewards = [(o, task.score(replace(track, outcome=o), proposal.context)) for o in outcomes]
     possible = tuple((o, reward) for o, reward in rewards if np.isfinite(reward))
     return Judged(proposal, track.outcome, task.score(track, proposal.context), track.flags, possible)
 
 
 def _trial_record(
-    session: Session,
-    proposal: Proposal,
-    ready: execution.Ready,
-    executed: execution.Executed,
-    track: ObjectTrack,
-    tracked: Outcome,
-) -> tuple[TrialRecord, dict[str, bytes]]:
-    """The record and the files beside it: recording, overlay and the frames of the key moments."""
-    task, rig, stage = session.parts.task, session.parts.rig, proposal.stage
-    model, X_BC, played = rig.camera.model(), rig.hand_eye.X_BC, executed.execution
-    wanted = moments.moments(executed.plan.motion.t_s[-1], executed.plan.motion.contact)
-    seen_m = np.array([[*ready.detection.xy_m, 0.0], *track.state[:, :3]])
-    kept, images = moments.key_frames(executed.frames, model, X_BC, seen_m, played.t_start_s, wanted)
-    files = {
-        recording.FILE: recording.encode(ready.frame, executed.frames, model, X_BC, played, executed.X_BT_at, track),
-        "overlay.jpg": ready.overlay,
-        **images,
-    }
-    record = TrialRecord(
+    session: Session, proposal: Proposal, evidence: Evidence, track: ObjectTrack, tracked: Outcome
+) -> TrialRecord:
+    task, stage = session.parts.task, proposal.stage
+    return TrialRecord(
         number=stage.key.number,
         attempt=stage.key.attempt,
         iteration=stage.iteration,
         particle=stage.particle,
         trial=stage.trial,
-        drawn_context=as_row(ready.drawn),
+        drawn_context=as_row(proposal.drawn),
         context=as_row(proposal.context),
         action=as_row(proposal.action),
         predicted_reward=proposal.prediction.reward,
@@ -250,13 +221,12 @@ def _trial_record(
         outcome=track.outcome,
         overruled_from=None if tracked == track.outcome else tracked,
         track=TrackRecord.of(track),
-        moments=kept,
-        control_success_rate=played.control_success_rate,
+        moments=evidence.moments,
+        control_success_rate=evidence.control_success_rate,
         started=_now(),
         timing_s={},
         files={},
     )
-    return record, files
 
 
 def _policy(session: Session, iteration: int, particle: int) -> TrainedPolicy:

@@ -23,9 +23,6 @@ SIGNAL_STD = 0.2
 LENGTH = 0.3
 """Distance, in fractions of the ranges and over all parameters together, over which it varies: two steps of 0.15."""
 
-TRIAL_STD = 0.4
-"""Spread of single trials around their expectation: nearly that of a coin, since most rewards are near 0 or near 1."""
-
 
 def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
     """The tried particle with the highest pooled estimate; of equals, the latest.
@@ -39,7 +36,7 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
     counts = np.array([len(s.trials) for s in seen], dtype=np.float64)
     rewards = np.array([np.mean([t.reward for t in s.trials]) for s in seen])
     unit = task.parameters.normalise(np.array([s.particle.mean for s in seen]))
-    mean, std = _posterior(unit, rewards, counts)
+    mean, std = _posterior(unit, rewards, task.adaptation.trial_std**2 / counts)
     best = int(np.flatnonzero(mean >= mean.max() - 1e-9)[-1])
     near = np.linalg.norm(unit - unit[best], axis=1) <= LENGTH
     estimate = float(np.clip(mean[best], 0.0, 1.0))
@@ -52,11 +49,14 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
     )
 
 
-def _posterior(unit: Array, rewards: Array, counts: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation of the expected reward at every tried mean (Rasmussen & Williams 2006, eq. 2.25)."""
+def _posterior(unit: Array, rewards: Array, variance: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation of the expected reward at every tried mean, from mean rewards of that variance.
+
+    Rasmussen & Williams 2006, eq. 2.25.
+    """
     squared = ((unit[:, None] - unit[None]) ** 2).sum(axis=-1)
     prior = PRIOR_STD**2 + SIGNAL_STD**2 * np.exp(-0.5 * squared / LENGTH**2)
-    gain = np.linalg.solve(prior + np.diag(TRIAL_STD**2 / counts), prior).T
+    gain = np.linalg.solve(prior + np.diag(variance), prior).T
     mean = PRIOR_MEAN + gain @ (rewards - PRIOR_MEAN)
-    variance = np.diag(prior - gain @ prior)
-    return mean, np.sqrt(np.maximum(variance, 0.0))
+    left = np.diag(prior - gain @ prior)
+    return mean, np.sqrt(np.maximum(left, 0.0))

@@ -9,10 +9,9 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import Particle, Trial
-from sim.emulator import Emulator
 from sim.rollouts.run import Requests, Rollouts
 from sim.sampling import spread
-from sim.task_policy import SolverSettings, expected_reward, train_many
+from sim.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 
 Roll = Callable[[Requests], Rollouts]
@@ -33,12 +32,11 @@ class Visit:
     """What B distributions showed and earned in their targets."""
 
     observations: Array  # (B, T * size) with camera noise: true rollouts of the target
-    rewards: Array  # (B,) expected, of the emulator
+    rewards: Array  # (B,) expected, of the solver
 
 
 def visit(
-    task: Task,
-    emulator: Emulator,
+    solver: Solver,
     roll: Roll,
     means: Array,
     targets: Array,
@@ -47,10 +45,11 @@ def visit(
 ) -> Visit:
     """Train the task policies of `means` (B, p), run each `trials_per_iteration` times in its target (B, p).
 
-    The trajectories are true rollouts. The reward is the emulator's: it is an expectation over contexts, nuisance
+    The trajectories are true rollouts. The reward is the solver's: it is an expectation over contexts, nuisance
     and action error, which would take hundreds of rollouts; the evaluation compares it with true rollouts.
     """
-    policies = train_many(task, emulator, means[:, None, :], rng, settings=settings.solver)
+    task = solver.task
+    policies = solver.policies(means[:, None, :], rng, settings=settings.solver)
     trials, count = task.adaptation.trials_per_iteration, len(means)
     own = task.context.sample(rng, count * trials).reshape(count, trials, -1)
     shared = task.context.sample(rng, settings.contexts)
@@ -59,7 +58,7 @@ def visit(
         task, np.repeat(targets, trials, axis=0), own.reshape(count * trials, -1), _rows(actions[:, :trials]), rng
     )
     seen = task.observation.with_noise(roll(requests).observation, rng)
-    rewards = expected_reward(emulator, targets, shared, actions[:, trials:], rng, settings.draws)
+    rewards = solver.expected_rewards(targets, shared, actions[:, trials:], rng, settings.draws)
     return Visit(seen.reshape(count, -1), rewards)
 
 

@@ -16,9 +16,8 @@ from sim.adaptation.phase2 import AdaptSim
 from sim.adaptation.q_network import QNetwork
 from sim.baselines.random_search import RandomSearch
 from sim.baselines.udr import Udr
-from sim.emulator import Emulator
 from sim.sampling import sobol, spread
-from sim.task_policy import EmulatorPolicy, expected_reward, train_many, train_task_policy
+from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 LEAST_GAP = 0.1
@@ -52,13 +51,12 @@ class EvaluationReport:
     gap_closed: float  # pooled over those targets; 0 when there is none
     gap_closed_ci95: tuple[float, float]  # bootstrap over targets
     pairs: int
-    emulator_correlation: float  # of emulated with true rewards over the pairs
-    emulator_bias: float  # mean emulated - true
+    emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
+    emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
 
 
 def run_session(
-    task: Task,
-    emulator: Emulator,
+    solver: Solver,
     method: Method,
     target: Array,
     roll: Roll,
@@ -66,12 +64,13 @@ def run_session(
     rng: np.random.Generator,
 ) -> list[Iteration]:
     """A whole session of `method` in a simulated target (p,), as on the real one."""
+    task = solver.task
     history: list[Iteration] = []
     particles = method.start(settings.particles, rng)
     for _ in range(settings.iterations):
         seen = []
         for particle in particles:
-            policy = train_task_policy(task, emulator, particle.samples, rng)
+            policy = policy_for(solver, particle.samples, rng)
             trials = simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
             seen.append(ParticleTrials(particle, trials))
         history.append(tuple(seen))
@@ -80,8 +79,7 @@ def run_session(
 
 
 def evaluate(
-    task: Task,
-    emulator: Emulator,
+    solver: Solver,
     network: QNetwork,
     roll: Roll,
     settings: EvaluationSettings,
@@ -89,20 +87,21 @@ def evaluate(
     progress: Callable[[int, int], None] | None = None,
 ) -> EvaluationReport:
     """Compare AdaptSim with random best-of-n, UDR and the oracle on `settings.targets` unseen targets."""
+    task = solver.task
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(settings.targets + 1)]
     targets = sample_targets(task, settings.kind, settings.targets, streams[0])
     grid = spread(task.parameters, sobol(settings.oracle, len(task.parameters), streams[0]))
-    candidates = train_many(task, emulator, grid[:, None, :], streams[0])
-    udr = train_task_policy(task, emulator, Udr(task).start(1, streams[0])[0].samples, streams[0])
+    candidates = solver.policies(grid[:, None, :], streams[0])
+    udr = policy_for(solver, Udr(task).start(1, streams[0])[0].samples, streams[0])
     true, emulated = [], []
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
         policies = [
-            _final(task, emulator, AdaptSim(task, network), target, roll, settings, rng),
-            _final(task, emulator, RandomSearch(task), target, roll, settings, rng),
+            _final(solver, AdaptSim(task, network), target, roll, settings, rng),
+            _final(solver, RandomSearch(task), target, roll, settings, rng),
             udr,
-            _oracle(task, emulator, candidates, target, rng),
+            _oracle(solver, candidates, target, rng),
         ]
-        rewards = _judge(task, emulator, policies, target, roll, settings.rollouts, rng)
+        rewards = _judge(solver, policies, target, roll, settings.rollouts, rng)
         true.append(rewards[0])
         emulated.append(rewards[1])
         if progress is not None:
@@ -111,38 +110,37 @@ def evaluate(
 
 
 def _final(
-    task: Task,
-    emulator: Emulator,
+    solver: Solver,
     method: Method,
     target: Array,
     roll: Roll,
     settings: EvaluationSettings,
     rng: np.random.Generator,
-) -> EmulatorPolicy:
-    best = choose_best(task, run_session(task, emulator, method, target, roll, settings, rng))
-    return train_task_policy(task, emulator, best.particle.samples, rng)
+) -> SolvedPolicy:
+    best = choose_best(solver.task, run_session(solver, method, target, roll, settings, rng))
+    return policy_for(solver, best.particle.samples, rng)
 
 
 def _oracle(
-    task: Task, emulator: Emulator, candidates: tuple[EmulatorPolicy, ...], target: Array, rng: np.random.Generator
-) -> EmulatorPolicy:
-    """The policy of the parameters in Omega that the emulator, knowing the target, expects most of."""
-    contexts = task.context.sample(rng, 4)
+    solver: Solver, candidates: tuple[SolvedPolicy, ...], target: Array, rng: np.random.Generator
+) -> SolvedPolicy:
+    """The policy of the parameters in Omega that the solver, knowing the target, expects most of."""
+    contexts = solver.task.context.sample(rng, 4)
     actions = np.stack([policy.actions(contexts) for policy in candidates])
-    rewards = expected_reward(emulator, np.tile(target, (len(candidates), 1)), contexts, actions, rng)
+    rewards = solver.expected_rewards(np.tile(target, (len(candidates), 1)), contexts, actions, rng)
     return candidates[int(np.argmax(rewards))]
 
 
 def _judge(
-    task: Task,
-    emulator: Emulator,
-    policies: list[EmulatorPolicy],
+    solver: Solver,
+    policies: list[SolvedPolicy],
     target: Array,
     roll: Roll,
     n: int,
     rng: np.random.Generator,
 ) -> tuple[Array, Array]:
     """True and emulated mean rewards (len(policies),) on the same contexts, errors and nuisance."""
+    task = solver.task
     contexts = task.context.sample(rng, n)
     seed = int(rng.integers(2**31))
     true, emulated = [], []
@@ -150,8 +148,8 @@ def _judge(
         actions = policy.actions(contexts)
         request = trial_requests(task, np.tile(target, (n, 1)), contexts, actions, np.random.default_rng(seed))
         true.append(float(roll(request).rewards(task, contexts).mean()))
-        success, end = emulator.outcomes(request.parameters, request.action, request.nuisance)
-        emulated.append(float((success * task.reward_of_success(end, contexts)).mean()))
+        expected = solver.trial_rewards(request.parameters, contexts, request.action, request.nuisance)
+        emulated.append(float(expected.mean()))
     return np.array(true), np.array(emulated)
 
 

@@ -13,7 +13,7 @@ from hw.types import Array
 from sim.adaptation.episodes import EpisodeSettings, Roll, visit
 from sim.adaptation.q_network import Learner, QNetwork, Replay, Transitions, new_network
 from sim.adaptation.step import encode_state, state_size
-from sim.emulator import Emulator
+from sim.solver import Solver
 from sim.tasks.task import Task
 
 BATCH = 64
@@ -48,15 +48,14 @@ def sample_targets(task: Task, kind: Targets, n: int, rng: np.random.Generator) 
 
 
 def train_adaptation(
-    task: Task,
-    emulator: Emulator,
+    solver: Solver,
     roll: Roll,
     settings: MetaSettings,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[QNetwork, MetaCurve]:
     """The adaptation policy after `steps` adaptation steps. The same seed gives the same network."""
-    rng = np.random.default_rng(seed)
+    task, rng = solver.task, np.random.default_rng(seed)
     episode = EpisodeSettings()
     count, horizon = settings.parallel, task.adaptation.horizon
     inputs, branches = state_size(task), len(task.parameters)
@@ -71,12 +70,12 @@ def train_adaptation(
         if i % horizon == 0:
             targets = sample_targets(task, settings.targets, count, rng)
             means = task.parameters.sample(rng, count)
-            first = visit(task, emulator, roll, means, targets, rng, episode)
+            first = visit(solver, roll, means, targets, rng, episode)
             state = encode_state(task, means, first.observations)
         epsilon = EPSILON_FIRST + (EPSILON_LAST - EPSILON_FIRST) * i / max(1, rounds - 1)
         directions = explore(learner.online.directions(state), epsilon, rng)
         means = task.parameters.step(means, directions, task.adaptation.delta)
-        seen = visit(task, emulator, roll, means, targets, rng, episode)
+        seen = visit(solver, roll, means, targets, rng, episode)
         following = encode_state(task, means, seen.observations)
         replay.add(Transitions(state, directions, sparse(task, seen.rewards), following))
         state = following

@@ -1,5 +1,7 @@
 """Phase 1: dataset, emulator, adaptation policy, evaluation, checkpoint. Each stage resumes after a kill.
 
+A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
+
 The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors`, `rollouts/` (those of the
 episodes and of the evaluation, never simulated twice), `policy.safetensors`, the report of each stage, and
 `checkpoint/`. What exists is not made again.
@@ -11,6 +13,7 @@ import tomllib
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,10 @@ from sim.emulator_training import EmulatorSettings, train_emulator
 from sim.errors import DatasetError
 from sim.files import read_toml, write_toml
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.dataset import Dataset, build_dataset
+from sim.rollouts.dataset import build_dataset
+from sim.rollouts.run import run_many
+from sim.solver import Solver
+from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
@@ -35,6 +41,8 @@ StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
 STAGES = ("dataset", "emulator", "adaptation policy", "evaluation", "checkpoint")
+EXACT = "dataset and emulator: not needed, this task is solved exactly"
+"""Stands in for the first two stages."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,18 @@ class PretrainBudget:
         visits = rounds + -(-rounds // task.adaptation.horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.targets * (2 * session + 4 * self.evaluation.rollouts)
-        return self.rollouts + visits * self.meta.parallel * trials + judged
+        dataset = 0 if task.exact else self.rollouts
+        return dataset + visits * self.meta.parallel * trials + judged
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """What the adaptation policy is trained and judged with."""
+
+    solver: Solver
+    emulator: Emulator | None  # to be stored in the checkpoint
+    roll: Roll
+    facts: dict[str, Any]  # for the card
 
 
 def pretrain(
@@ -74,27 +93,53 @@ def pretrain(
     """
     _agree_on_plan(task, folder, budget, seed)
     draws = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4)]
-    roll = CachedRollouts(task, folder / "rollouts", executor)
-    dataset = build_dataset(
-        task, folder / "dataset", budget.rollouts, draws[0], executor, lambda i, n: progress(STAGES[0], i, n)
-    )
-    emulator = _emulator(task, folder, dataset, budget, draws[1], progress)
-    network = _policy(task, folder, emulator, roll, budget, draws[2], progress)
-    results = _evaluation(task, folder, emulator, network, roll, budget, draws[3], progress)
+    if task.exact:
+        progress(EXACT, 1, 1)
+        means = _exact(task.exact(task), budget, executor)
+    else:
+        means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
+    network = _policy(folder, means, budget, draws[2], progress)
+    results = _evaluation(folder, means, network, budget, draws[3], progress)
     path = folder / "checkpoint"
     if not (path / CARD).exists():
         facts = {
             "seed": seed,
-            "data": dataset.identity,
-            "budget": asdict(budget),
-            "simulations": len(dataset) + roll.count(),
-            "emulator": read_toml(folder / "emulator.toml"),
+            "simulations": budget.simulations(task),
             "policy": read_toml(folder / "policy.toml"),
             "evaluation": results,
         }
-        save_checkpoint(task, path, emulator, network, facts)
+        save_checkpoint(task, path, means.emulator, network, {**means.facts, **facts})
     progress(STAGES[4], 1, 1)
     return path
+
+
+def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
+    spent = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
+    return _Means(solver, None, partial(run_many, solver.task, executor=executor), spent)
+
+
+def _learnt(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seeds: tuple[int, int],
+    executor: Executor,
+    progress: StageProgress,
+) -> _Means:
+    dataset = build_dataset(
+        task, folder / "dataset", budget.rollouts, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n)
+    )
+    path, report = folder / "emulator.safetensors", folder / "emulator.toml"
+    if not (path.exists() and report.exists()):
+        emulator, held_out = train_emulator(
+            task, dataset, seeds[1], budget.emulator, lambda i, n: progress(STAGES[1], i, n)
+        )
+        save_tensors(path, emulator.tensors)
+        write_toml(report, asdict(held_out))
+    progress(STAGES[1], 1, 1)
+    emulator = Emulator(task, load_tensors(path))
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_toml(report)}
+    return _Means(EmulatorSolver(emulator), emulator, CachedRollouts(task, folder / "rollouts", executor), facts)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int) -> None:
@@ -114,54 +159,26 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int) 
         )
 
 
-def _emulator(
-    task: Task, folder: Path, dataset: Dataset, budget: PretrainBudget, seed: int, progress: StageProgress
-) -> Emulator:
-    path, report = folder / "emulator.safetensors", folder / "emulator.toml"
-    if not (path.exists() and report.exists()):
-        emulator, held_out = train_emulator(
-            task, dataset, seed, budget.emulator, lambda i, n: progress(STAGES[1], i, n)
-        )
-        save_tensors(path, emulator.tensors)
-        write_toml(report, asdict(held_out))
-    progress(STAGES[1], 1, 1)
-    return Emulator(task, load_tensors(path))
-
-
-def _policy(
-    task: Task,
-    folder: Path,
-    emulator: Emulator,
-    roll: Roll,
-    budget: PretrainBudget,
-    seed: int,
-    progress: StageProgress,
-) -> QNetwork:
+def _policy(folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress) -> QNetwork:
     path, report = folder / "policy.safetensors", folder / "policy.toml"
     if not (path.exists() and report.exists()):
         network, curve = train_adaptation(
-            task, emulator, roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n)
+            means.solver, means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n)
         )
         save_tensors(path, network.state_dict())
         write_toml(report, _summary(curve))
     progress(STAGES[2], 1, 1)
+    task = means.solver.task
     return restore_network(state_size(task), len(task.parameters), load_tensors(path))
 
 
 def _evaluation(
-    task: Task,
-    folder: Path,
-    emulator: Emulator,
-    network: QNetwork,
-    roll: Roll,
-    budget: PretrainBudget,
-    seed: int,
-    progress: StageProgress,
+    folder: Path, means: _Means, network: QNetwork, budget: PretrainBudget, seed: int, progress: StageProgress
 ) -> dict[str, Any]:
     path = folder / "evaluation.toml"
     if not path.exists():
         results = evaluate(
-            task, emulator, network, roll, budget.evaluation, seed, lambda i, n: progress(STAGES[3], i, n)
+            means.solver, network, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[3], i, n)
         )
         write_toml(path, asdict(results))
     progress(STAGES[3], 1, 1)

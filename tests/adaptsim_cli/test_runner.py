@@ -158,7 +158,7 @@ def test_a_refused_motion_is_not_executed(tmp_path: Path) -> None:
 
     lab = ToyLab(0)
     session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(session.parts.planner, "check", refuse)
+    object.__setattr__(session.parts.target.planner, "check", refuse)
     with pytest.raises(MotionRefused):
         run_iteration(session)
     assert lab.executions == []

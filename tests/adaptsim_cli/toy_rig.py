@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from adaptsim_cli.config import Config
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Paths, Planner, Prediction, Provenance, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
@@ -238,12 +239,12 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
 
 
 def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str], None] = lambda *_: None) -> Parts:
-    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01"))  # type: ignore[arg-type]
+    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))  # type: ignore[arg-type]
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
-    origin = Provenance("toy", "c" * 64, "w" * 64, "h" * 64, {"adaptsim": "0.1.0"})
-    return Parts(TASK, rig, ToyLearner(), tracker, Planner(paths, check, flange), origin)
+    origin = Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"})
+    return Parts(TASK, OnRig(TASK, rig, tracker, Planner(paths, check, flange)), ToyLearner(), origin)
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config], Any]:

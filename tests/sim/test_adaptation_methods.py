@@ -12,7 +12,7 @@ from sim.adaptation.q_network import new_network
 from sim.adaptation.step import adapt, encode_state, state_size
 from sim.errors import CheckpointError, UnknownName
 from sim.misfit import misfit
-from sim.task_policy import train_task_policy
+from sim.task_policy import EmulatorSolver, train_task_policy
 
 MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
 
@@ -151,7 +151,11 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
         context, action = TOY.context.sample(rng, 1)[0], TOY.action.sample(rng, 1)[0]
         for values, effects in ((own, None), (other, Unmodelled(wind_m=0.15))):
             track = TOY.simulate(parameters, context, action, np.zeros(1), effects)
-            values.append(misfit(emulator, context, action, TOY.observation.with_noise(TOY.observation(track), rng)))
+            values.append(
+                misfit(
+                    EmulatorSolver(emulator), context, action, TOY.observation.with_noise(TOY.observation(track), rng)
+                )
+            )
     assert np.mean(np.array(own) < 1.5 * emulator.misfit_limit) >= 0.9
     assert min(other) > 1.5 * emulator.misfit_limit
 
@@ -159,12 +163,12 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
 def test_the_verdict_says_what_the_data_say():
     emulator, _ = trained()
     good = session(MEAN, [MEAN, PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.15)])
-    assert verdict(TOY, good, emulator).startswith("Converged")
+    assert verdict(TOY, good, EmulatorSolver(emulator)).startswith("Converged")
     failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
-    assert verdict(TOY, [*good, *good, *good, failing], emulator).startswith("Not converged")
-    assert verdict(TOY, good[:1], emulator).startswith("Too few trials")
-    windy = verdict(TOY, session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)), emulator)
+    assert verdict(TOY, [*good, *good, *good, failing], EmulatorSolver(emulator)).startswith("Not converged")
+    assert verdict(TOY, good[:1], EmulatorSolver(emulator)).startswith("Too few trials")
+    windy = verdict(TOY, session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)), EmulatorSolver(emulator))
     assert "the simulator cannot express this toy piece: 16 of 16" in windy
     far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
     bad = session(far, [PARAMETERS.low, PARAMETERS.low])
-    assert verdict(TOY, bad, emulator).startswith("Reward stays low")
+    assert verdict(TOY, bad, EmulatorSolver(emulator)).startswith("Reward stays low")

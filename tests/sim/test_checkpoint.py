@@ -25,7 +25,7 @@ def test_it_comes_back_as_it_was(stored):
     emulator, _ = trained()
     rng = np.random.default_rng(0)
     draws = TOY.margin.sample(rng, 5), TOY.action.sample(rng, 5), TOY.nuisance.sample(rng, 5)
-    assert np.array_equal(checkpoint.emulator.predict(*draws).success, emulator.predict(*draws).success)
+    assert np.array_equal(checkpoint.solver.emulator.predict(*draws).success, emulator.predict(*draws).success)
     states = rng.random((8, state_size(TOY)))
     original = new_network(state_size(TOY), len(TOY.parameters), 5)
     assert np.array_equal(checkpoint.q_network.directions(states), original.directions(states))

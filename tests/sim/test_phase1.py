@@ -15,7 +15,8 @@ from sim.adaptation.step import state_size
 from sim.checkpoint import load_checkpoint
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import serial_executor
-from sim.task_policy import SolverSettings
+from sim.solver import SolverSettings
+from sim.task_policy import EmulatorSolver
 
 TINY = PretrainBudget(
     rollouts=300,
@@ -51,11 +52,11 @@ def test_a_visit_earns_more_at_the_right_parameters():
     rng = np.random.default_rng(0)
     targets = PARAMETERS.sample(rng, 16)
     settings = EpisodeSettings(SolverSettings(candidates=64, scenarios=4), contexts=2, draws=4)
-    right = visit(TOY, emulator, roll, targets, targets, np.random.default_rng(1), settings)
-    wrong = visit(TOY, emulator, roll, targets[::-1], targets, np.random.default_rng(1), settings)
+    right = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
+    wrong = visit(EmulatorSolver(emulator), roll, targets[::-1], targets, np.random.default_rng(1), settings)
     assert right.observations.shape == (16, 2 * TOY.observation.size)
     assert right.rewards.mean() > wrong.rewards.mean() + 0.1
-    again = visit(TOY, emulator, roll, targets, targets, np.random.default_rng(1), settings)
+    again = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
     assert np.array_equal(again.observations, right.observations)
     assert np.array_equal(again.rewards, right.rewards)
 
@@ -80,9 +81,9 @@ def test_sparse_rewards_and_exploration():
 def test_training_repeats_exactly_and_depends_on_the_seed():
     emulator, _ = trained()
     settings = MetaSettings(steps=16, parallel=8, updates=1)
-    one, curve = train_adaptation(TOY, emulator, roll, settings, 0)
-    two, same = train_adaptation(TOY, emulator, roll, settings, 0)
-    three, _ = train_adaptation(TOY, emulator, roll, settings, 1)
+    one, curve = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    two, same = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    three, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 1)
     states = np.random.default_rng(0).random((50, state_size(TOY)))
     assert np.array_equal(one.directions(states), two.directions(states))
     assert np.array_equal(curve.reward, same.reward)
@@ -95,7 +96,7 @@ def test_the_evaluation_orders_oracle_and_udr():
     emulator, _ = trained()
     network = new_network(state_size(TOY), len(TOY.parameters), 0)
     settings = EvaluationSettings(targets=6, iterations=1, rollouts=16, oracle=32)
-    report = evaluate(TOY, emulator, network, roll, settings, 0)
+    report = evaluate(EmulatorSolver(emulator), network, roll, settings, 0)
     assert report.oracle > report.udr + 0.1
     assert report.trials == 4
     assert report.pairs == 24

@@ -8,7 +8,8 @@ from toy_task import TOY, best_action
 from sim.adaptation.episodes import trial_requests
 from sim.baselines.udr import Udr
 from sim.errors import NotExecutable
-from sim.task_policy import SolverSettings, expected_reward, train_many, train_task_policy
+from sim.solver import SolverSettings
+from sim.task_policy import expected_reward, train_many, train_task_policy
 
 CONTEXT = TOY.reference_context
 

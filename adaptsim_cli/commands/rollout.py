@@ -1,0 +1,47 @@
+"""`adaptsim rollout`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_Values = list[str] | None
+
+
+def rollout(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    context: Annotated[_Values, typer.Option("--context", help="Where, as name=value; may be repeated.")] = None,
+    action: Annotated[_Values, typer.Option("--action", help="How, as name=value; the rest is the policy's.")] = None,
+    param: Annotated[_Values, typer.Option("--param", help="What the policy is trained for, as name=value.")] = None,
+    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
+    hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for record and recording; a new one.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="The trial as one JSON object on stdout.")] = False,
+) -> None:
+    """Execute one trial with a chosen action, or with that of a policy. Nothing is adapted.
+
+    Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
+    """
+    from datetime import UTC, datetime
+
+    from adaptsim_cli import config, console, wiring
+    from adaptsim_cli.session import single
+
+    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    screen = console.Screen(as_json=as_json)
+    name = f"{resolved.config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+    folder = out or resolved.places.data / "rollouts" / name
+    chosen = single.Chosen(context or [], action or [], param or [])
+    with wiring.open_parts(resolved.config) as parts:
+        record = single.rollout(resolved.config, parts, chosen, screen, folder.absolute(), yes=yes)
+    if as_json:
+        screen.data(record)
+    outcome = record["outcome"].replace("_", " ")
+    screen.plain(f"{outcome}, reward {record['reward']:.2f}")
+    for flag in record["flags"]:
+        screen.note(f"note: {flag}")
+    screen.plain(f"Stored: {folder}")

@@ -1,0 +1,87 @@
+"""A calibration -> one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from adaptsim_cli.calibration import overlay
+from adaptsim_cli.calibration.solving import Solved
+from adaptsim_cli.report import calibration_figures as figures
+from calib.saved import SavedCalibration
+from perception.board import locate
+from perception.errors import BoardNotFound
+
+PICTURES, PICTURE_PX = 6, 720
+
+
+def render(solved: Solved) -> str:
+    """The page as HTML."""
+    from jinja2 import Environment, StrictUndefined
+
+    record = solved.record
+    used = frozenset(view.name for view in record.views if view.used)
+    folder = resources.files("adaptsim_cli.report")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
+    X = np.array(record.X_AC)
+    fixed = record.mounting == "fixed"
+    return template.render(
+        record=record,
+        style=(folder / "style.css").read_text(encoding="utf-8"),
+        verdict=_verdict(record),
+        used=len(used),
+        not_seen=solved.not_seen,
+        figure_coverage=figures.coverage(solved.views, used, solved.setup.colour),
+        figure_residuals=figures.residuals(record.views),
+        figure_work=figures.work_volume(record.uncertainty, (X[0, 3], X[1, 3])) if fixed else "",
+        pictures=_pictures(solved, used),
+    )
+
+
+def _verdict(record: SavedCalibration) -> str:
+    bad = [gate.message for gate in (*record.gates, *record.checks) if gate.verdict == "bad"]
+    good = "It is good to use" if record.hw == "recorded" else "It is in use"
+    if bad:
+        return "It is not used: " + "; ".join(bad)
+    suspect = [check.name for check in (*record.checks, *record.gates) if check.verdict == "suspect"]
+    if suspect:
+        return f"{good}. Look at what is suspect: " + ", ".join(suspect) + "."
+    return f"{good}, and no check speaks against it."
+
+
+def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
+    """Views spread over the series, those that were not used first."""
+    odd = [view for view in solved.views if view.name not in used][: PICTURES // 2]
+    good = [view for view in solved.views if view.name in used]
+    chosen = [good[i] for i in np.linspace(0, len(good) - 1, PICTURES - len(odd)).astype(int)] if good else []
+    shown = []
+    for view in dict.fromkeys([*odd, *chosen]):
+        image = cv2.imread(str(Path(solved.images[view.name])), cv2.IMREAD_COLOR)
+        if image is None:
+            continue
+        try:
+            pose = locate(view.corners, solved.setup.board, solved.setup.colour)
+        except BoardNotFound:
+            continue
+        jpeg = overlay.draw(
+            np.ascontiguousarray(image[..., ::-1], dtype=np.uint8),
+            view.corners, pose.X_VM, (), solved.setup.board, solved.setup.colour,
+        )  # fmt: skip
+        shown.append((view.name, _url(jpeg)))
+    return shown
+
+
+def _url(jpeg: bytes) -> str:
+    """A data URL of the picture, made small."""
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        return ""
+    scale = min(1.0, PICTURE_PX / image.shape[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    data = cv2.imencode(".jpg", small, (cv2.IMWRITE_JPEG_QUALITY, 82))[1].tobytes()
+    return "data:image/jpeg;base64," + base64.b64encode(data).decode()

@@ -1,0 +1,86 @@
+"""A trial in a simulated target: the context is set, the policy acts, the trajectory returns. No devices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.preflight import Check
+from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.target import Evidence
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+
+Rollout = Callable[[Array, Array], ObjectTrack]
+"""(context, action) -> what the target does. Deterministic; which target it is stays hidden in it."""
+
+
+@dataclass(frozen=True)
+class InSimulation:
+    """A `Target` without arm, camera or bench."""
+
+    object_name: str
+    duration_s: float  # of a trial, simulated time
+    title: str
+    rollout: Rollout
+    is_real: bool = False
+    outcomes: tuple[Outcome, ...] = ()  # nobody sees it otherwise
+
+    def checks(self) -> tuple[Check, ...]:
+        return (Check("devices", True, "none needed"),)
+
+    def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        return False  # nothing can have moved
+
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> SimulatedReady:
+        return SimulatedReady(self, drawn)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedReady:
+    target: InSimulation
+    drawn: Array
+    overlay: None = None
+
+    @property
+    def context(self) -> Array:
+        return self.drawn
+
+    def plan(self, action: Array) -> SimulatedPlan:
+        return SimulatedPlan(self.target, self.context, action)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPlan:
+    target: InSimulation
+    context: Array
+    action: Array
+
+    @property
+    def told(self) -> str:
+        return f"{self.target.duration_s:.1f} s of the {self.target.object_name} will be simulated"
+
+    @property
+    def announced(self) -> str:
+        return f"The {self.target.object_name} is simulated for {self.target.duration_s:.1f} s"
+
+    @property
+    def doing(self) -> str:
+        return f"Simulating the {self.target.object_name}"
+
+    def execute(self) -> SimulatedTrial:
+        return SimulatedTrial(self.target.rollout(self.context, self.action))
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedTrial:
+    trajectory: ObjectTrack
+    looking: str = "Reading the trajectory"
+
+    def track(self) -> ObjectTrack:
+        return self.trajectory
+
+    def evidence(self, track: ObjectTrack) -> Evidence:
+        """The track in the record is all there is."""
+        return Evidence()

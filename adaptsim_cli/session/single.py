@@ -1,0 +1,115 @@
+"""One trial by itself: an action chosen by hand, or what a policy proposes. Nothing is adapted, no session grows."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli import console, values
+from adaptsim_cli.config import Config
+from adaptsim_cli.console import Attended, Screen, Unattended
+from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.session import durable
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.preflight import failures
+from adaptsim_cli.session.records import TrackRecord, as_row
+from adaptsim_cli.session.stages import Draw, RunTrial, TrialKey, generator
+from adaptsim_cli.session.target import Evidence
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.adaptation.method import Particle
+from sim.types import Space
+
+_STAGE = RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(1, 0), interrupted=False)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the operator typed, as name=value."""
+
+    context: Sequence[str]
+    action: Sequence[str]  # what is not given is the policy's
+    parameters: Sequence[str]  # that the policy is trained for; what is not given is the middle of Omega
+
+
+def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder: Path, *, yes: bool) -> dict[str, Any]:
+    """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
+
+    Raises UsageError for a value that is wrong, and what a trial of a session raises. Nothing is stored of a trial
+    that did not come to its end.
+    """
+    task, target = parts.task, parts.target
+    unattended = yes and not target.is_real
+    if not unattended:
+        console.require_terminal()
+    operator = Unattended(screen) if unattended else Attended(screen)
+    drawn = values.point(task.context, chosen.context, task.reference_context, "--context")
+    middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
+    mean = values.point(task.parameters, chosen.parameters, middle, "--param")
+    values.point(task.action, chosen.action, task.action.low, "--action")  # refused before anything moves
+    if folder.exists():
+        raise UsageError(f"{folder} exists already: name another --out")
+    if problem := failures(target.checks()):
+        raise PreflightFailed(f"not ready, nothing has moved: {problem}")
+
+    with screen.busy("Training the task policy"):
+        policy = parts.learner.train(Particle(mean[None]), generator(config.seed, Draw.TRAIN, 0, 0))
+    ready = target.set_up(drawn, _STAGE.key, operator)
+    action = values.point(task.action, chosen.action, policy(ready.context), "--action")
+    planned = ready.plan(action)
+    overlay = None if ready.overlay is None else _shown(ready.overlay)
+    expected = policy.predict(ready.context)
+    proposal = Proposal(_STAGE, mean, drawn, ready.context, action, expected, planned.told, planned.announced, overlay)
+    screen.proposal(task, proposal)
+    operator.approve(proposal, target.is_real)
+    with screen.busy(planned.doing):
+        executed = planned.execute()
+    with screen.busy(executed.looking):
+        track = executed.track()
+    record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
+    _store(folder, record, executed.evidence(track))
+    return record
+
+
+def _shown(overlay: bytes) -> Path:
+    """The picture of what the camera found, where a person can open it before agreeing."""
+    path = Path(tempfile.gettempdir()) / "adaptsim-overlay.jpg"
+    durable.replace_file(path, overlay)
+    return path
+
+
+def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *, by_hand: bool) -> dict[str, Any]:
+    task = parts.task
+    return {
+        "task": task.name,
+        "hw": config.hw,
+        "world": config.world if config.hw == "fake" else "",
+        "seed": config.seed,
+        "params": None if by_hand else _named(task.parameters, made.parameters),
+        "context": _named(task.context, made.context),
+        "action": _named(task.action, made.action),
+        "outcome": track.outcome.value,
+        "reward": task.score(track, made.context),
+        "flags": list(track.flags),
+        "observation": as_row(task.observation(track)),
+        "track": TrackRecord.of(track).model_dump(mode="json"),
+        "when": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _store(folder: Path, record: dict[str, Any], evidence: Evidence) -> None:
+    durable.make_folder(folder.parent)
+    content = json.dumps(record, allow_nan=False, indent=1).encode()
+    durable.write_folder(folder, {"trial.json": content, **evidence.files})
+
+
+def _named(space: Space, point: Array) -> dict[str, float]:
+    return dict(zip(space.names, as_row(point), strict=True))

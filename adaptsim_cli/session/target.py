@@ -1,0 +1,118 @@
+"""Where trials happen: what the sequence asks of a rig (`on_rig`) and of a simulated target (`in_simulation`).
+
+A trial is `set_up`, `plan`, `execute`, `track`, `evidence`; each step hands over what the next one needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.preflight import Check
+from adaptsim_cli.session.records import KeyMoment
+from adaptsim_cli.session.stages import RunTrial, TrialKey
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is kept of a trial beside its record."""
+
+    files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
+    moments: tuple[KeyMoment, ...] = ()
+    control_success_rate: float = 1.0
+
+
+class Executed(Protocol):
+    """A trial that happened and has not been looked at yet."""
+
+    @property
+    def looking(self) -> str:
+        """What `track` does, for the operator."""
+        ...
+
+    def track(self) -> ObjectTrack:
+        """Raises TrackingFailed."""
+        ...
+
+    def evidence(self, track: ObjectTrack) -> Evidence: ...
+
+
+class Planned(Protocol):
+    """A trial that may be executed."""
+
+    @property
+    def told(self) -> str:
+        """What has been planned, in one sentence."""
+        ...
+
+    @property
+    def announced(self) -> str:
+        """What is going to happen when the operator agrees."""
+        ...
+
+    @property
+    def doing(self) -> str:
+        """What `execute` does, while it does it."""
+        ...
+
+    def execute(self) -> Executed:
+        """Raises MotionRefused, ArmFault, CameraError."""
+        ...
+
+
+class Ready(Protocol):
+    """Everything is in its place for one trial."""
+
+    @property
+    def drawn(self) -> Array:
+        """(c,) the context that was asked for."""
+        ...
+
+    @property
+    def context(self) -> Array:
+        """(c,) as measured, for the task policy."""
+        ...
+
+    @property
+    def overlay(self) -> bytes | None:
+        """JPEG of what the camera found; None where there is no camera."""
+        ...
+
+    def plan(self, action: Array) -> Planned:
+        """Raises NotExecutable, or MotionRefused naming joint, time, value and limit."""
+        ...
+
+
+class Target(Protocol):
+    """What a session adapts to."""
+
+    @property
+    def title(self) -> str:
+        """What an operator calls it."""
+        ...
+
+    @property
+    def is_real(self) -> bool:
+        """Whether a real robot moves."""
+        ...
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """How a trial can end, for an operator who saw it otherwise."""
+        ...
+
+    def checks(self) -> tuple[Check, ...]:
+        """Whether it is ready."""
+        ...
+
+    def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        """Whether an attempt that was cut short in the middle is spent; if not, it is done again from its start."""
+        ...
+
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Ready:
+        """Make the `drawn` context (c,) true, as far as it can be. Raises HardwareError, ObjectNotFound."""
+        ...

@@ -1,0 +1,184 @@
+"""A bench for calibrations in memory: an arm that is at once where it is sent, a camera that draws the board.
+
+`hooks` are called with the number of the picture and may raise, or move the arm.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from board_pictures import CAMERA, picture
+from numpy.typing import NDArray
+from rich.console import Console
+
+from adaptsim_cli.calibration import flow, visits
+from adaptsim_cli.calibration.parts import CalibrationRig, Ways
+from adaptsim_cli.calibration.store import CalibrationStore
+from adaptsim_cli.console import Screen
+from calib import poses
+from hw.errors import CameraError
+from hw.kinematics import forward
+from hw.types import ArmState, Array, CameraModel, Execution, Frame, Intrinsics, JointPath
+from perception.board_types import Board
+from sim.errors import NotExecutable
+from sim.kinect import default_X_BC
+from sim.lab.board import HeldBoard
+from sim.panda.visits import nearest_first, postures
+
+BOARD = Board()
+COUNT = 12
+NEAR_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
+X_BC = default_X_BC()
+_DEPTH = Intrinsics(32, 32, np.array([[30.0, 0, 16], [0, 30.0, 16], [0, 0, 1]]))
+MODEL = CameraModel("toy-camera", CAMERA, _DEPTH, np.eye(4))
+_HELD = HeldBoard(np.zeros((2, 2), np.uint8), BOARD.size_m)
+
+
+@lru_cache
+def places(count: int) -> Array:
+    """(count, 7) postures that show the board in many ways."""
+    X_CM = poses.candidates(CAMERA, BOARD, 256, (0.45, 1.0))
+    found = postures(X_BC @ X_CM @ np.linalg.inv(_HELD.X_FM), "panda", NEAR_RAD, _HELD.tool())
+    able = [i for i, q in enumerate(found) if q is not None]
+    chosen = [able[i] for i in poses.spread(X_CM[able], BOARD, count)]
+    assert len(chosen) == count
+    return np.array([found[i] for i in chosen])
+
+
+@dataclass
+class ToyBench:
+    """Arm and camera; what a test wants to be wrong is set on it."""
+
+    X_FM: Array = field(default_factory=lambda: _HELD.X_FM)  # as the board really is held
+    X_BC: Array = field(default_factory=lambda: X_BC)
+    printed: Board = BOARD  # what really hangs there
+    paint: Callable[[NDArray[np.uint8]], NDArray[np.uint8]] = lambda image: image
+    q_rad: Array = field(default_factory=lambda: np.array(NEAR_RAD))
+    t_s: float = 0.0
+    fault: str | None = None
+    hooks: list[Callable[[ToyBench, int], None]] = field(default_factory=list)
+    pictures: int = 0
+    motions: int = 0
+    recording: list[JointPath] | None = None
+    model_name: str = "panda"
+
+    @property
+    def model(self) -> str:
+        return self.model_name
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        return
+
+    def state(self) -> ArmState:
+        return ArmState(self.t_s, self.q_rad, np.zeros(7), self.fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        self.motions += 1
+        if self.recording is not None:
+            self.recording.append(path)
+        started, self.t_s, self.q_rad = self.t_s, self.t_s + path.duration_s, path.q_rad[-1]
+        return Execution(started, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def recover(self) -> None:
+        self.fault = None
+
+
+@dataclass
+class ToyCamera:
+    bench: ToyBench
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        return
+
+    def model(self) -> CameraModel:
+        return MODEL
+
+    def snapshot(self) -> Frame:
+        bench = self.bench
+        bench.pictures += 1
+        frame = self._frame(bench.t_s, bench.q_rad)
+        for hook in bench.hooks:
+            hook(bench, bench.pictures)
+        return frame
+
+    def start_recording(self) -> None:
+        self.bench.recording = []
+
+    def stop_recording(self) -> Sequence[Frame]:
+        shots, self.bench.recording = self.bench.recording, None
+        if shots is None:
+            raise CameraError("the camera is not recording")
+        frames: list[Frame] = []
+        for path in shots:
+            since = self.bench.t_s - path.duration_s
+            for i in range(20, len(path.t_s), 60):
+                frames.append(self._frame(since + path.t_s[i], path.q_rad[i]))
+        return frames
+
+    def _frame(self, t_s: float, q_rad: Array) -> Frame:
+        X_CM = np.linalg.inv(self.bench.X_BC) @ forward(q_rad) @ self.bench.X_FM
+        image = picture(X_CM, self.bench.printed, seed=round(1e3 * t_s))
+        return Frame(t_s, self.bench.paint(image), np.zeros((32, 32), np.uint16))
+
+
+def straight(q_from: Array, q_to: Array) -> JointPath:
+    t_s = np.arange(601) * 1e-3
+    share = t_s / t_s[-1]
+    smooth = share**3 * (10 - 15 * share + 6 * share**2)
+    return JointPath(t_s, q_from + smooth[:, None] * (q_to - q_from))
+
+
+def rig(bench: ToyBench, name: str = "fake", board: Board = BOARD, way: Any = straight) -> CalibrationRig:
+    return CalibrationRig(
+        name=name,
+        title="toy bench",
+        key="toy",
+        arm=bench,
+        camera=ToyCamera(bench),
+        board=board,
+        X_FM=_HELD.X_FM,
+        rough_X_BC=X_BC,
+        ways=Ways(lambda X_BF: [None] * len(X_BF), nearest_first, way),
+        flange=forward,
+        pause=lambda _: None,
+    )
+
+
+def quiet() -> Screen:
+    return Screen(console=Console(file=io.StringIO(), width=100))
+
+
+def said(screen: Screen) -> str:
+    text: str = screen._console.file.getvalue()  # type: ignore[attr-defined]
+    return " ".join(text.split())
+
+
+def run(
+    tmp_path: Path, bench: ToyBench, q_rad: Array | None = None, screen: Screen | None = None, **options: Any
+) -> tuple[flow.Solved, Path]:
+    """A whole calibration of the bench, unattended."""
+    the_rig, screen = rig(bench, **options), screen or quiet()
+    q = places(COUNT) if q_rad is None else q_rad
+    going = visits.Automatic(the_rig, screen, q, np.array(NEAR_RAD), unattended=True)
+    made = flow.Options(fresh=False, created="2024-05-01T10:00:00+00:00", versions={"adaptsim": "0"})
+    return flow.calibrate(the_rig, store(tmp_path), going, screen, made)
+
+
+def store(tmp_path: Path) -> CalibrationStore:
+    return CalibrationStore(tmp_path / "calibrations" / "toy")
+
+
+def no_way(q_from: Array, q_to: Array) -> JointPath:
+    raise NotExecutable("panda: no free way there")

@@ -1,0 +1,237 @@
+"""`adaptsim calibrate ...` as an operator meets it: what it asks, says, stores and returns."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from board_rig import COUNT, X_BC, ToyBench, places, quiet, rig, run, said
+
+from adaptsim_cli import app, config, wiring_calibration
+from adaptsim_cli.calibration import conduct, drift, printing
+from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.calibration.visits import Automatic, HandGuided
+from adaptsim_cli.config import Config
+from adaptsim_cli.session.preflight import calibration_check
+from calib.errors import CalibrationMissing
+from calib.saved import SavedCalibration
+from calib.types import HandEye
+from hw.errors import CameraError
+from hw.types import Intrinsics
+from perception.board import detect
+from perception.board_types import Board
+
+RUN = ["calibrate", "--world", "wd", "--seed", "0", "--yes"]
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for key in [key for key in os.environ if key.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(key)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setenv("COLUMNS", "200")
+    return tmp_path
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> ToyBench:
+    """The commands run on a bench in memory, at places that are known to be reachable."""
+    bench = ToyBench()
+
+    @contextmanager
+    def opened(_: Config, board: Board, known: SavedCalibration | None) -> Iterator[CalibrationRig]:
+        yield rig(bench, board=board)
+
+    monkeypatch.setattr(wiring_calibration, "open_calibration_rig", opened)
+    monkeypatch.setattr(conduct, "plan", lambda _, count: places(COUNT)[:count])
+    return bench
+
+
+def told(capfd: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capfd.readouterr().err.split())
+
+
+def test_a_calibration_from_the_command_line_and_what_follows(
+    bench: ToyBench, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run([*RUN, "--json"]) == 0
+    out, err = capfd.readouterr()
+    found = json.loads(out)
+    assert np.array(found["X_BC"]) == pytest.approx(X_BC, abs=2e-3)
+    assert found["accepted"]
+    assert len(found["views_used"]) == COUNT
+    assert found["views_rejected"] == {}
+    assert {"sigma_mm", "worst_95_mm", "held_out_px", "checks", "gates", "sha256"} <= found.keys()
+    assert "SIMULATED" in err
+    assert "12 of 12" in err
+
+    resolved = config.load({"world": "wd", "seed": 0}, {"ADAPTSIM_HOME": os.environ["ADAPTSIM_HOME"]})
+    eye, zeros = wiring_calibration.calibration_of(resolved.config, resolved.places, None)
+    assert np.array_equal(eye.X_BC, np.array(found["X_BC"]))
+    assert zeros.shape == (7,)
+    other = replace(resolved.config, seed=1)
+    assert wiring_calibration.current_calibration(other, resolved.places) is None, "another lab has another camera"
+
+    assert app.run(["calibrate", "check", "--world", "wd", "--seed", "0", "--yes", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["moved"] is False
+    bench.X_BC = X_BC.copy()
+    bench.X_BC[2, 3] += 0.004
+    assert app.run(["calibrate", "check", "--world", "wd", "--seed", "0", "--yes", "--json"]) == 0
+    moved = json.loads(capfd.readouterr().out)
+    assert moved["moved"] is True
+    assert moved["moved_mm"] == pytest.approx(4.0, abs=1.5)
+    assert "calibrate again" in moved["message"]
+
+
+def test_what_stops_it_has_its_code_and_says_how_to_continue(
+    bench: ToyBench, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def unplugged(_: ToyBench, picture: int) -> None:
+        if picture == 4:
+            raise CameraError("no frame within 1 s")
+
+    bench.hooks = [unplugged]
+    assert app.run(RUN) == 6
+    assert "Continue with: adaptsim calibrate" in told(capfd)
+    bench.hooks = [lambda *_: (_ for _ in ()).throw(KeyboardInterrupt())]
+    assert app.run(RUN) == 130
+    bench.hooks = []
+    bench.fault = "reflex"
+    assert app.run(RUN) == 3
+    bench.fault = None
+    bench.printed = Board(7, 5, 0.0392, 0.0294)
+    assert app.run([*RUN, "--fresh"]) == 3
+    assert "measure the print" in told(capfd)
+
+
+def test_nothing_to_check_and_no_terminal_are_said(
+    bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert app.run(["calibrate", "check", "--yes"]) == 3
+    assert "there is no calibration of this rig to check" in told(capfd)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert app.run(["calibrate", "--world", "wd"]) == 2
+    assert "no terminal" in told(capfd)
+
+
+def test_a_real_arm_needs_its_driver_and_a_calibration(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    resolved = config.load({"hw": "panda"})
+    with pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"):
+        wiring_calibration.calibration_of(resolved.config, resolved.places, None)
+
+
+def test_an_operator_who_is_asked_once_may_stop(
+    bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adaptsim_cli.console.require_terminal", lambda: None)
+    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
+    assert app.run(["calibrate", "--world", "wd"]) == 7
+    assert bench.motions == 0
+
+
+def test_guiding_by_hand_asks_for_every_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n" * COUNT + "q\n"))
+    screen, bench = quiet(), ToyBench()
+    guided = HandGuided(screen)
+    assert next(iter(guided.numbers({0, 1, 2}))) == 3
+    for number in range(COUNT):
+        bench.q_rad = places(COUNT)[number]
+        assert guided.go(number, None).name == "THERE"
+    assert f"Place {COUNT}. Enter when the arm is at rest" in said(screen)
+
+
+def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) -> None:
+    solved, _ = run(tmp_path, ToyBench())
+    bench, screen = ToyBench(), quiet()
+    real = bench.paint
+    seen = iter([True, False])
+    bench.paint = lambda image: np.full_like(image, 120) if next(seen, False) else real(image)
+    the_rig = rig(bench)
+    going = Automatic(the_rig, screen, places(COUNT)[:6], bench.q_rad, unattended=True)
+    found = drift.check(the_rig, solved.record, going, screen)
+    assert not found.moved
+    assert "place 1 left out" in said(screen)
+    assert bench.motions == 5, "four places and the way back"
+
+
+def test_the_board_is_printed_to_scale_and_its_measured_size_kept(
+    place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(["calibrate", "board", "--out", "board.png", "--width-mm", "258.3", "--json"]) == 0
+    shown = json.loads(capfd.readouterr().out)
+    assert shown["board"]["square_mm"] == pytest.approx(36.9)
+    assert shown["nominal_square_mm"] == 37.0
+    page = cv2.imread("board.png", cv2.IMREAD_GRAYSCALE)
+    px_per_mm = 600 / 25.4
+    assert page.shape == pytest.approx((210 * px_per_mm, 297 * px_per_mm), abs=1)
+    scale = 0.25
+    small = cv2.resize(page, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    flat = Intrinsics(small.shape[1], small.shape[0], np.array([[1000.0, 0, 800], [0, 1000.0, 600], [0, 0, 1]]))
+    board = printing.fitting("a4", None)
+    corners = detect(small, board, flat)
+    assert len(corners) == board.corners
+    first, last = corners.px[0], corners.px[5]
+    assert np.linalg.norm(last - first) / (scale * px_per_mm) == pytest.approx(5 * 37.0, abs=0.05)
+    kept = printing.known(place / "home/data")
+    assert kept is not None
+    assert kept.measured
+    assert kept.board.board().marker_m / kept.board.board().square_m == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--width-mm", "245"], r"-5.4 % off the 259 mm that were printed"),
+        (["--paper", "a5"], "one of a4, a3, letter"),
+        (["--square-mm", "60"], "squares can be 5 to 37"),
+        (["--out", "board.docx"], "one of .pdf, .png"),
+    ],
+)
+def test_an_impossible_board_is_refused(
+    flags: list[str], message: str, place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(["calibrate", "board", *flags]) == 2
+    assert message in told(capfd)
+
+
+def test_a_pdf_has_the_size_of_the_paper(place: Path) -> None:
+    content = printing.page(printing.fitting("a4", None), "a4", ".pdf")
+    assert content.startswith(b"%PDF")
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
+    assert box is not None
+    assert [float(side) / 72 * 25.4 for side in box.groups()] == pytest.approx([297, 210], abs=0.01)
+
+
+def test_views_from_elsewhere_that_are_not_there_end_with_8(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["calibrate", "solve", "nowhere"]) == 8
+    assert "there is no folder" in told(capfd)
+
+
+def test_every_command_has_help_with_an_example(capfd: pytest.CaptureFixture[str]) -> None:
+    for command in ([], ["board"], ["check"], ["solve"]):
+        assert app.run(["calibrate", *command, "--help"]) == 0
+        text = capfd.readouterr().out
+        assert "Example: adaptsim calibrate" in text
+        assert "--json" in text
+
+
+def test_an_old_calibration_is_warned_of() -> None:
+    eye = HandEye(np.eye(4), 0.5, 0.02, "calibration of the panda, 2024-03-01", "2024-03-01T10:00:00+00:00")
+    now = datetime(2024, 4, 20, tzinfo=UTC)
+    old = calibration_check(eye, 30, now)
+    assert old.ok
+    assert "49 days old" in old.detail
+    assert "adaptsim calibrate check" in old.detail
+    assert "old" not in calibration_check(eye, 60, now).detail

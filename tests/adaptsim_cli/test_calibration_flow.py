@@ -1,0 +1,322 @@
+"""Calibrations from the first picture to the stored result, and everything that can come between."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from board_rig import BOARD, X_BC, ToyBench, places, quiet, run, said, store
+
+from adaptsim_cli.calibration import solving
+from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
+from adaptsim_cli.session import durable
+from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
+from hw.errors import ArmFault, CameraError
+from perception.board_types import Board
+from perception.errors import BoardMirrored, WrongBoard
+
+
+def off_mm(X: object) -> float:
+    return float(1e3 * np.linalg.norm(np.array(X)[:3, 3] - X_BC[:3, 3]))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, solving.Solved, Path, str]:
+    root, screen = tmp_path_factory.mktemp("done"), quiet()
+    solved, folder = run(root, ToyBench(), screen=screen)
+    return root, solved, folder, said(screen)
+
+
+Done = tuple[Path, solving.Solved, Path, str]
+
+
+def views_of(root: Path) -> Path:
+    return root / "calibrations/toy/views-0001"
+
+
+@pytest.fixture
+def copied(done: Done, tmp_path: Path) -> Path:
+    """The views of a good calibration, to be spoilt."""
+    folder = tmp_path / "views"
+    shutil.copytree(views_of(done[0]), folder)
+    return folder
+
+
+def solve(folder: Path) -> solving.Solved:
+    return solving.solve_folder(folder, hw="recorded", created="2024-05-01T10:00:00+00:00", versions={})
+
+
+def test_a_calibration_finds_the_camera_and_is_stored_whole(done: Done) -> None:
+    root, solved, folder, text = done
+    assert off_mm(solved.record.X_AC) < 1.5
+    assert solved.record.accepted
+    current = store(root).current()
+    assert current == solved.record
+    assert np.array_equal(current.hand_eye().X_BC, np.array(solved.record.X_AC))
+    assert "12 of 12" in text
+    assert "Accepted" in text
+    page = (folder / "report.html").read_text()
+    assert "data:image/jpeg" in page
+    assert "http" not in page.replace("http://www.w3.org", ""), "self-contained"
+
+
+def test_the_record_says_where_it_comes_from(done: Done) -> None:
+    _, solved, _, _ = done
+    record = solved.record
+    assert record.folder == "views-0001"
+    assert record.camera == "toy-camera"
+    assert record.board.square_mm == pytest.approx(40.0)
+    assert all(len(view.sha256) == 64 for view in record.views)
+    measured = {check.name: check.verdict for check in record.checks}
+    assert measured["time offset"] == "good"
+    assert measured["touched point"] == "not measured"
+
+
+def test_every_view_has_a_picture_to_look_at(done: Done) -> None:
+    folder = views_of(done[0])
+    names = {path.name.split(".")[0] for path in folder.glob("*.corners.jpg")}
+    assert names == {path.stem.removeprefix("view-") for path in folder.glob("view-*.json")}
+
+
+def test_a_cable_that_comes_loose_loses_nothing(tmp_path: Path) -> None:
+    bench = ToyBench()
+
+    def unplugged(_: ToyBench, picture: int) -> None:
+        if picture == 7:
+            raise CameraError("no frame within 1 s")
+
+    bench.hooks = [unplugged]
+    with pytest.raises(CameraError):
+        run(tmp_path, bench)
+    folder = views_of(tmp_path)
+    before = {path: path.read_bytes() for path in folder.glob("view-*")}
+    assert (
+        len([path for path in before if path.suffix == ".json"]) == 5
+    )  # the first picture was the check of the camera
+    (folder / "view-006.png").write_bytes(b"half a picture, without its record")
+    again, screen = ToyBench(), quiet()
+    solved, _ = run(tmp_path, again, screen=screen)
+    assert "Continuing with 5 views" in said(screen)
+    assert {path: path.read_bytes() for path in before} == before
+    assert len(solved.record.views) == 12
+    assert again.motions == 7 + 2, "only what was left, the swing, and the way back"
+
+
+def test_damaged_views_are_taken_again_and_a_missing_swing_is_filmed(tmp_path: Path) -> None:
+    bench = ToyBench()
+
+    def killed(_: ToyBench, picture: int) -> None:
+        if picture == 9:
+            raise KeyboardInterrupt
+
+    bench.hooks = [killed]
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path, bench)
+    folder, screen = views_of(tmp_path), quiet()
+    (folder / "view-002.json").write_text("{")
+    (folder / "view-005.png").write_bytes((folder / "view-005.png").read_bytes()[:999])
+    solved, stored = run(tmp_path, ToyBench(), screen=screen)
+    assert "Continuing with 5 views" in said(screen)
+    assert "taken again" in said(screen)
+    assert len([view for view in solved.record.views if view.used]) == 12
+    assert (folder / "view-002.json.damaged").exists()
+    shutil.rmtree(stored)
+    (folder / "motion.json").unlink()
+    again = ToyBench()
+    solved, _ = run(tmp_path, again)
+    assert again.motions == 3, "to a place in view, the swing, and back"
+    assert next(check for check in solved.record.checks if check.name == "time offset").verdict == "good"
+
+
+def test_the_next_calibration_is_a_new_series_and_keeps_the_old_one(done: Done, tmp_path: Path) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(done[0], root)
+    moved = X_BC.copy()
+    moved[0, 3] += 0.010
+    solved, folder = run(root, ToyBench(X_BC=moved))
+    assert folder.name == "calibration-0002"
+    assert (root / "calibrations/toy/calibration-0001/calibration.json").exists()
+    assert store(root).current() == solved.record
+    assert off_mm(solved.record.X_AC) == pytest.approx(10.0, abs=1.5)
+
+
+def test_a_damaged_calibration_is_never_replaced_by_an_older_one_silently(done: Done, tmp_path: Path) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(done[0], root)
+    file = root / "calibrations/toy/calibration-0001/calibration.json"
+    file.write_bytes(file.read_bytes()[:200])
+    with pytest.raises(Exception, match=r"calibration\.json cannot be read.*Move .*calibration-0001 away"):
+        store(root).current()
+
+
+def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, count = durable._write, [0]
+
+    def full(path: Path, content: bytes) -> None:
+        count[0] += 1
+        if count[0] > 20:
+            raise OSError(28, "No space left on device")
+        real(path, content)
+
+    monkeypatch.setattr(durable, "_write", full)
+    with pytest.raises(DiskFull):
+        run(tmp_path, ToyBench())
+    monkeypatch.setattr(durable, "_write", real)
+    assert run(tmp_path, ToyBench())[0].record.accepted
+
+
+def test_an_arm_that_creeps_is_asked_again(tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+
+    def touched(bench: ToyBench, picture: int) -> None:
+        if picture == 5:
+            bench.q_rad = bench.q_rad + 1e-3
+
+    bench.hooks = [touched]
+    solved, _ = run(tmp_path, bench, screen=screen)
+    assert "the arm moved while the picture was taken: by 1.00 mrad" in said(screen)
+    assert len(solved.record.views) == 12
+    assert off_mm(solved.record.X_AC) < 1.5
+
+
+def test_a_view_that_never_rests_is_left_out_by_name(tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+
+    def shaken(bench: ToyBench, picture: int) -> None:
+        if picture in (5, 6, 7):
+            bench.q_rad = bench.q_rad + 1e-3
+
+    bench.hooks = [shaken]
+    solved, _ = run(tmp_path, bench, screen=screen)
+    assert "view 004 left out: the arm moved" in said(screen)
+    assert len(solved.record.views) == 11
+
+
+def test_a_picture_of_another_time_is_not_paired(tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+
+    def late(bench: ToyBench, picture: int) -> None:
+        if picture == 3:
+            bench.t_s += 2.0
+
+    bench.hooks = [late]
+    run(tmp_path, bench, screen=screen)
+    assert "12 of 12" in said(screen)
+
+
+def test_without_a_board_it_says_so(tmp_path: Path) -> None:
+    screen = quiet()
+    with pytest.raises(TooFewViews, match="no view shows the board"):
+        run(tmp_path, ToyBench(paint=lambda image: np.full_like(image, 120)), places(12)[:3], screen)
+    assert "view 001 left out: 0 of the board's 17 markers can be read" in said(screen)
+
+
+def test_another_board_is_named(tmp_path: Path) -> None:
+    with pytest.raises(WrongBoard, match="5x5"):
+        run(tmp_path, ToyBench(printed=Board(7, 5, 0.040, 0.030, "5x5_100")))
+
+
+def test_a_mirrored_picture_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BoardMirrored, match="mirror"):
+        run(tmp_path, ToyBench(paint=lambda image: np.ascontiguousarray(image[:, ::-1])))
+
+
+def test_a_board_held_upside_down_does_no_harm(tmp_path: Path) -> None:
+    width, height = BOARD.size_m
+    turned = np.diag([-1.0, -1.0, 1.0, 1.0])
+    turned[:2, 3] = width, height
+    solved, _ = run(tmp_path, ToyBench(X_FM=ToyBench().X_FM @ turned))
+    assert solved.record.accepted
+    assert off_mm(solved.record.X_AC) < 1.5
+
+
+def test_a_print_that_is_too_small_is_refused_and_the_last_good_one_stays(done: Done, tmp_path: Path) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(done[0], root)
+    small = Board(square_m=0.98 * BOARD.square_m, marker_m=0.98 * BOARD.marker_m)
+    with pytest.raises(CalibrationRejected, match=r"squares -\d\.\d+ % .* of their stated size.*measure the print"):
+        run(root, ToyBench(printed=small))
+    assert store(root).current() == done[1].record
+    assert "Not accepted" in (root / "calibrations/toy/views-0002/report.html").read_text()
+
+
+def test_views_that_are_all_alike_are_refused(tmp_path: Path) -> None:
+    shaken = places(12)[:1] + 2e-3 * np.random.default_rng(0).standard_normal((8, 7))
+    with pytest.raises(DegenerateViews, match="turned alike in all views"):
+        run(tmp_path, ToyBench(), shaken)
+
+
+def test_an_arm_with_a_fault_takes_no_view(tmp_path: Path) -> None:
+    with pytest.raises(PreflightFailed, match="reflex"):
+        run(tmp_path, ToyBench(fault="reflex"))
+
+    def knocked(bench: ToyBench, picture: int) -> None:
+        bench.fault = "reflex" if picture == 4 else None
+
+    with pytest.raises(ArmFault, match="the arm reports reflex"):
+        run(tmp_path, ToyBench(hooks=[knocked]))
+
+
+def test_a_dark_picture_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    bench = ToyBench(paint=lambda image: (image // 20).astype(np.uint8))
+    with pytest.raises(PreflightFailed, match="more light"):
+        run(tmp_path, bench)
+    assert bench.motions == 0
+
+
+def test_a_real_arm_never_moves_unasked(tmp_path: Path) -> None:
+    bench = ToyBench()
+    with pytest.raises(UsageError, match="never confirms the motion of a real arm"):
+        run(tmp_path, bench, name="panda")
+    assert bench.motions == 0
+
+
+def test_a_truncated_view_is_left_out_and_named(copied: Path) -> None:
+    picture = copied / "view-003.png"
+    picture.write_bytes(picture.read_bytes()[:5000])
+    (copied / "view-008.json").write_text('{"image": "view-008.png", ')
+    (copied / "view-011.depth.png").unlink()
+    solved = solve(copied)
+    assert len(solved.views) == 9
+    told = " ".join(solved.not_seen)
+    for part in ("view-003.png is not what view-003.json says", "view-008.json cannot be read", "view-011.depth.png"):
+        assert part in told
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda folder: (folder / "setup.toml").unlink(), r"setup\.toml is missing"),
+        (lambda folder: (folder / "setup.toml").write_text("camera = "), r"setup\.toml cannot be read"),
+        (lambda folder: edit(folder, 'arm = "panda"', 'arm = "other"'), "joints of an unknown arm"),
+        (
+            lambda folder: edit(folder, "height = 360", "height = 720"),
+            "640 x 360, the intrinsics in .* are for",
+        ),
+        (lambda folder: edit(folder, "square_mm = 40.0", "square_mm = 0.04"), "square_mm: .*greater than 2"),
+        (lambda folder: edit(folder, 'dictionary = "4x4_50"', 'dictionary = "9x9"'), "dictionary '9x9'"),
+        (lambda folder: edit(folder, 'camera = "fixed"', 'camera = "fixed"\nlens = 3'), "lens.*known keys: .*board"),
+        (lambda folder: [path.unlink() for path in folder.glob("*.json")], "no usable view"),
+    ],
+)
+def test_a_malformed_folder_is_refused_by_name(change: object, message: str, copied: Path) -> None:
+    change(copied)  # type: ignore[operator]
+    with pytest.raises(ViewFolderError, match=message):
+        solve(copied)
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    path = folder / "setup.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_the_result_does_not_depend_on_how_views_are_called(copied: Path, done: Done) -> None:
+    record = json.loads((copied / "view-001.json").read_text())
+    (copied / "view-001.json").rename(copied / "view-zz.json")
+    assert record["image"] == "view-001.png"
+    assert off_mm(solve(copied).record.X_AC) < 1.5

@@ -1,0 +1,100 @@
+"""A whole session without arm, camera or bench: the pendulum, with the shipped checkpoint."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adaptsim_cli import app, config, wiring
+from adaptsim_cli.report import page
+from adaptsim_cli.session.store import SessionStore
+from sim.tasks.pendulum.solver import rewards
+
+NAME = "pendulum-ood-1-adaptsim-seed0"
+RUN = ["run-iteration", "--task", "pendulum", "--world", "ood-1", "--yes"]
+TRUTH = np.array([1.8, 0.3, 1.5, 1.5])
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def opened() -> SessionStore:
+    return SessionStore.open(Path("home/data/sessions").absolute(), NAME)
+
+
+def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run([*RUN, "--json", "-n", "2"]) == 0
+    first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
+    assert [first["iteration"], second["iteration"]] == [0, 1]
+    assert [len(p["trials"]) for p in first["particles"]] == [1, 1]
+    assert [p["next_params"] for p in first["particles"]] == [p["params"] for p in second["particles"]]
+    for particle in first["particles"]:
+        (trial,) = particle["trials"]
+        assert trial["context"] == []
+        assert len(trial["observation"]) == 24
+        true = rewards(TRUTH, np.array(trial["action"]))
+        assert trial["reward"] == pytest.approx(float(true), abs=1e-9), "the target is the world that was asked for"
+    html = page.render(opened())
+    assert "Over time" in html
+    assert "On the table" not in html
+    assert "<img" not in html
+    assert "calibration" not in html
+    assert sorted(path.name for path in opened().folder.glob("iteration-00/trial-001-attempt-0/*")) == ["trial.json"]
+
+
+def test_an_interrupted_session_goes_on_to_the_same_end(
+    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = SessionStore.save_trial
+
+    def cut(self: SessionStore, record: object, files: object) -> None:
+        if record.number == 2:  # type: ignore[attr-defined]
+            raise KeyboardInterrupt
+        real(self, record, files)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(SessionStore, "save_trial", cut)
+    assert app.run(RUN) == 130
+    monkeypatch.setattr(SessionStore, "save_trial", real)
+    assert app.run(RUN) == 0
+    resumed = opened().summary(0)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(place / "whole"))
+    assert app.run(RUN) == 0
+    whole = SessionStore.open(config.load().places.sessions, NAME).summary(0)
+    assert resumed["particles"] == whole["particles"]
+    assert resumed["best"] == whole["best"]
+
+
+def test_a_trial_is_redone_and_shown(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(RUN) == 0
+    assert app.run(["sessions", "redo", NAME, "2"]) == 0
+    assert app.run(RUN) == 0
+    capfd.readouterr()
+    assert app.run(["sessions", "show", NAME, "--json"]) == 0
+    trials = json.loads(capfd.readouterr().out)["trials"]
+    assert [(t["id"], t["attempt"]) for t in trials] == [(1, 0), (2, 1)]
+    assert app.run(["report", NAME, "--out", "page.html"]) == 0
+    assert "<svg" in Path("page.html").read_text()
+
+
+def test_hardware_is_refused_with_what_to_do(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run([*RUN, "--hw", "panda"]) == 2
+    message = " ".join(capfd.readouterr().err.split())
+    assert "the task pendulum runs in simulation only" in message
+    assert "Leave --hw out" in message
+
+
+def test_only_its_own_parts_are_opened() -> None:
+    with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config) as parts:
+        assert [check.name for check in parts.target.checks()] == ["devices"]
+        assert parts.provenance.calibration == ""
+        assert not parts.target.is_real

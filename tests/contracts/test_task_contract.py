@@ -1,0 +1,99 @@
+"""What every registered task promises to everything that learns, stores or talks to an operator."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from perception.types import Outcome
+from sim.sampling import spread
+from sim.tasks import TASKS, get_task
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.task import Task
+from sim.world import list_worlds, load_world
+
+EXACT = [name for name in sorted(TASKS) if get_task(name).exact is not None]
+
+
+@pytest.fixture(params=sorted(TASKS))
+def task(request: pytest.FixtureRequest) -> Task:
+    return get_task(request.param)
+
+
+def draw(task: Task, seed: int) -> tuple[np.ndarray, ...]:
+    """Parameters, context, action, nuisance."""
+    rng = np.random.default_rng(seed)
+    spaces = (task.parameters, task.context, task.action, task.nuisance)
+    return tuple(spread(space, rng.random(len(space))) for space in spaces)
+
+
+def test_names_and_sizes_agree(task: Task) -> None:
+    assert get_task(task.name) is task
+    assert task.parameters.names == task.margin.names
+    assert task.action_noise.shape == (len(task.action),)
+    assert task.reference_context.shape == (len(task.context),)
+    assert task.observation.low.shape == task.observation.high.shape == (len(task.observation.columns),)
+    assert len(fingerprint(task)) == 16
+    for inner, outer in zip(task.parameters.dimensions, task.margin.dimensions, strict=True):
+        assert outer.low <= inner.low < inner.high <= outer.high
+
+
+def test_a_rollout_repeats_exactly_and_is_scored_between_0_and_1(task: Task) -> None:
+    for seed in (0, 1):
+        parameters, context, action, nuisance = draw(task, seed)
+        one = task.simulate(parameters, context, action, nuisance)
+        two = task.simulate(parameters, context, action, nuisance)
+        assert np.array_equal(one.state, two.state)
+        assert one.outcome is two.outcome
+        assert isinstance(one.outcome, Outcome)
+        assert np.isfinite(one.state).all()
+        seen = task.observation(one)
+        assert seen.shape == (task.observation.size,)
+        assert np.isfinite(seen).all()
+        assert 0.0 <= task.score(one, context) <= 1.0
+
+
+def test_rewards_of_successes_take_stacks(task: Task) -> None:
+    parameters, context, action, nuisance = draw(task, 2)
+    end = np.atleast_1d(task.end_state(task.simulate(parameters, context, action, nuisance)))
+    end = np.where(np.isfinite(end), end, 0.0)
+    single = task.reward_of_success(end, context)
+    stacked = task.reward_of_success(np.tile(end, (3, 2, 1)), np.tile(context, (2, 1)))
+    assert stacked.shape == (3, 2)
+    assert np.allclose(stacked, single)
+
+
+def test_observations_at_the_reference_context_stay(task: Task) -> None:
+    seen = np.linspace(0.1, 0.9, task.observation.size)
+    assert np.allclose(task.relocate(seen, task.reference_context), seen)
+
+
+def test_a_task_has_worlds_and_default_effects(task: Task) -> None:
+    names = list_worlds(task)
+    assert names
+    for name in names:
+        assert load_world(name, task).parameters.shape == (len(task.parameters),)
+    assert dataclasses.is_dataclass(task.unmodelled())
+
+
+def test_a_task_with_hardware_has_a_scene_and_a_tracker(task: Task) -> None:
+    assert (task.plan is None) == (task.build_scene is None) == (task.tracker == "")
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_an_exact_solver_expects_what_rollouts_earn(name: str) -> None:
+    task = get_task(name)
+    assert task.exact is not None
+    solver, rng = task.exact(task), np.random.default_rng(3)
+    targets, contexts = task.parameters.sample(rng, 4), task.context.sample(rng, 1)
+    policies = solver.policies(task.parameters.sample(rng, 4)[:, None], rng)
+    actions = np.stack([policy.actions(contexts) for policy in policies])
+    nuisance = task.nuisance.sample(rng, 4)
+    expected = solver.expected_rewards(targets, contexts, actions, rng)
+    tracks = [task.simulate(t, contexts[0], a[0], n) for t, a, n in zip(targets, actions, nuisance, strict=True)]
+    assert np.allclose(expected, [task.score(track, contexts[0]) for track in tracks], atol=1e-9)
+    assert np.allclose(
+        solver.trajectories(targets, actions[:, 0], nuisance), [task.observation(track) for track in tracks], atol=1e-9
+    )

@@ -12,7 +12,18 @@ from typing import Annotated
 
 import typer
 
-from adaptsim_cli.commands import checkpoints, config, lab, preview, pretrain, report, run_iteration, sessions
+from adaptsim_cli.commands import (
+    calibrate,
+    checkpoints,
+    config,
+    lab,
+    pretrain,
+    preview,
+    report,
+    rollout,
+    run_iteration,
+    sessions,
+)
 
 EXIT_CODES = (
     "Exit codes: 0 done, 2 usage or configuration, 3 preflight failed, 4 motion refused by limits, 5 robot fault, "
@@ -30,8 +41,10 @@ app = typer.Typer(
 )
 app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
+app.command("rollout")(rollout.rollout)
 app.command("preview")(preview.preview)
 app.command("report")(report.report)
+app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(sessions.app, name="sessions")
 app.add_typer(checkpoints.app, name="checkpoints")
 app.add_typer(config.app, name="config")
@@ -100,6 +113,8 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (errors.PreflightFailed, 3),
         (hw.errors.DeviceUnavailable, 3),
         (hw.errors.BalanceError, 3),
+        (sim.errors.ClusterUnavailable, 3),
+        (calib.errors.ViewFolderError, 8),
         (calib.errors.CalibrationError, 3),
         (hw.errors.MotionRefused, 4),
         (sim.errors.NotExecutable, 4),

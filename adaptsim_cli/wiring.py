@@ -8,16 +8,19 @@ import json
 import logging
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.config import Config, Resolved, places
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.durable import make_folder
+from adaptsim_cli.session.in_simulation import InSimulation
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (
     Learner,
     Parts,
@@ -26,17 +29,19 @@ from adaptsim_cli.session.parts import (
     Prediction,
     Provenance,
     Rig,
-    Tracker,
-    TrackRequest,
     TrainedPolicy,
 )
+from adaptsim_cli.session.target import Target
+from adaptsim_cli.trackers import tracker_of
+from adaptsim_cli.wiring_calibration import calibration_of
 from calib.types import HandEye
 from hw.collision import Tool
 from hw.errors import DeviceUnavailable, MotionRefused
 from hw.types import Array, JointPath
-from perception.types import ObjectTrack, Outcome
+from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
-from sim.errors import NotExecutable, UnknownName
+from sim.errors import NotExecutable
+from sim.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
 from sim.types import ToolMotion
 
@@ -50,17 +55,50 @@ def open_parts(config: Config) -> Iterator[Parts]:
 
     logging.getLogger("drake").setLevel(logging.ERROR)  # its warnings are about features that no scene uses
     task = get_task(config.task)
-    tracker = _tracker(task)
-    with _open_rig(config, task) as (rig, planner, world_sha256):
-        learner, checkpoint, checkpoint_sha256 = _learner(config, task, planner, rig.arm.model)
+    with _open_target(config, task) as (target, executable, calibration):
+        learner, checkpoint, checkpoint_sha256 = _learner(config, task, executable)
         origin = Provenance(
             checkpoint=checkpoint,
             checkpoint_sha256=checkpoint_sha256,
-            world_sha256=world_sha256,
-            calibration_sha256=hashlib.sha256(np.ascontiguousarray(rig.hand_eye.X_BC).tobytes()).hexdigest(),
+            world_sha256=_world_sha256(config.world),
+            calibration=calibration.source if calibration else "",
+            calibration_sha256=_sha256(calibration.X_BC) if calibration else "",
             versions=versions(),
         )
-        yield Parts(task, rig, learner, tracker, planner, origin)
+        yield Parts(task, target, learner, origin)
+
+
+@contextmanager
+def _open_target(config: Config, task: Task) -> Iterator[tuple[Target, Executable | None, HandEye | None]]:
+    """Where trials happen, what of it can be executed, and what the camera is calibrated with."""
+    if task.plan is None:
+        yield _simulated(config, task), None, None
+        return
+    tracker = tracker_of(task)
+    with _open_rig(config, task) as (rig, planner):
+        yield OnRig(task, rig, tracker, planner), _executable(task, planner, rig.arm.model), rig.hand_eye
+
+
+def _simulated(config: Config, task: Task) -> InSimulation:
+    """A world of a task that needs no hardware. Raises UsageError where some was asked for."""
+    if config.hw != "fake":
+        raise UsageError(
+            f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
+            "Leave --hw out, or choose another --task"
+        )
+    from sim.world import load_world
+
+    world = load_world(config.world, task)
+
+    def rollout(context: Array, action: Array) -> ObjectTrack:
+        return task.simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+
+    duration_s = float(task.observation.times_s[-1])
+    return InSimulation(task.object_name, duration_s, f"simulated target, world {world.name}", rollout)
+
+
+def _sha256(array: Array) -> str:
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
 def versions() -> dict[str, str]:
@@ -69,7 +107,7 @@ def versions() -> dict[str, str]:
 
 
 @contextmanager
-def _open_rig(config: Config, task: Task) -> Iterator[tuple[Rig, Planner, str]]:
+def _open_rig(config: Config, task: Task) -> Iterator[tuple[Rig, Planner]]:
     if config.hw != "fake":
         raise DeviceUnavailable(
             f"hw = {config.hw}: the driver of this arm is not part of this version yet, so nothing has moved. "
@@ -80,13 +118,15 @@ def _open_rig(config: Config, task: Task) -> Iterator[tuple[Rig, Planner, str]]:
     from sim.panda.tool import held
     from sim.world import load_world
 
-    world, tool = load_world(config.world, task), held(task.X_FT)
+    world, tool = load_world(config.world, task), held(task.X_FT, task.keep_clear)
     home_rad = home(task.X_FT, "panda", tool)
-    with SimulatedLab(task, world, config.seed, home_q_rad=home_rad, tool=tool) as lab:
-        nominal = lab.nominal_calibration()
-        eye = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
-        rig = Rig("fake", f"simulated lab, world {world.name}", lab.arm, lab.camera, lab.bench, eye)
-        yield rig, _planner(task, rig.arm.model, home_rad, tool), _world_sha256(config.world)
+    nominal = SimulatedLab(task, world, config.seed).nominal_calibration()
+    shipped = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
+    eye, zeros_rad = calibration_of(config, places(), shipped)
+    with SimulatedLab(task, world, config.seed, home_q_rad=home_rad - zeros_rad, tool=tool) as lab:
+        title, days = f"simulated lab, world {world.name}", config.calibration_days
+        rig = Rig("fake", title, lab.arm, lab.camera, lab.bench, eye, days)
+        yield rig, _planner(task, rig.arm.model, home_rad, tool, zeros_rad)
 
 
 def _world_sha256(name_or_path: str) -> str:
@@ -96,7 +136,8 @@ def _world_sha256(name_or_path: str) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _planner(task: Task, model: str, home_rad: Array, tool: Tool) -> Planner:
+def _planner(task: Task, model: str, home_rad: Array, tool: Tool, zeros_rad: Array) -> Planner:
+    """`zeros_rad` (7,): true joints are those reported plus these, as calibration found; all others here are true."""
     from hw.kinematics import forward
     from hw.limits import require
     from sim.panda.planning import trial_paths
@@ -106,20 +147,22 @@ def _planner(task: Task, model: str, home_rad: Array, tool: Tool) -> Planner:
     def paths(motion: ToolMotion) -> Paths:
         key = motion.X_BT.tobytes()
         if key not in planned:
-            planned[key] = trial_paths(motion, task.X_FT, model, home_rad, tool=tool)
+            way = trial_paths(motion, task.X_FT, model, home_rad, tool=tool)
+            there, through, back = (replace(path, q_rad=path.q_rad - zeros_rad) for path in way)
+            planned[key] = there, through, back
         return planned[key]
 
     def check(path: JointPath, arm: str) -> None:
         require(path, arm, tool=tool)
 
-    return Planner(paths, check, forward)
+    return Planner(paths, check, lambda q_rad: forward(q_rad + zeros_rad))
 
 
 @dataclass(frozen=True, eq=False)
 class _Policy:
-    """An emulator's task policy, as the sequence wants it."""
+    """A solver's task policy, as the sequence wants it."""
 
-    policy: Any
+    policy: SolvedPolicy
 
     def __call__(self, context: Array) -> Array:
         return np.asarray(self.policy(context))
@@ -129,13 +172,12 @@ class _Policy:
 
 
 @dataclass(frozen=True, eq=False)
-class _EmulatorLearner:
-    """A method of adaptation, and task policies trained in the checkpoint's emulator."""
+class _SolverLearner:
+    """A method of adaptation, and task policies of the checkpoint's solver."""
 
-    task: Task
     method: Method
-    emulator: Any
-    executable: Callable[[Array, Array], bool]
+    solver: Solver
+    executable: Executable | None
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.start(n, rng)
@@ -144,23 +186,27 @@ class _EmulatorLearner:
         return self.method.next(history, rng)
 
     def train(self, particle: Particle, rng: np.random.Generator) -> TrainedPolicy:
-        from sim.task_policy import train_task_policy
+        from sim.solver import policy_for
 
-        return _Policy(train_task_policy(self.task, self.emulator, particle.samples, rng, self.executable))
+        return _Policy(policy_for(self.solver, particle.samples, rng, self.executable))
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation import choose_best, verdict
 
-        return choose_best(self.task, history), verdict(self.task, history, self.emulator)
+        return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
 
-def _learner(config: Config, task: Task, planner: Planner, arm: str) -> tuple[Learner, str, str]:
+def _learner(config: Config, task: Task, executable: Executable | None) -> tuple[Learner, str, str]:
     """(learner, name of its checkpoint, hash of its weights)."""
     from sim.adaptation import make_method
     from sim.checkpoint import load_checkpoint
 
     checkpoint = load_checkpoint(task, config.checkpoint or "default")
+    learner = _SolverLearner(make_method(config.method, task, checkpoint), checkpoint.solver, executable)
+    return learner, f"{task.name}/{checkpoint.path.name}", checkpoint.sha256
 
+
+def _executable(task: Task, planner: Planner, arm: str) -> Executable:
     def executable(context: Array, action: Array) -> bool:
         if task.plan is None:
             return True
@@ -171,8 +217,7 @@ def _learner(config: Config, task: Task, planner: Planner, arm: str) -> tuple[Le
             return False
         return True
 
-    learner = _EmulatorLearner(task, make_method(config.method, task, checkpoint), checkpoint.emulator, executable)
-    return learner, f"{task.name}/{checkpoint.path.name}", checkpoint.sha256
+    return executable
 
 
 def pretrain(
@@ -180,14 +225,14 @@ def pretrain(
     out: Path | None,
     budget: str,
     rollouts: int | None,
+    executor: Executor,
     progress: Callable[[str, int, int], None],
 ) -> Path:
-    """Phase 1 with the settings' task, seed and workers -> the folder of the checkpoint. Resumes what is in `out`.
+    """Phase 1 with the settings' task and seed -> the folder of the checkpoint. Resumes what is in `out`.
 
     Raises UsageError on an unknown budget, SimError, SessionError.
     """
     from sim.adaptation.phase1 import PretrainBudget, pretrain
-    from sim.rollouts.executors import process_pool
     from sim.tasks import get_task
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
@@ -199,8 +244,20 @@ def pretrain(
         chosen = replace(chosen, rollouts=rollouts)
     folder = out or resolved.places.pretraining / f"{task.name}-{budget}-seed{config.seed}"
     make_folder(folder.absolute())
-    with process_pool(config.workers or None) as executor:
-        return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress)
+    return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress)
+
+
+def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
+    """Where simulations run: processes of this machine, or a Dask cluster. Raises UsageError, ClusterUnavailable."""
+    from sim.rollouts.executors import dask_cluster, process_pool
+
+    if kind == "processes" and not scheduler:
+        return process_pool(config.workers or None)
+    if kind == "dask" and scheduler:
+        return dask_cluster(scheduler)
+    if kind not in ("processes", "dask"):
+        raise UsageError(f"--executor {kind}: it is one of processes, dask")
+    raise UsageError("--executor dask and --scheduler ADDRESS belong together")
 
 
 def list_checkpoints(resolved: Resolved) -> list[dict[str, str]]:
@@ -233,44 +290,3 @@ def verify_checkpoint(config: Config) -> dict[str, str]:
 
     checkpoint = load_checkpoint(get_task(config.task), config.checkpoint or "default")
     return {"task": config.task, "folder": str(checkpoint.path), "sha256": checkpoint.sha256}
-
-
-def _tracker(task: Task) -> Tracker:
-    if task.tracker not in TRACKERS:
-        raise UnknownName(f"no tracker {task.tracker!r} for {task.name}: there are {', '.join(TRACKERS)}")
-    return TRACKERS[task.tracker](task)
-
-
-def _piece(task: Task) -> Tracker:
-    """A piece of food, seen and followed with the blade at its kinematic pose; it lies where the context says."""
-    from perception import piece
-    from sim.tasks.tool_mesh import tool_mesh
-
-    mesh = tool_mesh(task)
-    x, y = task.context.dimensions[:2]
-    area = (x.low, x.high, y.low, y.high)
-
-    def track(request: TrackRequest) -> ObjectTrack:
-        return piece.track_piece(
-            request.frames,
-            request.model,
-            request.X_BC,
-            request.detection,
-            mesh,
-            request.X_BT_at,
-            request.t_start_s,
-            request.duration_s,
-        )
-
-    return Tracker(
-        find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, area),
-        overlay=lambda frame, model, X_BC, found, wanted_m: piece.overlay(frame, model, X_BC, found, area, wanted_m),
-        track=track,
-        placement=lambda drawn: drawn,
-        context=lambda drawn, detection: np.asarray(detection.xy_m),
-        outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
-    )
-
-
-TRACKERS: dict[str, Callable[[Task], Tracker]] = {"piece": _piece}
-"""`Task.tracker` -> how its object is seen."""

@@ -7,6 +7,7 @@ SimError
 ├── NotExecutable        no joint path within the limits does this action
 ├── SolverFailed         the simulation did not converge
 ├── RolloutError         a rollout raised or its worker died; keeps what was finished
+├── ClusterUnavailable   no scheduler or no worker answers
 ├── DatasetError         a stored dataset is corrupt or of another kind
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
@@ -45,6 +46,10 @@ class RolloutError(SimError):
     def __init__(self, message: str, completed: Mapping[int, Any]) -> None:
         super().__init__(message)
         self.completed = completed
+
+
+class ClusterUnavailable(SimError):
+    """Nothing answers where simulations were to run."""
 
 
 class DatasetError(SimError):

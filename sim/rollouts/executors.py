@@ -1,4 +1,4 @@
-"""Where rollouts run: beside this thread, or in a pool of fresh processes. A Dask cluster brings its own Executor."""
+"""Where rollouts run: beside this thread, in a pool of fresh processes, or on the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ import multiprocessing
 import os
 import signal
 import sys
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+
+from sim.errors import ClusterUnavailable
+
+CONNECT_S = 15.0
+"""How long a cluster may take to answer, and to show its first worker."""
+
+RETRIES = 3
+"""How often a chunk of rollouts begins anew when the worker that ran it is lost."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -24,6 +34,34 @@ def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
     """
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(workers or os.cpu_count() or 1, mp_context=context, initializer=_serve)
+
+
+@contextmanager
+def dask_cluster(scheduler: str) -> Iterator[Executor]:
+    """The workers of a running Dask cluster, `scheduler` being its address, e.g. tcp://10.0.0.1:8786.
+
+    A cluster on SLURM is started with dask-jobqueue, and gives its address. A lost worker costs the chunks that it
+    was at: they begin anew elsewhere, and each result is taken once. The numbers are those of one machine, if its
+    packages are. Raises ClusterUnavailable.
+    """
+    try:
+        from distributed import Client  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise ClusterUnavailable(
+            "the package distributed is missing: install the extra with pip install 'adaptsim[cluster]'"
+        ) from error
+    try:
+        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterUnavailable(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    try:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError as error:
+            raise ClusterUnavailable(f"the Dask cluster at {scheduler} has no worker: start one") from error
+        yield client.get_executor(pure=False, retries=RETRIES)
+    finally:
+        client.close()
 
 
 def _serve() -> None:

@@ -26,7 +26,7 @@ from sim.baselines.udr import Udr
 from sim.checkpoint import load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
-from sim.task_policy import EmulatorPolicy, train_many, train_task_policy
+from sim.solver import SolvedPolicy, policy_for
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import Dimension
@@ -63,11 +63,11 @@ class Candidate:
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
-    emulator = load_checkpoint(task, arguments.checkpoint).emulator
+    solver = load_checkpoint(task, arguments.checkpoint).solver
     rng = np.random.default_rng(0)
-    udr = train_task_policy(task, emulator, Udr(task).start(1, rng)[0].samples, rng)
+    udr = policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
     grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
-    policies = train_many(task, emulator, grid[:, None, :], rng)
+    policies = solver.policies(grid[:, None, :], rng)
     out = Path(arguments.out)
     out.mkdir(parents=True, exist_ok=True)
     with process_pool(arguments.workers) as executor, (out / f"{task.name}.jsonl").open("a") as log:
@@ -100,15 +100,15 @@ def draw(task: Task, rng: np.random.Generator) -> Candidate:
 def judge(
     task: Task,
     world: World,
-    udr: EmulatorPolicy,
-    policies: tuple[EmulatorPolicy, ...],
+    udr: SolvedPolicy,
+    policies: tuple[SolvedPolicy, ...],
     executor: Executor,
     confirm: int,
 ) -> dict[str, Any]:
     """What UDR and the best E earn there, as far as it had to be looked at."""
     there = replace(task, simulate=partial(simulate_in, task.name, world))
 
-    def mean(policy: EmulatorPolicy, n: int, seed: int) -> float:
+    def mean(policy: SolvedPolicy, n: int, seed: int) -> float:
         def roll(requests: Any) -> Any:
             return run_many(there, requests, executor)
 

@@ -31,7 +31,7 @@ from sim.baselines.udr import Udr
 from sim.checkpoint import Checkpoint, load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
-from sim.task_policy import EmulatorPolicy, train_many, train_task_policy
+from sim.solver import SolvedPolicy, policy_for
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.world import World, list_worlds, load_world
@@ -84,9 +84,9 @@ def in_world(
         return run_many(there, requests, executor)
 
     settings = EvaluationSettings()
-    emulator, n = checkpoint.emulator, arguments.rollouts
+    solver, n = checkpoint.solver, arguments.rollouts
 
-    def row(method: str, seed: int, policy: EmulatorPolicy, trials: int, since: float) -> Row:
+    def row(method: str, seed: int, policy: SolvedPolicy, trials: int, since: float) -> Row:
         rewards = rewards_of(task, policy, roll, n, np.random.default_rng((seed, 1)))
         half = 1.96 * float(rewards.std(ddof=1)) / n**0.5
         mean = float(rewards.mean())
@@ -94,27 +94,25 @@ def in_world(
         return Row(task.name, world.name, method, seed, round(mean, 3), ci95, trials, round(time.time() - since, 1))
 
     began, rng = time.time(), np.random.default_rng(0)
-    udr = train_task_policy(task, emulator, Udr(task).start(1, rng)[0].samples, rng)
+    udr = policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
     yield row("udr", 0, udr, 0, began)
 
     began = time.time()
     grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
-    policies = train_many(task, emulator, grid[:, None, :], rng)
+    policies = solver.policies(grid[:, None, :], rng)
     screened = [rewards_of(task, p, roll, SCREENING, np.random.default_rng(2)).mean() for p in policies]
     yield row("oracle", 0, policies[int(np.argmax(screened))], CANDIDATES * SCREENING, began)
 
     for method in arguments.methods:
         for seed in range(arguments.seeds):
             began, rng = time.time(), np.random.default_rng((seed, 0))
-            history = run_session(
-                task, emulator, make_method(method, task, checkpoint), world.parameters, roll, settings, rng
-            )
+            history = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
             best = choose_best(task, history).particle
             trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
-            yield row(method, seed, train_task_policy(task, emulator, best.samples, rng), trials, began)
+            yield row(method, seed, policy_for(solver, best.samples, rng), trials, began)
 
 
-def rewards_of(task: Task, policy: EmulatorPolicy, roll: Roll, n: int, rng: np.random.Generator) -> Array:
+def rewards_of(task: Task, policy: SolvedPolicy, roll: Roll, n: int, rng: np.random.Generator) -> Array:
     """(n,) true rewards over contexts and executed-action errors."""
     contexts = task.context.sample(rng, n)
     nowhere = np.zeros((n, len(task.parameters)))  # the world has its own

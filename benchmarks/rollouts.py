@@ -3,9 +3,10 @@
     python benchmarks/rollouts.py --task scooping --count 400 --cache build/convergence
 
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
-(same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart, what a
-rollout costs on one core, and how much more the same rollout costs with a whole arm. With --all also for other steps
-and the other contact model. Finished rollouts are kept in the cache; an interrupted run goes on where it stopped.
+(same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
+observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
+arm. With --all also for other steps and the other contact model. Finished rollouts are kept in the cache; an
+interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class Measured:
     """Rollouts of one setting, in the order of the draws."""
 
     outcome: list[str]
+    succeeded: Array  # (n,) 0 or 1
     xy_m: Array  # (n, M, 2) at the times of the observation
+    end_m: Array  # (n, 2) where it ended
     cpu_s: Array  # (n,)
 
 
@@ -52,7 +55,7 @@ def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
     draws = draw(task, arguments.count)
-    chosen = Setting("sap", task.time_step_s(None))
+    chosen = Setting(task.unmodelled().contact, task.time_step_s(None))
     cache = Path(arguments.cache) / scene_key(task)
     settings = [chosen]
     if arguments.all:
@@ -62,7 +65,8 @@ def main() -> None:
         f"{task.name}: {arguments.count} rollouts over the ranges, against a quarter of the step (same mesh and model)"
     )
     print(
-        "setting | outcome agrees | success (quarter) | XY apart, mm: median of all times, end median / p90 | "
+        "setting | outcome agrees | success (quarter) | XY apart, mm: median of all times, end median / p90, "
+        "end median where both succeed | "
         "CPU ms (quarter)"
     )
     for setting in settings:
@@ -89,7 +93,7 @@ def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
 
 def measure(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting, cache: Path) -> Measured:
     """Every draw with `setting`, from the cache as far as it goes."""
-    file = cache / f"{task.name}-{setting.contact}-{1e6 * setting.dt_s:.0f}us.jsonl"
+    file = cache / f"{task.name}-{setting.contact}-{1e6 * setting.dt_s:.0f}us-ends.jsonl"
     file.parent.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     with file.open("a") as out:
@@ -100,7 +104,8 @@ def measure(task: Task, draws: list[tuple[Array, Array, Array]], setting: Settin
     rows = rows[: len(draws)]
     columns = list(task.observation.columns)
     xy_m = np.array([row["state"] for row in rows])[:, :, columns]
-    return Measured([row["outcome"] for row in rows], xy_m, np.array([row["cpu_s"] for row in rows]))
+    succeeded, end_m, cpu_s = (np.array([row[name] for row in rows]) for name in ("succeeded", "end", "cpu_s"))
+    return Measured([row["outcome"] for row in rows], succeeded, xy_m, end_m[:, columns], cpu_s)
 
 
 def _rollouts(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting) -> Iterator[dict[str, object]]:
@@ -110,7 +115,8 @@ def _rollouts(task: Task, draws: list[tuple[Array, Array, Array]], setting: Sett
         track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
         cpu_s = time.process_time() - before_s
         states = track.at(task.observation.times_s).tolist()
-        yield {"outcome": track.outcome.value, "state": states, "cpu_s": cpu_s}
+        succeeded, end = float(task.succeeded(track)), track.state[-1].tolist()
+        yield {"outcome": track.outcome.value, "succeeded": succeeded, "state": states, "end": end, "cpu_s": cpu_s}
 
 
 def compare(coarse: Measured, fine: Measured) -> str:
@@ -118,11 +124,13 @@ def compare(coarse: Measured, fine: Measured) -> str:
     agree = np.array([a == b for a, b in zip(coarse.outcome, fine.outcome, strict=True)])
     share, standard_error = agree.mean(), np.sqrt(agree.mean() * (1.0 - agree.mean()) / len(agree))
     apart_mm = 1e3 * np.linalg.norm(coarse.xy_m - fine.xy_m, axis=-1)
-    success = [np.mean([o == "on_blade" for o in m.outcome]) for m in (coarse, fine)]
+    end_mm = 1e3 * np.linalg.norm(coarse.end_m - fine.end_m, axis=-1)
+    both = (coarse.succeeded > 0.0) & (fine.succeeded > 0.0)
+    success = [m.succeeded.mean() for m in (coarse, fine)]
     failed = sum(o == "solver_failed" for o in (*coarse.outcome, *fine.outcome))
     return (
         f"{share:.3f} +- {standard_error:.3f} | {success[0]:.2f} ({success[1]:.2f}) | {np.median(apart_mm):.1f}, "
-        f"{np.median(apart_mm[:, -1]):.1f} / {np.percentile(apart_mm[:, -1], 90):.0f} | "
+        f"{np.median(end_mm):.1f} / {np.percentile(end_mm, 90):.0f}, {np.median(end_mm[both]):.1f} | "
         f"{1e3 * coarse.cpu_s.mean():.0f} ({1e3 * fine.cpu_s.mean():.0f})"
         + (f" | {failed} solver failures" if failed else "")
     )
@@ -131,20 +139,21 @@ def compare(coarse: Measured, fine: Measured) -> str:
 def whole_arm_cpu_s(task: Task, draws: list[tuple[Array, Array, Array]], count: int) -> float:
     """CPU time of a rollout in the lab's cell: the same scene, carried by a whole arm (building it included)."""
     from sim.lab.cell import Cell  # noqa: PLC0415 - only where there is a lab
-    from sim.panda.inverse import inverse  # noqa: PLC0415
+    from sim.panda.planning import home, trial_paths  # noqa: PLC0415
+    from sim.panda.tool import held  # noqa: PLC0415
     from sim.world import Faults, Sensing, World  # noqa: PLC0415
 
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
-    spent_s = 0.0
+    q_home, tool, spent_s = home(task.X_FT), held(task.X_FT, task.keep_clear), 0.0
     for parameters, action, nuisance in draws[:count]:
         motion = task.plan(task.reference_context, action)
-        q_rad = inverse(motion.X_BT @ np.linalg.inv(task.X_FT), np.zeros(len(motion.t_s)))[:, 0]
+        path = trial_paths(motion, task.X_FT, "panda", q_home, tool=tool)[1]
         effects = task.unmodelled()
         before_s = time.process_time()
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        cell.reset(q_rad[0], task.rest_pose(task.reference_context, parameters, nuisance, effects))
-        cell.simulate(motion.t_s, q_rad)
+        cell.reset(path.q_rad[0], task.rest_pose(task.reference_context, parameters, nuisance, effects))
+        cell.simulate(path.t_s, path.q_rad)
         spent_s += time.process_time() - before_s
     return spent_s / count
 

@@ -35,13 +35,13 @@ class LabArm:
 
     def state(self) -> ArmState:
         self._need_connection()
-        return ArmState(self._room.t_s, self._room.cell.q_rad, np.zeros(7), self._fault)
+        return ArmState(self._room.t_s, self._room.q_rad, np.zeros(7), self._fault)
 
     def execute(self, path: JointPath) -> Execution:
         self._need_connection()
         if self._fault is not None:
             raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
-        limits.require(path, self.model, self._room.cell.q_rad, self._keep_out, self._tool)
+        limits.require(path, self.model, self._room.q_rad, self._keep_out, self._tool)
         if not self._room.needs_physics(path):
             return self._room.carry(path)
         stop_s = self._room.chance.stop_fraction * path.duration_s

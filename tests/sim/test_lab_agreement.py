@@ -1,4 +1,4 @@
-"""With nothing unmodelled, the lab's arm scoops as the training rollout says: the gap that is left is the arm's."""
+"""With nothing unmodelled, the lab's arm does what the training rollout says: the gap that is left is the arm's."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import pytest
 from perception.types import Outcome
 from sim.lab.cell import Cell
 from sim.panda.inverse import inverse
+from sim.panda.planning import home, trial_paths
+from sim.panda.tool import held
 from sim.tasks import get_task
 from sim.world import Faults, Sensing, World
 
@@ -40,3 +42,25 @@ def test_nominal_scoops_end_as_in_training() -> None:
             distance_mm.append(1e3 * np.linalg.norm(X_BO[-1, :2, 3] - expected.at(times_s)[-1, :2]))
     assert np.mean(agree) >= 0.85
     assert np.median(distance_mm) < 6.0
+
+
+@pytest.mark.slow
+def test_nominal_pushes_end_as_in_training() -> None:
+    task = get_task("pushing")
+    q_home, tool, effects = home(task.X_FT), held(task.X_FT, task.keep_clear), task.unmodelled()
+    rng = np.random.default_rng(0)
+    agree, distance_mm = [], []
+    for _ in range(20):
+        parameters, context, action, nuisance = (
+            space.sample(rng, 1)[0] for space in (task.parameters, task.context, task.action, task.nuisance)
+        )
+        expected = task.simulate(parameters, context, action, nuisance)
+        cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
+        path = trial_paths(task.plan(context, action), task.X_FT, "panda", q_home, tool=tool)[1]
+        cell.reset(path.q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
+        cell.simulate(path.t_s, path.q_rad)
+        agree.append((cell.X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT))
+        if expected.outcome is Outcome.UPRIGHT and agree[-1]:
+            distance_mm.append(1e3 * np.linalg.norm(cell.X_BO[:2, 3] - expected.state[-1, :2]))
+    assert np.mean(agree) >= 0.9
+    assert np.median(distance_mm) < 8.0

@@ -40,6 +40,7 @@ class _Values(BaseModel):
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
     min_free_mb: Annotated[int, Field(ge=0, description="free disk space that a session needs, MB")] = 500
+    calibration_days: Annotated[int, Field(ge=1, description="age from which a calibration is warned of, days")] = 30
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Config:
     particles: int
     workers: int
     min_free_mb: int
+    calibration_days: int
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,10 @@ class Places:
     @property
     def pretraining(self) -> Path:
         return self.data / "pretraining"
+
+    @property
+    def calibrations(self) -> Path:
+        return self.data / "calibrations"
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def planned(task_name: str, arm: str, context: Sequence[str], action: Sequence[s
     where = values.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
     how = values.point(task.action, action, middle, "--action")
-    tool = held(task.X_FT)
+    tool = held(task.X_FT, task.keep_clear)
     paths = trial_paths(task.plan(where, how), task.X_FT, arm, home(task.X_FT, arm, tool), tool=tool)
     approach, motion, back = (check_path(path, arm, None, (), tool) for path in paths)
     return PlannedMotion(task, arm, where, how, paths, (approach, motion, back))

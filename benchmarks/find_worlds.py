@@ -46,7 +46,16 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "blade_flex_rad": (0.0, 0.12),
         "distance_bias_m": (-0.004, 0.008),
         "contact": ("sap", "lagged"),
-    }
+    },
+    "pushing": {
+        "bottle_mass_scale": (0.3, 3.0),
+        "com_height_m": (0.025, 0.06),
+        "slosh_share": (0.0, 0.5),
+        "patch_size_scale": (0.6, 1.5),
+        "table_tilt_rad": ((-0.04, -0.04), (0.04, 0.04)),
+        "plate_restitution_scale": (1.0, 10.0),
+        "contact": ("lagged", "sap"),
+    },
 }
 """Ranges that a lab may plausibly show; each effect is present in every second world."""
 

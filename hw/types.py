@@ -68,6 +68,7 @@ class Frame:
     t_s: float  # middle of the exposure, on the arm's clock
     colour: NDArray[np.uint8]  # (Hc, Wc, 3) RGB
     depth_mm: NDArray[np.uint16]  # (Hd, Wd) distance along the depth camera's optical axis; 0 = no reading
+    infrared: NDArray[np.uint16] | None = None  # (Hd, Wd) what the depth camera sees; None where it was not asked for
 
 
 @dataclass(frozen=True, eq=False)

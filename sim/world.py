@@ -28,13 +28,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sensing:
-    """How the lab's camera deviates from a perfect one."""
+    """How the lab's camera, and the arm's sense of its own joints, deviate from perfect ones."""
 
     depth_noise_scale: float = 1.0  # 1 = the Azure Kinect model
     extrinsic_error_mm: float = 1.0
     extrinsic_error_deg: float = 0.1
     frame_drop: float = 0.0  # share of frames lost
     camera: str = "kinect"  # or "small": a quarter of the resolution, for tests
+    encoder_noise_mrad: float = 0.0  # of every joint, new at every rest of a calibration, one standard deviation
+    joint_offset_mrad: float = 0.0  # of every joint's zero, root mean square; the same as long as the lab stands
+    clock_offset_ms: float = 0.0  # how late the camera's time stamps are on the arm's clock
+    board_scale: float = 1.0  # how large the calibration board was printed, over what its maker says
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,10 @@ class _Sensing(_Strict):
     extrinsic_error_deg: float = Field(0.1, ge=0, le=10)
     frame_drop: float = Field(0.0, ge=0, le=0.9)
     camera: Literal["kinect", "small"] = "kinect"
+    encoder_noise_mrad: float = Field(0.0, ge=0, le=10)
+    joint_offset_mrad: float = Field(0.0, ge=0, le=50)
+    clock_offset_ms: float = Field(0.0, ge=-500, le=500)
+    board_scale: float = Field(1.0, ge=0.5, le=2)
 
 
 class _Faults(_Strict):

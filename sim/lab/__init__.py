@@ -58,7 +58,7 @@ class SimulatedLab:
         self._task, self._world, self._seed = task, world, seed
         self._X_BC = default_X_BC()
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
-        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT))
+        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT, task.keep_clear))
         self._camera = LabCamera(self._room, self._X_BC)
         self._bench = LabBench(self._room)
 
@@ -114,6 +114,7 @@ class SimulatedLab:
             "sensing": asdict(world.sensing),
             "faults": asdict(world.faults),
             "X_BC": self._X_BC.tolist(),
+            "joint_zeros_rad": self._room.zeros_rad.tolist(),
             "X_FT": task.X_FT.tolist(),
             "trials": [dict(trial) for trial in self._room.history],
         }

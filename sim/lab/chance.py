@@ -18,7 +18,7 @@ PLACING_STD_M = 0.002
 REPEATABILITY_RAD = 1e-4
 """Joint error that stays through a trial; about 0.1 mm at the tool, the maker's repeatability."""
 
-_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION = range(5)
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW = range(7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,16 @@ def of_camera(seed: int) -> np.random.Generator:
 def of_calibration(seed: int) -> np.random.Generator:
     """The stream for the error of the nominal calibration."""
     return _stream(seed, _CALIBRATION)
+
+
+def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
+    """(7,) true joint position minus what the arm reports: the same as long as the lab stands."""
+    return np.asarray(1e-3 * joint_offset_mrad * _stream(seed, _JOINTS).standard_normal(7))
+
+
+def of_view(seed: int, rest: int, picture: int) -> np.random.Generator:
+    """The stream of one picture of the calibration board (from 1) at one rest of the arm; picture 0: of the rest."""
+    return _stream(seed, _VIEW, rest, picture)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.types import Array, Execution, JointPath
 from sim.lab.cell import Cell
-from sim.lab.chance import Chance
+from sim.lab.chance import Chance, joint_zeros
 from sim.lab.motion import DivergedError, Motion
 from sim.tasks.task import Task
 from sim.world import World
@@ -45,6 +45,7 @@ class Room:
     t_s: float = 0.0
     t_placed_s: float = 0.0
     chance: Chance = field(init=False)
+    zeros_rad: Array = field(init=False)  # (7,) true joint positions are those reported and commanded plus these
     faults_due: set[str] = field(default_factory=set)  # at this trial, and not yet come
     recording_since_s: float | None = None
     shots: list[Shot] = field(default_factory=list)  # of the recording
@@ -52,6 +53,7 @@ class Room:
 
     def __post_init__(self) -> None:
         self.chance = Chance.of(self.seed, 0, 0)
+        self.zeros_rad = joint_zeros(self.seed, self.world.sensing.joint_offset_mrad)
 
     @cached_property
     def cell(self) -> Cell:
@@ -59,8 +61,13 @@ class Room:
         cell = Cell(self.task, self.world)
         away = np.eye(4)
         away[:3, 3] = _AWAY_M
-        cell.reset(self.home_q_rad, away)
+        cell.reset(self.home_q_rad + self.zeros_rad, away)
         return cell
+
+    @property
+    def q_rad(self) -> Array:
+        """(7,) as the arm reports them."""
+        return np.asarray(self.cell.q_rad - self.zeros_rad)
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """The object at rest near `xy_m`, the arm at home, clock and chance as this attempt has them."""
@@ -71,7 +78,7 @@ class Room:
         self.faults_due = {name for name, trials in due if trial in trials and attempt == 0}
         X_BO = self._X_BO_reference()
         X_BO[:2, 3] = xy_m + self.chance.placing_m
-        self.cell.reset(self.home_q_rad, X_BO)
+        self.cell.reset(self.home_q_rad + self.zeros_rad, X_BO)
         self.history.append({"trial": trial, "attempt": attempt, "X_BO_placed": X_BO.tolist(), "motions": []})
 
     @property
@@ -89,7 +96,7 @@ class Room:
         """Whether tool, object or table may touch on the way. Else the object lies still, or rides on the tool."""
         if path.contact is not None:
             return True
-        return not self.held and self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)])
+        return not self.held and self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)] + self.zeros_rad)
 
     def carry(self, path: JointPath) -> Execution:
         """Play a path on which nothing can touch; what it costs is only what a recording needs to see."""
@@ -97,19 +104,19 @@ class Room:
         if self.recording_since_s is not None:
             times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / CARRY_PERIOD_S))
         rows = np.stack([np.interp(times_s, path.t_s, column) for column in path.q_rad.T], axis=-1)
-        t_start_s = self._happened(self.cell.carry(times_s, rows, held=self.held))
+        t_start_s = self._happened(self.cell.carry(times_s, rows + self.zeros_rad, held=self.held))
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def simulate(self, t_s: Array, q_rad: Array) -> Execution:
         """Follow (N,), (N, 7) with physics and wait until the object rests. Raises DivergedError, with all at rest."""
         try:
-            motion = self.cell.simulate(t_s, q_rad + self.chance.joint_offset_rad)
+            motion = self.cell.simulate(t_s, q_rad + self.zeros_rad + self.chance.joint_offset_rad)
         except DivergedError as error:
             self._happened(error.motion)
             raise
         t_start_s = self._happened(motion)
         self._remember(t_start_s, motion)
-        return Execution(t_start_s, t_s, q_rad, motion.arm_at(t_s), 1.0)
+        return Execution(t_start_s, t_s, q_rad, motion.arm_at(t_s) - self.zeros_rad, 1.0)
 
     def wait(self, duration_s: float) -> None:
         """Let time pass with everything at rest."""

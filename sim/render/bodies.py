@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.render.rays import Array32
+from sim.render.textures import paint
 from sim.tasks.task import Visual
 
 
@@ -38,6 +39,7 @@ class Body:
             )
             albedo.append(np.asarray(visual.rgb, dtype=np.float32))
         self._albedo = np.stack(albedo)
+        self._textures = {i: v.texture for i, v in enumerate(visuals) if v.texture is not None}
         points = np.concatenate([visual.vertices_m for visual in visuals])
         low, high = points.min(axis=0), points.max(axis=0)
         corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -53,6 +55,10 @@ class Body:
         away = np.einsum("ni,ni->n", normal, along) > 0
         normal[away] *= -1
         albedo = self._albedo[np.where(geometry < len(self._albedo), geometry, 0)]
+        for index, texture in self._textures.items():
+            on_it = geometry == index
+            points = X_body_ray[:3, 3] + along[on_it].astype(np.float64) * t[on_it, None]
+            albedo[on_it] = paint(texture, points, albedo[on_it])
         return Hits(t, normal, albedo)
 
     def occludes(self, points_m: Array32, direction: Array) -> NDArray[np.bool_]:

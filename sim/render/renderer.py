@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from hw.types import Array, CameraModel
 from sim.render.bodies import Body
 from sim.render.colour import SAMPLES, ColourView
 from sim.render.depth import DepthView
+from sim.render.infrared import InfraredView
 from sim.render.poses import within_exposure
-from sim.render.sensor import SensorNoise, sense_colour, sense_depth
+from sim.render.sensor import SensorNoise, sense_colour, sense_depth, sense_infrared
 from sim.tasks.task import Visual
 
 WORLD = "world"
@@ -31,10 +33,11 @@ class Renderer:
         """`X_BC` (4, 4) is where the colour camera really stands in the base frame."""
         names = [name for name in dict.fromkeys(visual.body for visual in visuals) if name != WORLD]
         self._bodies = {name: Body([v for v in visuals if v.body == name]) for name in names}
-        world = Body([*(v for v in visuals if v.body == WORLD), _floor()])
+        self._world = Body([*(v for v in visuals if v.body == WORLD), _floor()])
         X_BC = np.asarray(X_BC, dtype=np.float64)
-        self._colour = ColourView(model.colour, X_BC, world)
-        self._depth = DepthView(model.depth, X_BC @ model.X_CD, world)
+        self._model, self._X_BD = model, X_BC @ model.X_CD
+        self._colour = ColourView(model.colour, X_BC, self._world)
+        self._depth = DepthView(model.depth, self._X_BD, self._world)
 
     def render(
         self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
@@ -44,14 +47,28 @@ class Renderer:
         -> colour (Hc, Wc, 3) RGB with motion blur, depth (Hd, Wd) in mm at the middle of the exposure.
         Without `noise` both are exact but for rounding. Raises ValueError when a body lacks its pose.
         """
-        lacking = [name for name in self._bodies if name not in poses]
-        if lacking:
-            raise ValueError(f"no pose for the visible bodies {lacking}; poses name {sorted(poses)}")
         spread = (np.arange(SAMPLES) + 0.5) / SAMPLES
-        given = [(body, np.asarray(poses[name], dtype=np.float64)) for name, body in self._bodies.items()]
+        given = self._given(poses)
         colour = self._colour.render([(body, within_exposure(X, spread)) for body, X in given])
         depth = self._depth.render([(body, within_exposure(X, np.array([0.5]))[0]) for body, X in given])
         return sense_colour(colour, noise, rng), sense_depth(*depth, noise, rng)
+
+    def render_infrared(
+        self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
+    ) -> NDArray[np.uint16]:
+        """The depth camera's own picture (Hd, Wd) at the middle of the exposure; `poses` as `render` takes them."""
+        given = [(body, within_exposure(X, np.array([0.5]))[0]) for body, X in self._given(poses)]
+        return sense_infrared(self._infrared.render(given), noise, rng)
+
+    @cached_property
+    def _infrared(self) -> InfraredView:
+        return InfraredView(self._model.depth, self._X_BD, self._world)
+
+    def _given(self, poses: Mapping[str, Array]) -> list[tuple[Body, Array]]:
+        lacking = [name for name in self._bodies if name not in poses]
+        if lacking:
+            raise ValueError(f"no pose for the visible bodies {lacking}; poses name {sorted(poses)}")
+        return [(body, np.asarray(poses[name], dtype=np.float64)) for name, body in self._bodies.items()]
 
 
 def _floor() -> Visual:

@@ -31,6 +31,8 @@ class SensorNoise:
     edge_hole_share: float = 0.45  # of the pixels at an edge that report nothing
     edge_flying_share: float = 0.35  # of them that report something between the two surfaces
     colour_std: float = 1.6  # grey levels of 255
+    lens_blur_px: float = 0.0  # standard deviation of the colour lens's point spread
+    jpeg_quality: int | None = None  # of the colour stream; None: it comes uncompressed
 
     @classmethod
     def draw(cls, rng: np.random.Generator, depth_noise_scale: float = 1.0) -> Self:
@@ -91,7 +93,15 @@ def _edges(
 
 def sense_colour(colour: NDArray[np.uint8], noise: SensorNoise | None, rng: np.random.Generator) -> NDArray[np.uint8]:
     """(H, W, 3) perfect picture -> the same with brightness noise a pixel and colour noise a 2 x 2 block."""
-    if noise is None or noise.colour_std <= 0:
+    if noise is None:
+        return colour
+    if noise.lens_blur_px > 0:
+        colour = np.asarray(cv2.GaussianBlur(colour, (0, 0), noise.lens_blur_px), dtype=np.uint8)
+    return _compressed(_with_colour_noise(colour, noise, rng), noise)
+
+
+def _with_colour_noise(colour: NDArray[np.uint8], noise: SensorNoise, rng: np.random.Generator) -> NDArray[np.uint8]:
+    if noise.colour_std <= 0:
         return colour
     height, width = colour.shape[:2]
     std = np.float32(noise.colour_std)
@@ -105,3 +115,25 @@ def sense_colour(colour: NDArray[np.uint8], noise: SensorNoise | None, rng: np.r
     red, blue = chroma[..., 0], chroma[..., 1]
     shift = cv2.merge((luma + red, luma - np.float32(0.5) * (red + blue), luma + blue))
     return np.asarray(cv2.add(colour, shift, dtype=cv2.CV_8U), dtype=np.uint8)
+
+
+def _compressed(colour: NDArray[np.uint8], noise: SensorNoise) -> NDArray[np.uint8]:
+    """What is left after JPEG; OpenCV takes the channels for BGR, so they are turned on the way in and out."""
+    if noise.jpeg_quality is None:
+        return colour
+    data = cv2.imencode(".jpg", colour[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, noise.jpeg_quality))[1]
+    return np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1], dtype=np.uint8)
+
+
+INFRARED_FULL = 1000.0
+"""Grey level of a white surface, face on, 1 m away: the camera lights the scene itself."""
+INFRARED_FLOOR, INFRARED_SHOT = 3.0, 0.6
+
+
+def sense_infrared(light: Array32, noise: SensorNoise | None, rng: np.random.Generator) -> NDArray[np.uint16]:
+    """(H, W) returned light, 1 from a white surface face on at 1 m -> grey levels with read and shot noise."""
+    grey = INFRARED_FULL * light
+    if noise is not None:
+        std = np.sqrt(INFRARED_FLOOR**2 + INFRARED_SHOT**2 * np.maximum(grey, 0))
+        grey = grey + std * rng.standard_normal(grey.shape, dtype=np.float32)
+    return np.clip(np.round(grey), 0, 65535).astype(np.uint16)

@@ -1,0 +1,1 @@
+"""`adaptsim calibrate`: the operator's side. The sequence is in `flow.py`."""

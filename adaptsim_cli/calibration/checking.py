@@ -1,0 +1,96 @@
+"""The checks beside the residuals, from what a folder of views holds: depth images, the filmed swing, infrared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from calib import checks as of
+from calib import files
+from calib.errors import ViewFolderError
+from calib.geometry import inverse
+from calib.timing import time_offset
+from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
+from hw.types import Array, Intrinsics
+from perception.board_types import Corners
+
+MOTION = "motion.json"
+TABLE_X_M, TABLE_Y_M = (0.45, 1.0), (-0.35, 0.35)
+"""The part of the table that is looked at, in the base; what the arm and the board hide in one view others show."""
+TABLE_NEAR_M = 0.02
+_EVERY_PX = 6
+_MEDIAN_VIEWS = 5
+
+
+def checks(
+    folder: Path, stored: files.Folder, setup: Setup, views: Sequence[View], solution: Solution, forward: Forward | None
+) -> list[Check]:
+    """All of them, in the order in which they are shown. Raises ViewFolderError where the swing's file is damaged."""
+    good = [view for view in views if view.name in set(solution.used)]
+    predicted = of.board_poses(solution, good, setup, forward)
+    poses = dict(zip([view.name for view in good], predicted, strict=True))
+    X_CD, alignment = of.infrared_board(solution, views, setup, forward)
+    found = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution)]
+    found += [_depth(stored, setup, poses, X_CD), alignment, _table(stored, setup, solution, X_CD)]
+    found += [_timing(folder, setup, solution, forward)]
+    touched = "no point was touched: it needs an operator, and a tip of known length in the gripper"
+    return [*found, Check("touched point", Verdict.NOT_MEASURED, touched)]
+
+
+def _depth(stored: files.Folder, setup: Setup, poses: dict[str, Array], X_CD: Array | None) -> Check:
+    camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
+    if camera is None or at is None:
+        return Check("depth bias", Verdict.NOT_MEASURED, "the views have no depth images")
+    residuals = [
+        of.depth_residuals(inverse(at) @ poses[view.name], setup.board, view.depth_mm.astype(np.float64), camera)
+        for view in stored.views
+        if view.depth_mm is not None and view.name in poses
+    ]
+    return of.depth_bias(residuals)
+
+
+def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array | None) -> Check:
+    camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
+    images = [view.depth_mm for view in stored.views if view.depth_mm is not None]
+    if camera is None or at is None or not images or solution.mounting is not Mounting.FIXED:
+        return Check("table plane", Verdict.NOT_MEASURED, "needs depth images of a camera that does not move")
+    return of.table_plane(table_points(_behind(images), camera, solution.X_AC @ at))
+
+
+def _behind(images: Sequence[Array | Any]) -> Array:
+    """(H, W) depth in m of what does not move: in each pixel the median of the far half of its readings; 0 = none."""
+    chosen = np.linspace(0, len(images) - 1, min(len(images), 2 * _MEDIAN_VIEWS + 1)).astype(int)
+    stack = np.sort(np.stack([images[i] for i in chosen]).astype(np.float64), axis=0)
+    return np.asarray(1e-3 * stack[-1 - len(chosen) // 4])
+
+
+def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
+    """(N, 3) readings near the table top within the part that is looked at, in the base."""
+    v, u = np.mgrid[0 : camera.height : _EVERY_PX, 0 : camera.width : _EVERY_PX].reshape(2, -1)
+    pixels = np.stack([u, v], axis=1).astype(np.float64)
+    flat = cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion).reshape(-1, 2)
+    z = depth_m[v, u]
+    points = (np.column_stack([flat, np.ones(len(flat))]) * z[:, None])[z > 0]
+    p = points @ X_BD[:3, :3].T + X_BD[:3, 3]
+    near = (np.abs(p[:, 2]) < TABLE_NEAR_M) & (p[:, 0] > TABLE_X_M[0]) & (p[:, 0] < TABLE_X_M[1])
+    return np.asarray(p[near & (p[:, 1] > TABLE_Y_M[0]) & (p[:, 1] < TABLE_Y_M[1])])
+
+
+def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
+    path = folder / MOTION
+    if not path.exists() or forward is None:
+        return Check("time offset", Verdict.NOT_MEASURED, "no swing of the board was filmed")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        frames = [(float(f["t_s"]), Corners(np.array(f["ids"]), np.array(f["px"]))) for f in data["frames"]]
+        arm_t_s, q_rad = np.array(data["arm_t_s"]), np.array(data["q_rad"]).reshape(-1, 7)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ViewFolderError(
+            f"{path} is damaged ({error}); remove it: the time offset is then not measured"
+        ) from error
+    return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)[1]

@@ -1,0 +1,202 @@
+"""From the command line to a running calibration, and from its result to the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from adaptsim_cli import console, views, wiring, wiring_calibration
+from adaptsim_cli.calibration import drift, flow, printing, shows
+from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.calibration.solving import solve_folder
+from adaptsim_cli.calibration.store import REPORT
+from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
+from adaptsim_cli.report import calibration as report
+from adaptsim_cli.session import durable
+from calib.errors import CalibrationMissing
+from calib.saved import SavedCalibration
+from hw.errors import HardwareError
+from perception.board_types import Board
+
+CHECK_PLACES = 6
+"""Planned for a check, which ends with the third that shows the board."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the operator asked for on the command line."""
+
+    guide: bool
+    views: int
+    fresh: bool
+    yes: bool
+    as_json: bool
+
+
+def calibrate(resolved: Resolved, request: Request) -> None:
+    """The whole calibration. Raises what stops it, with how to go on."""
+    config, screen = resolved.config, Screen(as_json=request.as_json)
+    _need_terminal(resolved, request)
+    store = wiring_calibration.calibrations(config, resolved.places)
+    board = _board(resolved, screen, request)
+    with (
+        _how_to_continue("adaptsim calibrate"),
+        wiring_calibration.open_calibration_rig(config, board, store.current()) as rig,
+    ):
+        with screen.busy("Choosing where to hold the board"):
+            visits = _visits(rig, screen, request)
+        screen.show(shows.explanation(rig, None if request.guide else request.views))
+        options = flow.Options(request.fresh, _now(), wiring.versions())
+        solved, folder = flow.calibrate(rig, store, visits, screen, options)
+    if request.as_json:
+        screen.data(summary(solved.record) | {"folder": str(folder)})
+
+
+def check(resolved: Resolved, request: Request) -> None:
+    """Three views against the calibration in use. Raises CalibrationMissing where there is none."""
+    config, screen = resolved.config, Screen(as_json=request.as_json)
+    _need_terminal(resolved, request)
+    known = wiring_calibration.current_calibration(config, resolved.places)
+    if known is None:
+        raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
+    board = known.board.board()
+    with (
+        _how_to_continue("adaptsim calibrate check"),
+        wiring_calibration.open_calibration_rig(config, board, known) as rig,
+    ):
+        screen.show(views.badge(rig.name, rig.title))
+        with screen.busy("Choosing where to hold the board"):
+            visits = _visits(rig, screen, request)
+        found = drift.check(rig, known, visits, screen)
+    screen.show(Text(found.message, style="bold red" if found.moved else "green"))
+    if request.as_json:
+        screen.data(drift.as_json(found))
+
+
+def solve(folder: Path, out: Path | None, *, as_json: bool) -> None:
+    """Views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    screen = Screen(as_json=as_json)
+    with screen.busy("Finding the board and solving"):
+        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=wiring.versions())
+    for sentence in solved.not_seen:
+        screen.note(f"  not used: {sentence}")
+    screen.show(shows.calibration(solved.record))
+    path = (out or folder / REPORT).absolute()
+    durable.make_folder(path.parent)
+    durable.replace_file(path, report.render(solved).encode())
+    screen.plain(f"Report: {path}")
+    if as_json:
+        screen.data(summary(solved.record) | {"report": str(path)})
+    if not solved.record.accepted:
+        raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
+
+
+def board(
+    resolved: Resolved,
+    out: Path,
+    paper: str,
+    square_mm: float | None,
+    width_mm: float | None,
+    *,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    """Write the page, ask for its measured width, remember both. Raises UsageError, SessionError."""
+    screen = Screen(as_json=as_json)
+    if out.suffix not in printing.FORMATS:
+        raise UsageError(f"--out {out}: the name ends in one of {', '.join(printing.FORMATS)}")
+    printed = printing.fitting(paper, square_mm)
+    path = out.absolute()
+    durable.make_folder(path.parent)
+    with screen.busy("Drawing the board"):
+        durable.replace_file(path, printing.page(printed, paper, out.suffix))
+    screen.plain(f"Written: {path}")
+    kept = printing.remember(resolved.places.data, printed, width_mm)
+    if width_mm is None:
+        screen.note(
+            "Print at 100 %, glue it to something stiff and flat, measure all squares of a row together, and run this "
+            "again with --width-mm (adaptsim calibrate asks for it too)."
+        )
+    if as_json:
+        screen.data({"file": str(path), "paper": paper, **kept.model_dump()})
+
+
+def summary(record: SavedCalibration) -> dict[str, Any]:
+    """What a program wants to know of a calibration."""
+    u = record.uncertainty
+    return {
+        "accepted": record.accepted,
+        ("X_BC" if record.mounting == "fixed" else "X_FC"): record.X_AC,
+        "sigma_mm": u.sigma_mm,
+        "sigma_deg": u.sigma_deg,
+        "worst_95_mm": u.worst_95_mm,
+        "fit_px": record.fit_px,
+        "held_out_px": record.held_out_px,
+        "views_used": [view.name for view in record.views if view.used],
+        "views_rejected": {view.name: view.reason for view in record.views if not view.used},
+        "joint_offsets_mrad": [1e3 * float(q) for q in record.offsets_rad()],
+        "uncertainty": u.model_dump(),
+        "checks": [c.model_dump() for c in record.checks],
+        "gates": [c.model_dump() for c in record.gates],
+        "sha256": record.sha256(),
+    }
+
+
+def _board(resolved: Resolved, screen: Screen, request: Request) -> Board:
+    """The board in use, its size measured where somebody is there to ask."""
+    known = printing.known(resolved.places.data)
+    if known is None:
+        if resolved.config.hw != "fake":
+            raise UsageError("there is no board yet: adaptsim calibrate board prints one and remembers it")
+        return Board()
+    if known.measured or request.yes:
+        return known.board.board()
+    across = known.board.squares_across
+    answer = screen.ask(
+        f"How wide are all {across} squares of a row together on the print, in mm? "
+        f"(Enter: {across * known.nominal_square_mm:g}, as planned)"
+    )
+    try:
+        width_mm = float(answer.replace(",", ".")) if answer else across * known.nominal_square_mm
+    except ValueError:
+        raise UsageError(f"{answer!r} is no width in mm, such as {across * known.nominal_square_mm:g}") from None
+    return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
+
+
+def _visits(rig: CalibrationRig, screen: Screen, request: Request) -> Visits:
+    if request.guide:
+        return HandGuided(screen)
+    home_rad = rig.arm.state().q_rad
+    return Automatic(rig, screen, plan(rig, request.views), home_rad, request.yes)
+
+
+def _need_terminal(resolved: Resolved, request: Request) -> None:
+    if resolved.config.hw != "fake" or not request.yes or request.guide:
+        console.require_terminal()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+@contextmanager
+def _how_to_continue(command: str) -> Iterator[None]:
+    hint = f"Every view so far is stored. Continue with: {command}"
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted("interrupted")
+        stopped.add_note(hint)
+        raise stopped from error
+    except (StoppedByOperator, DiskFull, HardwareError) as error:
+        error.add_note(hint)
+        raise

@@ -1,0 +1,180 @@
+"""A calibration from the first picture to the stored result. Read downwards: this is the order of events.
+
+Every view is on disk before the next motion. Whatever stops the series (an operator, a cable, a power cut) leaves a
+folder that the next run takes up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from adaptsim_cli.calibration import camera_check, overlay, shows
+from adaptsim_cli.calibration.motion_record import record_motion
+from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.calibration.solving import Solved, solve_folder
+from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
+from adaptsim_cli.calibration.taking import Look, ViewRefused, look
+from adaptsim_cli.calibration.visits import Arrival, Visits
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import PreflightFailed
+from adaptsim_cli.report import calibration as report
+from adaptsim_cli.session import durable
+from adaptsim_cli.session.preflight import Check, failures
+from calib import files
+from calib.coverage import Coverage, coverage
+from calib.errors import CalibrationRejected, TooFewViews
+from hw.types import Array
+from perception.board_types import Corners
+from perception.errors import BoardNotFound
+
+TRIES = 3
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the operator asked for."""
+
+    fresh: bool  # begin anew, whatever is there
+    created: str  # ISO 8601, when this run began
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Sights:
+    """What the views so far have shown."""
+
+    names: tuple[str, ...] = ()
+    corners: tuple[Corners, ...] = ()
+    X_CM: tuple[Array, ...] = ()
+
+    def with_view(self, name: str, corners: Corners, X_CM: Array) -> Sights:
+        return Sights((*self.names, name), (*self.corners, corners), (*self.X_CM, X_CM))
+
+    def coverage(self, rig: CalibrationRig) -> Coverage | None:
+        return coverage(self.corners, self.X_CM, rig.board, rig.camera.model().colour) if self.names else None
+
+
+def calibrate(
+    rig: CalibrationRig, store: CalibrationStore, visits: Visits, screen: Screen, options: Options
+) -> tuple[Solved, Path]:
+    """Check, visit, solve, store. -> what was found, and the folder of the stored calibration.
+
+    Raises PreflightFailed, HardwareError, PerceptionError, StoppedByOperator, CalibrationError, SessionError.
+    """
+    series, begun = store.series(files.setup_record(rig.camera.model(), rig.board, rig.arm.model), fresh=options.fresh)
+    screen.plain(f"  Views: {series.folder}")
+    sights = _seen_before(series, rig, screen) if begun else Sights()
+    _ready(rig, screen)
+    sights = visit_all(rig, series, visits, screen, sights)
+    if not sights.names:
+        raise TooFewViews("no view shows the board: is it in the gripper, its print towards the camera, well lit?")
+    with screen.busy("Solving"):
+        solved = solve_folder(series.folder, hw=rig.name, created=options.created, versions=options.versions)
+    return solved, conclude(solved, store, series.folder, screen)
+
+
+def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
+    """The corners of the views that an interrupted run has left."""
+    from perception.board import detect, locate
+
+    sights, camera = Sights(), rig.camera.model().colour
+    if not series.has_views:
+        return sights
+    folder = files.read_folder(series.folder)
+    for view in folder.views:
+        corners = detect(view.colour, rig.board, camera)
+        sights = sights.with_view(view.name, corners, locate(corners, rig.board, camera).X_VM)
+    for sentence in folder.damaged:
+        screen.note(f"  taken again: {sentence}")
+    screen.note(f"Continuing with {len(sights.names)} views of before. --fresh begins anew.")
+    return sights
+
+
+def _ready(rig: CalibrationRig, screen: Screen) -> None:
+    state = rig.arm.state()
+    healthy = Check("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
+    checks = (healthy, *camera_check.before(rig.camera.snapshot(), rig.camera.model()), camera_check.warm(rig.is_real))
+    screen.checks(checks)
+    if problem := failures(checks):
+        raise PreflightFailed(f"not ready, nothing has moved: {problem}")
+
+
+def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Screen, sights: Sights) -> Sights:
+    """All places that have no view yet. Raises whatever stops it, with everything stored that was seen."""
+    taken = {int(name) - 1 for name in sights.names}
+    left = visits.numbers(taken)
+    if left or not series.has_motion:
+        visits.begin()
+    if not left and not series.has_motion:
+        visits.go(max(taken), None)  # where the board is in view, for the swing that was not filmed
+    for number in left:
+        arrival = visits.go(number, sights.coverage(rig))
+        if arrival is Arrival.ENOUGH:
+            break
+        if arrival is Arrival.THERE:
+            sights = _view(rig, series, screen, sights, number, len(taken) + len(left))
+    if left or not series.has_motion:
+        visits.end(lambda: record_motion(rig, series, screen))
+    return sights
+
+
+def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, number: int, total: int) -> Sights:
+    """Take one view, store it, show it. A view that does not count is named and left out."""
+    from perception.board import detect, locate
+
+    name, camera = f"{number + 1:03d}", rig.camera.model().colour
+    try:
+        seen = _look_again(rig, screen)
+        corners = detect(seen.frame.colour, rig.board, camera)
+        pose = locate(corners, rig.board, camera)
+    except (ViewRefused, BoardNotFound) as error:
+        screen.note(f"  view {name} left out: {error}")
+        return sights
+    if not sights.names:
+        checks = camera_check.at_board(seen.frame, corners, rig.board)
+        screen.checks(checks)
+        if problem := failures(checks):
+            raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
+    series.add(files.view_files(name, seen.frame, seen.q_rad, seen.t_arm_s, number))
+    picture = overlay.draw(seen.frame.colour, corners, pose.X_VM, sights.corners, rig.board, camera)
+    path = series.picture(f"{name}.corners.jpg", picture)
+    series.picture("latest.jpg", picture)
+    sights = sights.with_view(name, corners, pose.X_VM)
+    so_far = sights.coverage(rig)
+    assert so_far is not None
+    screen.show(shows.view(len(sights.names), total, len(corners), rig.board.corners, pose, so_far, path))
+    return sights
+
+
+def _look_again(rig: CalibrationRig, screen: Screen) -> Look:
+    """A few tries, as an arm may still swing. Raises ViewRefused of the last."""
+    for _ in range(TRIES - 1):
+        try:
+            return look(rig)
+        except ViewRefused as error:
+            screen.note(f"  taken again: {error}")
+    return look(rig)
+
+
+def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Screen) -> Path:
+    """Show, and store if accepted. Raises CalibrationRejected, the report beside the views and nothing replaced."""
+    page = report.render(solved).encode()
+    screen.show(shows.calibration(solved.record))
+    if not solved.record.accepted:
+        durable.replace_file(views / REPORT, page)
+        raise rejected(
+            solved, views / REPORT, "What was in use before stays in use. --fresh begins a new series of views"
+        )
+    folder = store.save(solved.record, page)
+    screen.plain(f"Report: {folder / REPORT}")
+    return folder
+
+
+def rejected(solved: Solved, page: Path, advice: str) -> CalibrationRejected:
+    """Every reason, where to look, and what can be done."""
+    record = solved.record
+    reasons = "; ".join(gate.message for gate in (*record.gates, *record.checks) if gate.verdict == "bad")
+    error = CalibrationRejected(f"not accepted: {reasons}")
+    error.add_note(f"Report: {page}\n{advice}")
+    return error

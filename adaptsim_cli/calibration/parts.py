@@ -1,0 +1,43 @@
+"""What a calibration asks of its parts; `wiring` fills these in, tests bring their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hw.ports import Arm, Camera
+from hw.types import Array, JointPath
+from perception.board_types import Board
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """How the arm carries the board about."""
+
+    postures: Callable[[Array], Sequence[Array | None]]
+    """Flange poses X_BF (N, 4, 4) -> postures (7,) that keep clear of everything, None where there is none."""
+    order: Callable[[Array, Array], Sequence[int]]
+    """Postures (N, 7) and where the arm is (7,) -> in which order to visit them."""
+    way: Callable[[Array, Array], JointPath]
+    """From one posture (7,) to another. Raises NotExecutable."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationRig:
+    """The connected devices of one bench, the board in the gripper."""
+
+    name: str  # "fake", "panda" or "fr3"
+    title: str  # what an operator calls it
+    key: str  # the folder name of its calibrations
+    arm: Arm
+    camera: Camera
+    board: Board
+    X_FM: Array  # (4, 4) as the board is meant to be held; only for planning
+    rough_X_BC: Array | None  # (4, 4) about where the camera stands; only for planning; None: the arm is guided by hand
+    ways: Ways
+    flange: Callable[[Array], Array]  # joints (..., 7) -> X_BF (..., 4, 4)
+    pause: Callable[[float], None]  # seconds; the simulated lab does not wait
+
+    @property
+    def is_real(self) -> bool:
+        return self.name != "fake"

@@ -1,0 +1,111 @@
+"""The board on paper: a page at true scale with a ruler to check the print, and what is known of the print."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session import durable
+from calib.records import BoardRecord, Record, read
+from perception.board_types import Board
+
+PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "letter": (279.4, 215.9)}
+FORMATS = (".pdf", ".png")
+BOARD_FILE = "board.toml"
+LIKELY = 0.03
+"""A print that is off by more than this share was measured wrongly, or printed to fit the page."""
+
+_TOP_MM, _BOTTOM_MM, _SIDE_MM = 8.0, 17.0, 8.0
+_RULER_MM = 100.0
+_DPI = 600
+_SQUARE_PX = 560
+
+
+class PrintedBoard(Record):
+    """board.toml: the board in use."""
+
+    board: BoardRecord
+    nominal_square_mm: float
+    measured: bool
+
+
+def fitting(paper: str, square_mm: float | None) -> Board:
+    """The board for a paper: squares as large as fit, in whole mm, or as asked for. Raises UsageError."""
+    if paper not in PAPERS_MM:
+        raise UsageError(f"--paper {paper}: it is one of {', '.join(PAPERS_MM)}")
+    width, height = PAPERS_MM[paper]
+    like = Board()
+    room = (width - 2 * _SIDE_MM) / like.squares_across, (height - _TOP_MM - _BOTTOM_MM) / like.squares_down
+    side = float(np.floor(min(room))) if square_mm is None else square_mm
+    if not 5.0 <= side <= min(room):
+        raise UsageError(f"--square-mm {side:g}: on {paper} squares can be 5 to {min(room):.1f} mm")
+    return Board(like.squares_across, like.squares_down, 1e-3 * side, 0.75e-3 * side, like.dictionary)
+
+
+def page(board: Board, paper: str, kind: str) -> bytes:
+    """The page as PDF or PNG (`kind` is ".pdf" or ".png"), at true scale when printed without fitting to the page."""
+    from matplotlib.figure import Figure
+
+    from perception.board import draw
+
+    width, height = PAPERS_MM[paper]
+    across, down = (1e3 * length for length in board.size_m)
+    left, bottom = (width - across) / 2, height - _TOP_MM - down
+    figure = Figure(figsize=(width / 25.4, height / 25.4))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
+    axes.axis("off")
+    extent = (left, left + across, bottom, bottom + down)
+    axes.imshow(draw(board, _SQUARE_PX), cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+    axes.set(xlim=(0, width), ylim=(0, height), aspect="auto")
+    _ruler(axes, left, bottom - 8.5)
+    square, marker = 1e3 * board.square_m, 1e3 * board.marker_m
+    what = f"{board.squares_across} × {board.squares_down} squares of {square:g} mm, markers {marker:g} mm"
+    told = (
+        f"adaptsim board: {what}, {board.dictionary}. Print at 100 %, not fitted to the page.",
+        f"The {board.squares_across} squares of a row must be {across:g} mm wide together: measure, and tell adaptsim.",
+    )
+    for line, text in enumerate(told):
+        axes.text(left + across, bottom - 3.0 - 4.0 * line, text, fontsize=7, ha="right", va="top")
+    file = io.BytesIO()
+    metadata = {"Creator": None} if kind == ".pdf" else None
+    figure.savefig(file, format=kind.removeprefix("."), dpi=_DPI, metadata=metadata)
+    return file.getvalue()
+
+
+def _ruler(axes: Any, x_mm: float, y_mm: float) -> None:
+    axes.plot([x_mm, x_mm + _RULER_MM], [y_mm, y_mm], color="black", linewidth=0.4)
+    for tick in range(int(_RULER_MM) + 1):
+        length = 4.0 if tick % 10 == 0 else 2.8 if tick % 5 == 0 else 1.8
+        axes.plot([x_mm + tick] * 2, [y_mm, y_mm + length], color="black", linewidth=0.25)
+        if tick % 10 == 0:
+            axes.text(x_mm + tick, y_mm - 0.6, f"{tick}", fontsize=5, ha="center", va="top")
+    axes.text(x_mm + _RULER_MM + 2.5, y_mm - 0.6, "mm", fontsize=5, ha="left", va="top")
+
+
+def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:
+    """Store the board in use, with the measured width of all its squares together. Raises UsageError, SessionError."""
+    nominal = 1e3 * board.square_m
+    side = nominal if width_mm is None else width_mm / board.squares_across
+    if abs(side / nominal - 1) > LIKELY:
+        raise UsageError(
+            f"{width_mm:g} mm for {board.squares_across} squares is {100 * (side / nominal - 1):+.1f} % off the "
+            f"{board.squares_across * nominal:g} mm that were printed: measure again, or print at 100 % and not fitted "
+            "to the page"
+        )
+    scaled = replace(board, square_m=1e-3 * side, marker_m=board.marker_m * side / nominal)
+    kept = PrintedBoard(board=BoardRecord.of(scaled), nominal_square_mm=nominal, measured=width_mm is not None)
+    durable.make_folder(data)
+    durable.replace_file(data / BOARD_FILE, tomli_w.dumps(kept.model_dump()).encode())
+    return kept
+
+
+def known(data: Path) -> PrintedBoard | None:
+    """The board in use. Raises ViewFolderError where its file is damaged."""
+    path = data / BOARD_FILE
+    return read(PrintedBoard, path) if path.exists() else None

@@ -1,0 +1,120 @@
+"""Where calibrations are kept: `<data>/calibrations/<rig>/`, nothing of it ever overwritten.
+
+views-0001/        setup.toml, view-*.json with images: one series, taken up again until it has led to a calibration
+calibration-0001/  calibration.json and report.html, written whole or not at all; the highest number counts
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import durable
+from calib import files
+from calib.errors import ViewFolderError
+from calib.records import SetupRecord, read
+from calib.saved import FILE, SavedCalibration
+
+VIEWS, RESULT, REPORT, MOTION = "views-", "calibration-", "report.html", "motion.json"
+
+
+@dataclass(frozen=True)
+class Series:
+    """A folder of views that grows."""
+
+    folder: Path
+
+    @property
+    def setup(self) -> SetupRecord:
+        return read(SetupRecord, self.folder / files.SETUP)
+
+    @property
+    def has_views(self) -> bool:
+        return any(self.folder.glob(f"{files.PREFIX}*.json"))
+
+    @property
+    def has_motion(self) -> bool:
+        return (self.folder / MOTION).exists()
+
+    def add(self, view_files: Mapping[str, bytes]) -> None:
+        """Write the files of one view; the last, its record, makes it count. Raises DiskFull, SessionError.
+
+        Images of a view that was never finished are replaced. A record of that name is one that turned out to be
+        damaged: it is set aside.
+        """
+        *images, (record, content) = view_files.items()
+        if (self.folder / record).exists():
+            (self.folder / record).rename(self.folder / f"{record}.damaged")
+        for name, data in images:
+            durable.replace_file(self.folder / name, data)
+        durable.write_file(self.folder / record, content)
+
+    def picture(self, name: str, jpeg: bytes) -> Path:
+        """A picture for people, beside the views."""
+        path = self.folder / name
+        durable.replace_file(path, jpeg)
+        return path
+
+    def write_motion(self, content: Mapping[str, Any]) -> None:
+        durable.replace_file(self.folder / MOTION, json.dumps(content).encode())
+
+
+@dataclass(frozen=True)
+class CalibrationStore:
+    """All calibrations of one rig."""
+
+    folder: Path
+
+    def series(self, setup: SetupRecord, *, fresh: bool) -> tuple[Series, bool]:
+        """The series to go on with, and whether it had been begun. A new one if `fresh`, if the last one has led to
+        a calibration, or if the setup has changed since.
+        """
+        found = self._numbered(VIEWS)
+        if found and not fresh and not self._finished(found[-1]) and _same(found[-1], setup):
+            return Series(found[-1]), True
+        path = self.folder / f"{VIEWS}{self._next(VIEWS):04d}"
+        durable.make_folder(self.folder)
+        durable.write_folder(path, {files.SETUP: files.setup_file(setup)})
+        return Series(path), False
+
+    def save(self, record: SavedCalibration, report: bytes) -> Path:
+        """Store an accepted calibration; from now on it is the current one. -> its folder."""
+        durable.make_folder(self.folder)
+        path = self.folder / f"{RESULT}{self._next(RESULT):04d}"
+        durable.write_folder(path, {FILE: record.content(), REPORT: report})
+        return path
+
+    def current(self) -> SavedCalibration | None:
+        """The latest calibration. Raises SessionError where it cannot be read: an older one is never taken silently."""
+        found = self._numbered(RESULT)
+        if not found:
+            return None
+        try:
+            return read(SavedCalibration, found[-1] / FILE)
+        except ViewFolderError as error:
+            raise SessionError(
+                f"{error}. Move {found[-1]} away to go back to the calibration before it, or calibrate again"
+            ) from error
+
+    def _finished(self, series: Path) -> bool:
+        return any(read(SavedCalibration, path / FILE).folder == series.name for path in self._numbered(RESULT))
+
+    def _numbered(self, prefix: str) -> list[Path]:
+        pattern = re.compile(re.escape(prefix) + r"\d{4,}")
+        return sorted(path for path in self.folder.glob(f"{prefix}*") if pattern.fullmatch(path.name))
+
+    def _next(self, prefix: str) -> int:
+        found = self._numbered(prefix)
+        return int(found[-1].name.removeprefix(prefix)) + 1 if found else 1
+
+
+def _same(folder: Path, setup: SetupRecord) -> bool:
+    try:
+        return read(SetupRecord, folder / files.SETUP) == setup
+    except ViewFolderError:
+        return False

@@ -1,0 +1,75 @@
+"""One view: the arm at rest before and after the picture, joints and picture of the same moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptsim_cli.calibration.parts import CalibrationRig
+from hw.errors import ArmFault
+from hw.types import ArmState, Array, Frame
+
+REST_RAD_S = 0.003
+"""Slower than this, every joint counts as at rest: under 0.1 mm at the board within 30 ms."""
+DRIFT_RAD = 2e-4
+"""How far a joint may have crept between the readings before and after the picture."""
+APART_S = 0.25
+"""How far picture and joints may lie apart on the arm's clock."""
+WAIT_S, POLL_S = 5.0, 0.05
+
+
+class ViewRefused(Exception):
+    """This look does not count; the next may. The message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Frame and joints that belong together."""
+
+    frame: Frame
+    q_rad: Array  # (7,)
+    t_arm_s: float
+
+
+def look(rig: CalibrationRig) -> Look:
+    """Wait for rest and take one picture. Raises ViewRefused where the arm does not stay at rest, and CameraError."""
+    before = _at_rest(rig)
+    frame = rig.camera.snapshot()
+    after = _state(rig)
+    crept = float(np.abs(after.q_rad - before.q_rad).max())
+    speed = float(np.abs(after.dq_rad_s).max())
+    if crept > DRIFT_RAD or speed > REST_RAD_S:
+        raise ViewRefused(
+            f"the arm moved while the picture was taken: by {1e3 * crept:.2f} mrad (limit {1e3 * DRIFT_RAD:g}), "
+            f"at {1e3 * speed:.1f} mrad/s (limit {1e3 * REST_RAD_S:g}); let go of it and take the view again"
+        )
+    t_arm_s = (before.t_s + after.t_s) / 2
+    if abs(frame.t_s - t_arm_s) > APART_S + (after.t_s - before.t_s) / 2:
+        raise ViewRefused(
+            f"picture and joints are {frame.t_s - t_arm_s:+.3f} s apart (limit {APART_S:g} s): an old picture, or "
+            "clocks that disagree; check the time synchronisation of camera and arm"
+        )
+    return Look(frame, (before.q_rad + after.q_rad) / 2, t_arm_s)
+
+
+def _at_rest(rig: CalibrationRig) -> ArmState:
+    """Two readings in a row at rest. Raises ViewRefused after `WAIT_S`."""
+    last, still = _state(rig), False
+    for _ in range(round(WAIT_S / POLL_S)):
+        rig.pause(POLL_S)
+        now = _state(rig)
+        if still and np.abs(now.dq_rad_s).max() <= REST_RAD_S and np.abs(now.q_rad - last.q_rad).max() <= DRIFT_RAD:
+            return now
+        still, last = bool(np.abs(now.dq_rad_s).max() <= REST_RAD_S), now
+    raise ViewRefused(
+        f"the arm does not come to rest: {1e3 * float(np.abs(last.dq_rad_s).max()):.1f} mrad/s after {WAIT_S:g} s "
+        f"(limit {1e3 * REST_RAD_S:g}); hold nothing against it and try again"
+    )
+
+
+def _state(rig: CalibrationRig) -> ArmState:
+    state = rig.arm.state()
+    if state.fault is not None:
+        raise ArmFault(f"the arm reports {state.fault}; clear the fault on the arm, then run again: it continues")
+    return state

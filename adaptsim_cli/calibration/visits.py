@@ -1,0 +1,147 @@
+"""How the board gets to its next place: the arm goes there by itself, or a person guides it by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
+from calib import poses
+from calib.coverage import Coverage
+from hw.types import Array
+from sim.errors import NotExecutable
+
+CANDIDATES = 1024
+DISTANCE_M = (0.45, 1.15)
+FEWEST = 12
+"""Fewer reachable places than this are not worth starting with."""
+GUIDED = 20
+
+
+class Arrival(Enum):
+    THERE = "at the place, at rest as far as known"
+    LEFT_OUT = "this place cannot be had, the next may"
+    ENOUGH = "no more places: the operator has enough"
+
+
+class Visits(Protocol):
+    """Where the board is held, one place after the other."""
+
+    def numbers(self, taken: Set[int]) -> Sequence[int]:
+        """The places to visit, in order, given those that have a view already."""
+        ...
+
+    def begin(self) -> None:
+        """Ask once for the whole series. Raises StoppedByOperator, UsageError."""
+        ...
+
+    def go(self, number: int, have: Coverage | None) -> Arrival:
+        """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""
+        ...
+
+    def end(self, film: Callable[[], None]) -> None:
+        """After the last place: let `film` swing the board for the time offset, and bring the arm back."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Automatic:
+    """The arm visits planned postures. Each motion is planned and checked just before it is made."""
+
+    rig: CalibrationRig
+    screen: Screen
+    q_rad: Array  # (P, 7) in the order of the visits
+    home_rad: Array  # (7,) where the arm stood
+    unattended: bool
+
+    def numbers(self, taken: Set[int]) -> Sequence[int]:
+        return [number for number in range(len(self.q_rad)) if number not in taken]
+
+    def begin(self) -> None:
+        if self.unattended and self.rig.is_real:
+            raise UsageError("--yes never confirms the motion of a real arm; run without it, at a terminal")
+        if self.unattended:
+            return
+        who = "THE REAL ROBOT moves" if self.rig.is_real else "The simulated robot moves"
+        question = (
+            f"{who} the board to {len(self.q_rad)} places, slowly, one after the other, without asking again. "
+            "Table clear, board firm in the gripper, nobody in reach? Enter to start, q to stop:"
+        )
+        while (answer := self.screen.ask(question)) != "":
+            if answer == "q":
+                raise StoppedByOperator("stopped by the operator; nothing has moved")
+
+    def go(self, number: int, have: Coverage | None) -> Arrival:
+        try:
+            path = self.rig.ways.way(self.rig.arm.state().q_rad, self.q_rad[number])
+        except NotExecutable as error:
+            self.screen.note(f"  place {number + 1} left out: {error}")
+            return Arrival.LEFT_OUT
+        self.rig.arm.execute(path)
+        return Arrival.THERE
+
+    def end(self, film: Callable[[], None]) -> None:
+        film()
+        try:
+            self.rig.arm.execute(self.rig.ways.way(self.rig.arm.state().q_rad, self.home_rad))
+        except NotExecutable as error:
+            self.screen.note(f"  the arm stays where it is: {error}")
+
+
+@dataclass(frozen=True, eq=False)
+class HandGuided:
+    """A person moves the arm and says when it is at rest."""
+
+    screen: Screen
+
+    def numbers(self, taken: Set[int]) -> Sequence[int]:
+        first = max(taken, default=-1) + 1
+        return range(first, first + GUIDED)
+
+    def begin(self) -> None:
+        self.screen.show(
+            "Guide the arm by hand: hold the board where the hint says, let go, and press Enter. "
+            "Tilt it by 20 to 40° to all sides, near and far, in all parts of the image."
+        )
+
+    def go(self, number: int, have: Coverage | None) -> Arrival:
+        if have is not None and have.missing:
+            self.screen.note(f"  missing: {have.missing[0]}")
+        enough = number >= FEWEST and have is not None and have.complete
+        more = "s to solve, " if enough else ""
+        while (answer := self.screen.ask(f"Place {number + 1}. Enter when the arm is at rest, {more}q to stop:")) != "":
+            if answer == "q":
+                raise StoppedByOperator("stopped by the operator; the views so far are stored")
+            if answer == "s" and enough:
+                return Arrival.ENOUGH
+        return Arrival.THERE
+
+    def end(self, film: Callable[[], None]) -> None:
+        return  # nothing moves the arm, so nothing is filmed and the time offset is not measured
+
+
+def plan(rig: CalibrationRig, count: int) -> Array:
+    """(P, 7) up to `count` postures that together show the board in all ways that the arm can reach.
+
+    The same for the same rig and board, so that an interrupted series can go on. Raises PreflightFailed.
+    """
+    if rig.rough_X_BC is None:
+        raise PreflightFailed("where the camera stands is not known yet, so no motion can be planned: add --guide")
+    camera = rig.camera.model().colour
+    X_CM = poses.candidates(camera, rig.board, CANDIDATES, DISTANCE_M)
+    found = rig.ways.postures(rig.rough_X_BC @ X_CM @ np.linalg.inv(rig.X_FM))
+    able = [i for i, q in enumerate(found) if q is not None]
+    if len(able) < FEWEST:
+        raise PreflightFailed(
+            f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, {FEWEST} are needed: "
+            "is the camera where it was, and the board mounted as docs/calibrate.md shows? Else add --guide"
+        )
+    chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
+    q_rad = np.array([found[i] for i in chosen])
+    return np.asarray(q_rad[list(rig.ways.order(q_rad, q_rad.mean(axis=0)))])

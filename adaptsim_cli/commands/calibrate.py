@@ -1,0 +1,107 @@
+"""`adaptsim calibrate`, `calibrate board`, `calibrate check`, `calibrate solve`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer()
+
+_Task = Annotated[str | None, typer.Option("--task", help="Which task the world of the simulated lab is for.")]
+_World = Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")]
+_Seed = Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")]
+_Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
+_Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")]
+_Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+_Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no motion is planned.")]
+
+
+@app.callback(invoke_without_command=True)
+def calibrate(
+    context: typer.Context,
+    task: _Task = None,
+    world: _World = None,
+    seed: _Seed = None,
+    hw: _Hw = None,
+    guide: _Guide = False,
+    views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever views there are.")] = False,
+    yes: _Yes = False,
+    as_json: _Json = False,
+) -> None:
+    """Show the board to the camera from many sides and find where the camera stands. Takes about ten minutes.
+
+    A run that was stopped goes on with the views that it has. A result that fails a gate is not used.
+
+    Example: adaptsim calibrate --hw fake --world ood-1 --seed 0 --yes
+    """
+    if context.invoked_subcommand is not None:
+        return
+    from adaptsim_cli import config
+    from adaptsim_cli.calibration import conduct
+
+    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    conduct.calibrate(resolved, conduct.Request(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json))
+
+
+@app.command()
+def board(
+    out: Annotated[Path, typer.Option("--out", help="File to write: .pdf or .png.")] = Path("board.pdf"),
+    paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
+    square_mm: Annotated[float | None, typer.Option("--square-mm", help="Edge of a square; else as fits.")] = None,
+    width_mm: Annotated[
+        float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
+    ] = None,
+    yes: _Yes = False,
+    as_json: _Json = False,
+) -> None:
+    """Write the calibration board at true scale, and remember it with the size that you measured on the print.
+
+    Run it again with --width-mm once it is printed and measured.
+
+    Example: adaptsim calibrate board --paper a4 --out board.pdf
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.calibration import conduct
+
+    conduct.board(config.load({}), out, paper, square_mm, width_mm, yes=yes, as_json=as_json)
+
+
+@app.command()
+def check(
+    task: _Task = None,
+    world: _World = None,
+    seed: _Seed = None,
+    hw: _Hw = None,
+    guide: _Guide = False,
+    yes: _Yes = False,
+    as_json: _Json = False,
+) -> None:
+    """Has the camera moved since it was calibrated, and by how much? Three places, one minute.
+
+    Example: adaptsim calibrate check --hw fake --world ood-1 --seed 0 --yes
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.calibration import conduct
+
+    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    conduct.check(
+        resolved, conduct.Request(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
+    )
+
+
+@app.command()
+def solve(
+    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/calibrate.md describes its files.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Where to write the report; else into the folder.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Solve from views that were recorded elsewhere, on any robot: the same checks, report and refusals.
+
+    Example: adaptsim calibrate solve my-views --json
+    """
+    from adaptsim_cli.calibration import conduct
+
+    conduct.solve(folder, out, as_json=as_json)

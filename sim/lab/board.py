@@ -1,0 +1,90 @@
+"""The calibration board that the lab's arm holds: a rigid printed plate in the gripper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.collision import HAND, Capsule, Tool
+from hw.kinematics import FLANGE
+from hw.types import Array
+from sim.panda.shapes import Primitive, mesh
+from sim.tasks.task import Texture, Visual
+
+BODY = "board"
+MARGIN_M = 0.012
+"""White around the print; the gripper holds the upper one by a tab."""
+THICKNESS_M = 0.006
+GRIP_M = 0.115
+"""From the flange to the upper edge of the plate, along the flange's axis: just beyond the fingertips."""
+
+_WHITE, _EDGE = 0.80, (0.30, 0.30, 0.32)
+_TEXEL_M = 0.001
+_CAPSULE_M = 0.018
+_CLEARANCE_M = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBoard:
+    """A printed pattern and where it is held. The frame M of the print is that of `perception.board_types.Board`."""
+
+    pattern: NDArray[np.uint8]  # (h, w) grey; the print without its margin, upright
+    size_m: tuple[float, float]  # width and height as its maker states them
+
+    @property
+    def X_FM(self) -> Array:
+        """(4, 4) as it is meant to be held: square to the closed fingers, hanging along the flange's axis.
+
+        The fingers open along the Y axis of the hand, which stands 45° between X and Y of the flange.
+        """
+        s = np.sqrt(0.5)
+        X = np.eye(4)
+        X[:3, :3] = np.array([[-s, s, 0.0], [0.0, 0.0, 1.0], [s, s, 0.0]]).T
+        width, _ = self.size_m
+        X[:3, 3] = -width / 2 * X[:3, 0] + (GRIP_M + MARGIN_M) * X[:3, 1] - THICKNESS_M / 2 * X[:3, 2]
+        return X
+
+    def scaled(self, factor: float) -> HeldBoard:
+        """The same pattern, printed larger or smaller than stated."""
+        width, height = self.size_m
+        return replace(self, size_m=(factor * width, factor * height))
+
+    def tool(self) -> Tool:
+        """The hand with the plate, as capsules side by side, for the checks of `hw.limits`."""
+        width, height = (length + 2 * MARGIN_M for length in self.size_m)
+        count = int(np.ceil(width / (1.5 * _CAPSULE_M))) + 1
+        x = np.linspace(_CAPSULE_M, width - _CAPSULE_M, count) - MARGIN_M
+        X = self.X_FM
+        plate = []
+        for i, along in enumerate(x):
+            rows = (_CAPSULE_M - MARGIN_M, height - MARGIN_M - _CAPSULE_M)
+            ends = np.array([[along, y, THICKNESS_M / 2] for y in rows])
+            start, end = ends @ X[:3, :3].T + X[:3, 3]
+            plate.append(Capsule(f"board strip {i + 1}", FLANGE, start, end, _CAPSULE_M + _CLEARANCE_M))
+        return Tool("calibration board", (*HAND, *plate))
+
+    def visuals(self) -> tuple[Visual, ...]:
+        """Plate with the print on its face, and the tab in the gripper; poses are those of the flange."""
+        X, (width, height) = self.X_FM, self.size_m
+        centre = np.array([width / 2, height / 2, THICKNESS_M / 2])
+        plate = Primitive(BODY, "box", (width + 2 * MARGIN_M, height + 2 * MARGIN_M, THICKNESS_M), tuple(centre))
+        tab = Primitive(BODY, "box", (0.03, 0.05, THICKNESS_M), (width / 2, -MARGIN_M - 0.02, THICKNESS_M / 2))
+        face = Texture(self._albedo(), X, self.size_m)
+        return (
+            Visual(BODY, *_placed(plate, X), (_WHITE, _WHITE, _WHITE), face),
+            Visual(BODY, *_placed(tab, X), _EDGE),
+        )
+
+    def _albedo(self) -> NDArray[np.float32]:
+        """The print with ink that is not quite black and paper that is not quite white, a texel a millimetre."""
+        size = tuple(round(length / _TEXEL_M) for length in self.size_m)
+        grey = cv2.resize(self.pattern.astype(np.float32) / 255, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(0.035 + (_WHITE - 0.035) * grey, dtype=np.float32)
+
+
+def _placed(primitive: Primitive, X: Array) -> tuple[Array, NDArray[np.int32]]:
+    vertices, triangles = mesh(primitive)
+    return vertices @ X[:3, :3].T + X[:3, 3], triangles

@@ -1,0 +1,239 @@
+"""The lab while its camera is being calibrated: the arm holds a board, the table is clear, nothing touches anything.
+
+The same arm and the same camera, with the same hidden pose and the same faults of their own, as `SimulatedLab` has of
+one world and seed. No plant is needed: the arm is where its joints are, plus what they do not know of themselves.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from hw import limits
+from hw.collision import KeepOut
+from hw.errors import ArmFault, CameraError, DeviceUnavailable
+from hw.kinematics import link_poses
+from hw.ports import Arm, Camera
+from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
+from sim.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.board import BODY, HeldBoard
+from sim.lab.calibration import NominalCalibration, nominal_calibration
+from sim.lab.camera import SLICES
+from sim.lab.cell import Cell
+from sim.lab.chance import joint_zeros, of_calibration, of_camera, of_view
+from sim.panda.shapes import visuals
+from sim.render.renderer import WORLD
+from sim.tasks.task import Task, Visual
+from sim.world import World
+
+FRAME_RATE_HZ = 15.0
+"""The camera's slower mode: enough for one swing of the board, and half the pictures."""
+SETTLE_S = 0.5
+LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
+"""Of a Kinect's colour stream; the pictures of a trial go without, where a corner's tenth of a pixel is of no use."""
+
+_HAND = "panda_hand"
+_LINKS = {f"panda_link{i}": i for i in range(8)}
+_HAND_TURN = -np.pi / 4
+
+
+class CalibrationLab:
+    """One world as a bench with a board. Entering connects arm and camera; equal inputs give equal bytes."""
+
+    def __init__(
+        self,
+        task: Task,
+        world: World,
+        seed: int,
+        board: HeldBoard,
+        *,
+        home_q_rad: Array,
+        keep_out: tuple[KeepOut, ...] = (),
+    ) -> None:
+        """`home_q_rad` (7,) is where the arm stands at first, `keep_out` goes to `hw.limits`. Builds nothing yet."""
+        self._world, self._seed, self._X_BC = world, seed, default_X_BC()
+        self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
+        self._arm = _BoardArm(self._state, board, keep_out)
+        self._camera = _BoardCamera(self._state, self._X_BC, board.scaled(world.sensing.board_scale), task)
+
+    def __enter__(self) -> Self:
+        self._state.connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._state.connected = False
+
+    @property
+    def arm(self) -> Arm:
+        return self._arm
+
+    @property
+    def camera(self) -> Camera:
+        return self._camera
+
+    def nominal_calibration(self) -> NominalCalibration:
+        """That of `SimulatedLab`."""
+        return nominal_calibration(self._X_BC, self._world.sensing, of_calibration(self._seed))
+
+    def truth(self) -> dict[str, Any]:
+        """What calibration should find, for checking alone."""
+        return {
+            "X_BC": self._X_BC.tolist(),
+            "joint_offset_rad": self._state.offset_rad.tolist(),
+            "clock_offset_s": 1e-3 * self._world.sensing.clock_offset_ms,
+        }
+
+
+class _State:
+    """What arm and camera share: joints, clock, chance."""
+
+    def __init__(self, q_rad: Array, world: World, seed: int) -> None:
+        self.world, self.seed = world, seed
+        self.offset_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
+        self.connected = False
+        self.t_s = 0.0
+        self.q_rad = q_rad  # as reported
+        self.rests = 0
+        self.shots: list[tuple[float, JointPath]] | None = None  # of the recording that runs
+
+    @property
+    def error_rad(self) -> Array:
+        """(7,) true minus reported, at this rest and on the way to the next.
+
+        The noise follows from the posture: whoever comes back to it, in this run or in a resumed one, finds it again.
+        """
+        posture = zlib.crc32(np.round(self.q_rad, 6).tobytes())
+        noise = 1e-3 * self.world.sensing.encoder_noise_mrad * of_view(self.seed, posture, 0).standard_normal(7)
+        return np.asarray(self.offset_rad + noise)
+
+    def need_connection(self) -> None:
+        if not self.connected:
+            raise DeviceUnavailable("the lab is not connected: enter it with `with` first")
+
+
+class _BoardArm:
+    """Plays paths exactly, as far as its own encoders can tell."""
+
+    def __init__(self, state: _State, board: HeldBoard, keep_out: tuple[KeepOut, ...]) -> None:
+        self._state, self._tool, self._keep_out = state, board.tool(), keep_out
+        self._fault: str | None = None
+
+    @property
+    def model(self) -> str:
+        return "panda"
+
+    def __enter__(self) -> Self:
+        self._state.connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._state.connected = False
+
+    def state(self) -> ArmState:
+        self._state.need_connection()
+        return ArmState(self._state.t_s, self._state.q_rad, np.zeros(7), self._fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        state = self._state
+        state.need_connection()
+        if self._fault is not None:
+            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
+        limits.require(path, self.model, state.q_rad, self._keep_out, self._tool)
+        t_start_s = state.t_s
+        state.rests += 1
+        if state.rests in state.world.faults.arm_reflex:
+            half = len(path.t_s) // 2
+            state.q_rad, state.t_s = path.q_rad[half], t_start_s + float(path.t_s[half])
+            self._fault = f"reflex {path.t_s[half]:.3f} s into the path: an external force was too large"
+            raise ArmFault(f"{self._fault}; the arm is at rest, look at it and recover it, then run again")
+        if state.shots is not None:
+            state.shots.append((t_start_s, path))
+        state.q_rad, state.t_s = path.q_rad[-1], t_start_s + path.duration_s + SETTLE_S
+        return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def recover(self) -> None:
+        self._state.need_connection()
+        self._fault = None
+
+
+class _BoardCamera:
+    """The lab's camera with its lens blur and compression, and its infrared image."""
+
+    def __init__(self, state: _State, X_BC: Array, board: HeldBoard, task: Task) -> None:
+        self._state, self._X_BC, self._board, self._task = state, X_BC, board, task
+        self._pictures = 0
+
+    def __enter__(self) -> Self:
+        self._state.connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._state.connected = False
+
+    def model(self) -> CameraModel:
+        return kinect_model("small" if self._state.world.sensing.camera == "small" else "kinect")
+
+    def snapshot(self) -> Frame:
+        state = self._state
+        state.need_connection()
+        self._pictures += 1
+        if self._pictures in state.world.faults.camera_timeout:
+            raise CameraError("no frame within 1 s; check the camera's cable and power, then run again")
+        return self._frame(state.t_s, (state.q_rad + state.error_rad)[None], infrared=True)
+
+    def start_recording(self) -> None:
+        self._state.need_connection()
+        self._state.shots = []
+
+    def stop_recording(self) -> tuple[Frame, ...]:
+        state = self._state
+        state.need_connection()
+        if state.shots is None:
+            raise CameraError("the camera is not recording: call start_recording first")
+        shots, state.shots = state.shots, None
+        return tuple(frame for t_start_s, path in shots for frame in self._film(t_start_s, path))
+
+    def _film(self, t_start_s: float, path: JointPath) -> list[Frame]:
+        frames = []
+        for t_s in np.arange(0.5 / FRAME_RATE_HZ, path.duration_s, 1 / FRAME_RATE_HZ):
+            slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
+            q_rad = np.stack([np.interp(slices_s, path.t_s, column) for column in path.q_rad.T], axis=-1)
+            frames.append(self._frame(t_start_s + t_s, q_rad + self._state.error_rad, infrared=False))
+        return frames
+
+    def _frame(self, t_s: float, q_rad: Array, *, infrared: bool) -> Frame:
+        """At joints (S, 7), the true ones."""
+        moment = round(1e6 * t_s) % 2**31
+        poses, noise = _poses(q_rad), self._noise
+        colour, depth_mm = self._renderer.render(poses, noise, of_view(self._state.seed, moment, 1))
+        dark = self._renderer.render_infrared(poses, noise, of_view(self._state.seed, moment, 2)) if infrared else None
+        return Frame(t_s + 1e-3 * self._state.world.sensing.clock_offset_ms, colour, depth_mm, dark)
+
+    @cached_property
+    def _renderer(self) -> Renderer:
+        still = [v for v in Cell(self._task, self._state.world).bodies.visuals if v.body == WORLD]
+        return Renderer(self.model(), self._X_BC, [*still, *_arm_visuals(), *self._board.visuals()])
+
+    @cached_property
+    def _noise(self) -> SensorNoise:
+        sensing = self._state.world.sensing
+        own = SensorNoise.draw(of_camera(self._state.seed), sensing.depth_noise_scale)
+        shrink = 0.25 if sensing.camera == "small" else 1.0
+        return replace(own, lens_blur_px=LENS_BLUR_PX * shrink, jpeg_quality=JPEG_QUALITY)
+
+
+def _arm_visuals() -> tuple[Visual, ...]:
+    return visuals(frozenset({*_LINKS, _HAND}))
+
+
+def _poses(q_rad: Array) -> dict[str, Array]:
+    """Joints (S, 7) -> poses (S, 4, 4) of everything that can be seen of the arm."""
+    links = link_poses(q_rad)
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(_HAND_TURN), -np.sin(_HAND_TURN)], [np.sin(_HAND_TURN), np.cos(_HAND_TURN)]]
+    flange = links[:, 8]
+    return {**{name: links[:, i] for name, i in _LINKS.items()}, _HAND: flange @ turn, BODY: flange}

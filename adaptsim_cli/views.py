@@ -73,14 +73,22 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
 
 def proposal(task: Task, made: Proposal) -> RenderableType:
     expected = made.prediction
-    found = (f"Found at {values(task.context, made.context)}",) if len(task.context) else ()
     lines = (
-        *found,
+        *_where(task, made.context),
         f"Action   {values(task.action, made.action)}",
         f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
         made.told,
     )
     return _indent(Group(*map(Text, lines)))
+
+
+def _where(task: Task, context: Array) -> tuple[str, ...]:
+    if not len(task.context):
+        return ()
+    if task.goal_m is None:
+        return (f"Found at {values(task.context, context)}",)
+    x_m, y_m = task.goal_m(context)
+    return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
 
 def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:

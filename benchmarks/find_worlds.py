@@ -81,7 +81,7 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     with process_pool(arguments.workers) as executor, (out / f"{task.name}.jsonl").open("a") as log:
         for i in range(arguments.first, arguments.first + arguments.draws):
-            drawn = draw(task, np.random.default_rng((arguments.seed, i)))
+            drawn = draw(task, dict(arguments.within), np.random.default_rng((arguments.seed, i)))
             file = out / f"{task.name}-{i}.toml"
             file.write_text(world_file(task, drawn), encoding="utf-8")
             row = judge(task, load_world(str(file), task), udr, policies, executor, arguments.confirm)
@@ -94,16 +94,20 @@ def main() -> None:
                 file.unlink()
 
 
-def draw(task: Task, rng: np.random.Generator) -> Candidate:
-    """Parameters in Omega for every second draw, else in the margin; some effects."""
+def draw(task: Task, within: dict[str, tuple[float, float]], rng: np.random.Generator) -> Candidate:
+    """Parameters in Omega for every second draw, else in the margin, `within` narrower bounds; some effects."""
     space = task.parameters if rng.random() < 0.5 else task.margin
+    parameters = space.sample(rng, 4096)
+    for name, (low, high) in within.items():
+        column = parameters[:, space.names.index(name)]
+        parameters = parameters[(low <= column) & (column <= high)]
     effects: dict[str, Any] = {}
     for name, between in EFFECTS[task.name].items():
         if rng.random() < 0.5:
             continue
         low, high = between
         effects[name] = high if isinstance(low, str) else np.round(rng.uniform(low, high), 4).tolist()
-    return Candidate(space.sample(rng, 1)[0], task.nuisance.sample(rng, 1)[0], effects)
+    return Candidate(parameters[0], task.nuisance.sample(rng, 1)[0], effects)
 
 
 def judge(
@@ -149,6 +153,12 @@ def _line(dimension: Dimension, value: float) -> str:
     return f"{dimension.name} = {value:.0f}" if dimension.scale == "integer" else f"{dimension.name} = {value:.4g}"
 
 
+def _bounds(text: str) -> tuple[str, tuple[float, float]]:
+    name, _, numbers = text.partition("=")
+    low, high = map(float, numbers.split(":"))
+    return name, (low, high)
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="scooping")
@@ -156,6 +166,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="number of the first draw")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--within", type=_bounds, nargs="*", default=[], help="NAME=LOW:HIGH, where to look")
     parser.add_argument("--confirm", type=int, default=20, help="fresh rollouts behind each number of a kept world")
     parser.add_argument("--workers", type=int, default=None)
     parser.add_argument("--out", default="build/worlds")

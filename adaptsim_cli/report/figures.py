@@ -76,10 +76,11 @@ def parameter(dimension: DimensionRecord, paths: Sequence[Sequence[float]]) -> s
 
 
 def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], newest: int) -> str:
-    """Tracked paths seen from above: X to the right, Y up. Older iterations are faint."""
+    """Tracked paths seen from above, and the goals: X to the right, Y up. Older iterations are faint."""
     paths = [np.array(t.track.state)[:, :2] for t in trials]
-    corners = np.array([[d.low, d.high] for d in area[:2]]).T if len(area) >= 2 else np.zeros((0, 2))
-    points = np.concatenate([*paths, corners])
+    goals = [t.goal_m for t in trials if t.goal_m is not None]
+    corners = np.array([[d.low, d.high] for d in area[:2]]).T if len(area) >= 2 and not goals else np.zeros((0, 2))
+    points = np.concatenate([*paths, corners, np.array(goals).reshape(-1, 2)])
     low, high = points.min(axis=0) - 0.015, points.max(axis=0) + 0.015
     width = 760.0
     left, right, top = 48.0, 752.0, 12.0
@@ -103,6 +104,10 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
         css = f"c{trial.particle}" + ("" if trial.iteration == newest else " faint")
         told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
         pixels = [(x(px), y(py)) for px, py in path]
+        if trial.goal_m is not None:
+            gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
+            for rise in (-5.0, 5.0):
+                canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
         canvas.curve(pixels, f"track {css}", told)
         canvas.dot(*pixels[0], 3, f"dot open {css}", told)
         canvas.dot(*pixels[-1], 4.5, f"dot {css}" if trial.reward > 0 else f"dot open {css}", told)

@@ -97,6 +97,7 @@ def render(store: SessionStore) -> str:
         figure_parameters=[
             (d, figures.parameter(d, paths)) for d, paths in zip(facts.parameters, _paths(store, results), strict=True)
         ],
+        goals=any(trial.goal_m is not None for trial in trials),
         figure_table=figures.table_view(trials, facts.context, newest) if trials and not facts.curves else "",
         figure_curves=[(label, figures.curve_view(trials, label, column, newest)) for label, column in curves],
         kinds=("rollouts", "tracking", "adaptation", "training", "total"),

@@ -52,7 +52,8 @@ def _window(model: CameraModel, X_BC: Array, seen_m: Array) -> tuple[int, int, i
     """(left, top, right, bottom) in pixels of the colour image, of aspect _ASPECT, inside the image."""
     colour = model.colour
     low_m, high_m = seen_m.min(axis=0) - _REACH_M, seen_m.max(axis=0) + _REACH_M
-    corners = np.array([[x, y, 0.0] for x in (low_m[0], high_m[0]) for y in (low_m[1], high_m[1])])
+    top_m = seen_m[:, 2].max() + seen_m[1:, 2].min()  # the highest centre and half the object's own height
+    corners = np.array([[x, y, z] for x in (low_m[0], high_m[0]) for y in (low_m[1], high_m[1]) for z in (0.0, top_m)])
     X_CB = np.linalg.inv(X_BC)
     pixels, _ = cv2.projectPoints(
         corners @ X_CB[:3, :3].T + X_CB[:3, 3], np.zeros(3), np.zeros(3), colour.K, colour.distortion

@@ -132,6 +132,7 @@ class TrialRecord(Record):
     trial: int
     drawn_context: Row
     context: Row
+    goal_m: Row | None = None  # (x, y) where the object was wanted, for a task with such goals
     action: Row
     predicted_reward: float
     predicted_low: float

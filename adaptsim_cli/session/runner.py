@@ -212,6 +212,7 @@ def _trial_record(
         trial=stage.trial,
         drawn_context=as_row(proposal.drawn),
         context=as_row(proposal.context),
+        goal_m=None if task.goal_m is None else as_row(task.goal_m(proposal.context)),
         action=as_row(proposal.action),
         predicted_reward=proposal.prediction.reward,
         predicted_low=proposal.prediction.low,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
@@ -131,6 +132,7 @@ def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
     ]
+    gc.collect()  # a plant and its diagram hold on to each other; left alone they pile up
     return _observed(task, tracks)
 
 

@@ -188,6 +188,8 @@ class Task:
     X_FT: Array = field(default_factory=lambda: frozen_array(np.eye(4), (4, 4)))  # (4, 4) the tool in the arm's flange
     keep_clear: tuple[Capsule, ...] = ()
     """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
+    goal_m: Callable[[Array], Array] | None = None
+    """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
     tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers
 
     def score(self, track: ObjectTrack, context: Array) -> float:

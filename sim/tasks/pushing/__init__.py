@@ -14,6 +14,7 @@ from sim.tasks.pushing.params import (
     REFERENCE_CONTEXT,
     X_FT,
     Unmodelled,
+    goal_m,
 )
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
@@ -45,6 +46,7 @@ TASK = Task(
     end_state=end_state,
     reward_of_success=reward_of_success,
     object_name="bottle",
+    goal_m=goal_m,
     tracker="bottle",
     keep_clear=KEEP_CLEAR,
 )

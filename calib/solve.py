@@ -208,7 +208,7 @@ def _solution(
         fit_px=float(np.sqrt(np.mean(rms[kept] ** 2))),
         held_out_px=held.rms_px,
         noise=_noise(data, final, centre),
-        uncertainty=uncertainty(final, moved.take(kept), setup),
+        uncertainty=uncertainty(final, moved.take(kept), setup, joints),
         methods=cross_check(X_AH, data.X_CM[kept], final.state.X_AC),
         square_scale=scale,
         square_scale_sigma=scale_sigma,

@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from calib.bundle import Fit, Motion
 from calib.geometry import adjoint, cross_matrix
-from calib.types import Setup, Uncertainty
+from calib.types import JointOffsets, Setup, Uncertainty
 from hw.types import Array
 
 FACTOR_PLAIN = 0.92
@@ -45,8 +45,8 @@ def jackknife(fit: Fit) -> Array:
     return covariance
 
 
-def uncertainty(fit: Fit, moved: Motion, setup: Setup) -> Uncertainty:
-    """Of the final fit."""
+def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | None) -> Uncertainty:
+    """Of the final fit; `joints` is what was found of joint offsets, adopted or not."""
     offsets = bool(fit.model.offsets)
     n, p = 6 * len(fit.residual), fit.model.size
     factor = FACTOR_OFFSETS if offsets else FACTOR_PLAIN
@@ -54,9 +54,9 @@ def uncertainty(fit: Fit, moved: Motion, setup: Setup) -> Uncertainty:
     R = fit.state.X_AC[:3, :3]
     axes = np.kron(np.eye(2), R)
     covariance = axes @ inside @ axes.T + np.diag([np.deg2rad(FLOOR_DEG) ** 2] * 3 + [(1e-3 * FLOOR_MM) ** 2] * 3)
-    turn_rad = FACTOR_TURN * base_turn_rad(fit)
+    turn_rad = FACTOR_TURN * base_turn_rad(joints)
     own = _draws(n - p) @ np.linalg.cholesky(covariance).T
-    freedom = len(fit.model.offsets)
+    freedom = len(fit.model.offsets) or moved.joints - 2
     absolute = own + (turn_rad * _turns(max(freedom, 1)))[:, None] * _turn_twist(fit, moved)
     total = covariance + turn_rad**2 * np.outer(_turn_twist(fit, moved), _turn_twist(fit, moved))
     lever = setup.p_AP_m - fit.state.X_AC[:3, 3]
@@ -77,14 +77,15 @@ def uncertainty(fit: Fit, moved: Motion, setup: Setup) -> Uncertainty:
     )
 
 
-def base_turn_rad(fit: Fit) -> float:
-    """One standard deviation of the offset that no view shows: as large as those seen, less what is their noise."""
-    k = len(fit.model.offsets)
-    if not k:
+def base_turn_rad(joints: JointOffsets | None) -> float:
+    """One standard deviation of the offset that no view shows: as large as those seen, less what is their noise.
+
+    Offsets that were found but not adopted may be there all the same, and count alike.
+    """
+    if joints is None or not np.isfinite(joints.delta_bic):
         return 0.0
-    seen = fit.state.offsets_rad[list(fit.model.offsets)]
-    noise = np.diagonal(jackknife(fit))[12 : 12 + k]
-    return float(np.sqrt(max(float(np.mean(seen**2 - noise)), 0.0)))
+    seen, noise = (values[np.isfinite(joints.sigma_rad)] for values in (joints.suspected_rad, joints.sigma_rad))
+    return float(np.sqrt(max(float(np.mean(seen**2 - noise**2)), 0.0)))
 
 
 def _turn_twist(fit: Fit, moved: Motion) -> Array:

@@ -69,12 +69,7 @@ def work_volume(uncertainty: UncertaintyRecord, camera_m: tuple[float, float]) -
     right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
     canvas = Canvas(_WIDTH, bottom + 44, "Error at the corners of the work volume, seen from above")
     x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
-    for tick in x.ticks(6):
-        canvas.line(x(tick), top, x(tick), bottom, "grid")
-        canvas.text(x(tick), bottom + 16, plain(round(tick, 4)), anchor="middle")
-    for tick in y.ticks(5):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+    canvas.grid(x, y)
     box = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     canvas.rect(x(box[0][0]), y(box[1][1]), x(box[1][0]) - x(box[0][0]), y(box[0][1]) - y(box[1][1]), "area", 2)
     for place in np.unique(points[:, :2], axis=0):

@@ -90,12 +90,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     canvas = Canvas(min(width, right + 8), bottom + 44, "Tracked paths on the table, seen from above")
     x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
     canvas.rect(left, top, right - left, bottom - top, "table", 6)
-    for tick in x.ticks(7):
-        canvas.line(x(tick), top, x(tick), bottom, "grid")
-        canvas.text(x(tick), bottom + 16, plain(round(tick, 4)), anchor="middle")
-    for tick in y.ticks(5):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+    canvas.grid(x, y)
     canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
     if len(corners):
         canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
@@ -123,12 +118,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
     pad = 0.05 * max(float(np.ptp(everything)), 1e-6)
     x = Scale(0.0, max(float(t_s[-1]) for t_s, _ in paths), left, right)
     y = Scale(float(everything.min()) - pad, float(everything.max()) + pad, bottom, top)
-    for tick in x.ticks(6):
-        canvas.line(x(tick), top, x(tick), bottom, "grid")
-        canvas.text(x(tick), bottom + 16, plain(round(tick, 4)), anchor="middle")
-    for tick in y.ticks(5):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+    canvas.grid(x, y)
     canvas.text((left + right) / 2, bottom + 36, "time in s", anchor="middle")
     for trial, (t_s, values) in zip(trials, paths, strict=True):
         css = f"track c{trial.particle}" + ("" if trial.iteration == newest else " faint")

@@ -66,6 +66,15 @@ class Canvas:
     def text(self, x: float, y: float, text: str, css: str = "tick", anchor: str = "start") -> None:
         self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" class="{css}" text-anchor="{anchor}">{escape(text)}</text>')
 
+    def grid(self, x: Scale, y: Scale) -> None:
+        """Lines with their values, across the ranges of both scales; `y` starts at the bottom."""
+        for tick in x.ticks(7):
+            self.line(x(tick), y.end, x(tick), y.start, "grid")
+            self.text(x(tick), y.start + 16, plain(round(tick, 4)), anchor="middle")
+        for tick in y.ticks(5):
+            self.line(x.start, y(tick), x.end, y(tick), "grid")
+            self.text(x.start - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+
     def svg(self) -> str:
         return (
             f'<svg viewBox="0 0 {self.width:.0f} {self.height:.0f}" role="img" aria-label="{escape(self.label)}">'

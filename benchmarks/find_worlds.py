@@ -3,9 +3,10 @@
     python benchmarks/find_worlds.py --task scooping --draws 200 --out build/worlds
 
 Draws parameters and unmodelled effects, and keeps the combinations where UDR's policy fails and the policy of some E in
-Omega does not. The policies are the checkpoint's. Each stage uses fresh rollouts over contexts and executed noise, so
-that what passes by luck is found out: a few for UDR, a few for every E, then `--confirm` for UDR and the best E alone.
-Every draw is written down, kept or not; what was kept is also written as a world file.
+Omega does not: one of 16 that fill Omega, or the nearest to the world's own. The policies are the checkpoint's. Each
+stage uses fresh rollouts over contexts and executed noise, so that what passes by luck is found out: a few for UDR, a
+few for every E, then `--confirm` for UDR and the best E alone. Every draw is written down, kept or not; what was kept
+is also written as a world file.
 """
 
 from __future__ import annotations
@@ -81,10 +82,12 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     with process_pool(arguments.workers) as executor, (out / f"{task.name}.jsonl").open("a") as log:
         for i in range(arguments.first, arguments.first + arguments.draws):
-            drawn = draw(task, dict(arguments.within), np.random.default_rng((arguments.seed, i)))
+            drawn = draw(task, dict(arguments.within), arguments.effects, np.random.default_rng((arguments.seed, i)))
             file = out / f"{task.name}-{i}.toml"
             file.write_text(world_file(task, drawn), encoding="utf-8")
-            row = judge(task, load_world(str(file), task), udr, policies, executor, arguments.confirm)
+            nearest = np.clip(drawn.parameters, task.parameters.low, task.parameters.high)
+            candidates = (*policies, *solver.policies(nearest[None, None, :], np.random.default_rng(1)))
+            row = judge(task, load_world(str(file), task), udr, candidates, executor, arguments.confirm)
             line = json.dumps({"draw": i, **row, "parameters": drawn.parameters.tolist(), "effects": drawn.effects})
             log.write(line + "\n")
             log.flush()
@@ -94,7 +97,9 @@ def main() -> None:
                 file.unlink()
 
 
-def draw(task: Task, within: dict[str, tuple[float, float]], rng: np.random.Generator) -> Candidate:
+def draw(
+    task: Task, within: dict[str, tuple[float, float]], wanted: list[str] | None, rng: np.random.Generator
+) -> Candidate:
     """Parameters in Omega for every second draw, else in the margin, `within` narrower bounds; some effects."""
     space = task.parameters if rng.random() < 0.5 else task.margin
     parameters = space.sample(rng, 4096)
@@ -103,7 +108,7 @@ def draw(task: Task, within: dict[str, tuple[float, float]], rng: np.random.Gene
         parameters = parameters[(low <= column) & (column <= high)]
     effects: dict[str, Any] = {}
     for name, between in EFFECTS[task.name].items():
-        if rng.random() < 0.5:
+        if rng.random() < 0.5 or (wanted is not None and name not in wanted):
             continue
         low, high = between
         effects[name] = high if isinstance(low, str) else np.round(rng.uniform(low, high), 4).tolist()
@@ -167,6 +172,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first draw")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--within", type=_bounds, nargs="*", default=[], help="NAME=LOW:HIGH, where to look")
+    parser.add_argument("--effects", nargs="*", default=None, help="only these effects; default: all")
     parser.add_argument("--confirm", type=int, default=20, help="fresh rollouts behind each number of a kept world")
     parser.add_argument("--workers", type=int, default=None)
     parser.add_argument("--out", default="build/worlds")

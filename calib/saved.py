@@ -153,12 +153,16 @@ def saved(
     """All of it as one record. `points_m` (P, 3) are the corners of the work volume."""
     joints, u = solution.joints, solution.uncertainty
     named = {check.name for check in checks}
-    offsets = None if joints is None else OffsetsRecord(
-        adopted=joints.adopted,
-        reason=joints.reason,
-        offsets_rad=_row(joints.offsets_rad),
-        suspected_rad=_row(joints.suspected_rad),
-        sigma_rad=tuple(finite(float(s)) for s in joints.sigma_rad),
+    offsets = (
+        None
+        if joints is None
+        else OffsetsRecord(
+            adopted=joints.adopted,
+            reason=joints.reason,
+            offsets_rad=_row(joints.offsets_rad),
+            suspected_rad=_row(joints.suspected_rad),
+            sigma_rad=tuple(finite(float(s)) for s in joints.sigma_rad),
+        )
     )
     return SavedCalibration(
         mounting="fixed" if solution.mounting is Mounting.FIXED else "wrist",

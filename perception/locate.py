@@ -137,5 +137,7 @@ def _depth_residual(evidence: Evidence, proxy: Proxy, X_BO: Array) -> tuple[floa
     off, slopes = evidence.depth_m[use] - front[use], normal[use] / facing[use, None]
     weight = np.maximum(1 - ((off - np.median(off)) / _DEPTH_GATE_M) ** 2, 0) ** 2
     count = weight.sum()
+    if count < 1.0:  # two surfaces, equally seen: their middle is neither
+        return 0.0, np.zeros(3), 1.0
     sigma = float(np.hypot(_DEPTH_FLOOR_M, _DEPTH_NOISE_M / np.sqrt(count)))
     return float(weight @ off / count), weight @ slopes / count, sigma

@@ -7,8 +7,7 @@ import pytest
 
 from perception.types import Outcome
 from sim.lab.cell import Cell
-from sim.panda.inverse import inverse
-from sim.panda.planning import home, trial_paths
+from sim.panda.planning import home, joint_path, trial_paths
 from sim.panda.tool import held
 from sim.tasks import get_task
 from sim.world import Faults, Sensing, World
@@ -29,7 +28,7 @@ def test_nominal_scoops_end_as_in_training() -> None:
         effects = task.unmodelled()
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
         motion = task.plan(context, action)
-        q_rad = inverse(motion.X_BT @ np.linalg.inv(task.X_FT), np.zeros(len(motion.t_s)))[:, 0]
+        q_rad = joint_path(motion, task.X_FT, "panda", tool=held(task.X_FT, task.keep_clear)).q_rad
         cell.reset(q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
         played = cell.simulate(motion.t_s, q_rad)
         times_s = task.observation.times_s

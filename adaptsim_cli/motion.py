@@ -86,11 +86,12 @@ _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 def planned(task_name: str, arm: str, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
     """The motion for values typed as name=value; what is not given is the middle of its range.
 
-    Raises UsageError for values or a task that cannot be planned, NotExecutable where the arm cannot do it.
+    Raises UsageError for values or a task that cannot be planned, NotExecutable or MotionRefused (also where no
+    stop along the path keeps the limits) where the arm cannot do it.
     """
     import numpy as np
 
-    from hw.limits import LIMITS, check_path
+    from hw.limits import LIMITS, require
     from sim.panda.planning import home, trial_paths
     from sim.panda.tool import held
     from sim.tasks import get_task
@@ -105,5 +106,5 @@ def planned(task_name: str, arm: str, context: Sequence[str], action: Sequence[s
     how = values.point(task.action, action, middle, "--action")
     tool = held(task.X_FT, task.keep_clear)
     paths = trial_paths(task.plan(where, how), task.X_FT, arm, home(task.X_FT, arm, tool), tool=tool)
-    approach, motion, back = (check_path(path, arm, None, (), tool) for path in paths)
+    approach, motion, back = (require(path, arm, None, (), tool) for path in paths)
     return PlannedMotion(task, arm, where, how, paths, (approach, motion, back))

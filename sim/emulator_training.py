@@ -19,7 +19,7 @@ from sim.emulator import Emulator, encode, forward, one_thread
 from sim.errors import DatasetError
 from sim.misfit import misfit
 from sim.rollouts.dataset import Dataset
-from sim.rollouts.run import OUTCOMES
+from sim.rollouts.run import OUTCOMES, Requests
 from sim.task_policy import EmulatorSolver
 from sim.tasks.task import Task
 
@@ -42,7 +42,7 @@ class EmulatorSettings:
     passes: int = 40  # over the data
     least_steps: int = 800
     most_steps: int = 12000
-    held_out: float = 0.15  # share of the rollouts, half for calibration, half for the report
+    held_out: float = 0.15  # share of those that fill the space evenly, half for calibration, half for the report
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,10 @@ def train_emulator(
     if len(dataset) < SMALLEST:
         raise DatasetError(f"{len(dataset)} rollouts are too few to learn from; at least {SMALLEST} are needed")
     rng = np.random.default_rng(seed)
-    order = np.asarray(rng.permutation(len(dataset)), dtype=np.intp)
-    n_out = max(16, int(settings.held_out * len(dataset)))
-    calibrate, judge, train = order[: n_out // 2], order[n_out // 2 : n_out], order[n_out:]
+    order = np.asarray(rng.permutation(dataset.uniform), dtype=np.intp)
+    n_out = max(16, int(settings.held_out * dataset.uniform))
+    calibrate, judge = order[: n_out // 2], order[n_out // 2 : n_out]
+    train = np.concatenate([order[n_out:], np.arange(dataset.uniform, len(dataset))])
     targets = _targets(task, dataset)
     y_mean, y_std = _scaling(targets.y[train], targets.known[train])
     data = _Data(
@@ -104,6 +105,13 @@ def train_emulator(
     tensors["misfit_limit"] = torch.tensor(_misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng))
     emulator = Emulator(task, tensors)
     return emulator, _judge(emulator, task, dataset, judge, len(train))
+
+
+def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:
+    """(N,) how uncertain an emulator of `dataset` leaves the outcome of each candidate: at most .25."""
+    draft, _ = train_emulator(task, dataset, seed)
+    predicted = draft.predict(candidates.parameters, candidates.action, candidates.nuisance)
+    return predicted.success * (1.0 - predicted.success)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,10 @@
 """The shared dataset of a task: rollouts over parameters, actions and nuisance, drawn once, used by all learning.
 
 A folder holds `dataset.toml` (what was drawn, and probe rollouts that tell whether the scene is still the
-same) and shards. Shard i holds rollouts i*SHARD and on of a scrambled Sobol sequence, so a dataset is a
+same) and shards. Shard i holds rollouts i*SHARD and on of a scrambled Sobol sequence, so this part is a
 function of (task, seed, size), a larger one extends a smaller one, and a killed run goes on where it was.
+A second part is denser where the outcome is uncertain (`sim.rollouts.denser`): rows further along the same sequence,
+chosen by what the first part tells and written down in `denser.npz`.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -21,6 +24,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.files import read_toml, whole_file, write_toml
+from sim.rollouts.denser import POOL, Denser, choose
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
 from sim.sampling import sobol, spread
 from sim.tasks.fingerprint import fingerprint
@@ -30,6 +34,7 @@ SHARD = 256
 """Rollouts a file: about half a minute of one core, the most that a kill can cost."""
 
 MANIFEST = "dataset.toml"
+DENSER = "denser.npz"
 
 PROBE_TOLERANCE = 1e-3
 """Largest difference of a probe's normalised observation that still counts as the same scene."""
@@ -49,6 +54,7 @@ class Dataset:
     end_state: Array  # (N, k); not a number where there is none
     succeeded: NDArray[np.bool_]  # (N,)
     outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
+    uniform: int  # the first of them fill the space evenly; the others are denser where the outcome changes
     identity: str  # hash of all of the above
 
     def __len__(self) -> int:
@@ -69,23 +75,76 @@ def dataset_requests(task: Task, seed: int, size: int) -> Requests:
 
 
 def build_dataset(
-    task: Task, folder: Path, size: int, seed: int, executor: Executor, progress: Progress | None = None
+    task: Task,
+    folder: Path,
+    size: int,
+    seed: int,
+    executor: Executor,
+    progress: Progress | None = None,
+    denser: Denser | None = None,
 ) -> Dataset:
-    """Simulate what is missing in `folder` and return the whole.
+    """Simulate what is missing in `folder` and return the whole: `size` rollouts, and those of the `denser` part.
 
     Raises DatasetError when the folder holds a dataset of another task, seed or scene.
     """
-    _agree_on_manifest(task, folder, size, seed, executor)
+    more = 0 if denser is None else denser.count
+    _agree_on_manifest(task, folder, size, more, seed, executor)
+
+    def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
+        parts = []
+        for path, part in _shards(folder, requests, kind):
+            parts.append(_simulated(task, path, part, executor, _offset(progress, before, size + more)))
+            before += len(part)
+        return concatenate(parts)
+
     requests = dataset_requests(task, seed, size)
-    for start in range(0, size, SHARD):
-        part = requests[start : start + SHARD]
-        path = _shard_path(folder, start)
-        if read_rollouts(path, part) is None:
-            results = run_many(task, part, executor, _offset(progress, start, size))
-            write_rollouts(path, part, results)
-        if progress is not None:
-            progress(min(start + SHARD, size), size)
+    results = simulate(requests, "shard", 0)
+    if denser is not None:
+        pool = _pool(task, seed, size, more)
+        if not (folder / DENSER).exists():
+            variance = denser.variance(_joined(requests, results, size), pool)
+            rows = choose(variance, more, np.random.default_rng([seed, size]))
+            with whole_file(folder / DENSER) as temporary, temporary.open("wb") as file:
+                np.savez(file, rows=rows)
+        simulate(pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size)
     return load_dataset(folder, task)
+
+
+def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
+    """The candidates of the denser part: what follows the first part in its sequence."""
+    return dataset_requests(task, seed, size + POOL * count)[size:]
+
+
+def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
+    columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
+    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
+    return Dataset(**columns, uniform=uniform, identity=_digest(columns)[:16])
+
+
+def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
+    for start in range(0, len(requests), SHARD):
+        yield folder / f"{kind}-{start // SHARD:05d}.npz", requests[start : start + SHARD]
+
+
+def _simulated(task: Task, path: Path, part: Requests, executor: Executor, progress: Progress) -> Rollouts:
+    """What the shard at `path` holds; simulated and stored if it holds nothing good."""
+    results = read_rollouts(path, part)
+    if results is None:
+        results = run_many(task, part, executor, progress)
+        write_rollouts(path, part, results)
+    progress(len(part), len(part))
+    return results
+
+
+def _read_rows(path: Path, count: int, pool: int) -> NDArray[np.int64]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            rows = file["rows"]
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{path} cannot be read ({error}): remove it, and the files {path.stem}-*.npz") from error
+    if len(rows) != count or rows.min() < 0 or rows.max() >= pool:
+        raise DatasetError(f"{path} names {len(rows)} rollouts, wanted {count}: use a new folder")
+    return np.asarray(rows, dtype=np.int64)
 
 
 def load_dataset(folder: Path, task: Task) -> Dataset:
@@ -98,24 +157,29 @@ def load_dataset(folder: Path, task: Task) -> Dataset:
             f"the dataset in {folder} was made for {manifest['task']} with other ranges "
             f"({manifest['interface']}, now {fingerprint(task)}): build one in a new folder"
         )
-    size = int(manifest["size"])
-    requests = dataset_requests(task, int(manifest["seed"]), size)
+    size, denser, seed = (int(manifest[key]) for key in ("size", "denser", "seed"))
+    requests, results = _loaded(folder, dataset_requests(task, seed, size), "shard")
+    if denser > 0:
+        pool = _pool(task, seed, size, denser)
+        more_requests, more = _loaded(folder, pool[_read_rows(folder / DENSER, denser, len(pool))], "denser")
+        requests, results = requests.followed_by(more_requests), concatenate([results, more])
+    return _joined(requests, results, size)
+
+
+def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Rollouts]:
     parts = []
-    for start in range(0, size, SHARD):
-        rows = read_rollouts(_shard_path(folder, start), requests[start : start + SHARD])
+    for path, part in _shards(folder, requests, kind):
+        rows = read_rollouts(path, part)
         if rows is None:
             raise DatasetError(
-                f"{_shard_path(folder, start)} is missing, truncated or changed: run the same `adaptsim pretrain` "
-                f"again, it redoes that shard alone"
+                f"{path} is missing, truncated or changed: run the same `adaptsim pretrain` again, it redoes that shard "
+                "alone"
             )
         parts.append(rows)
-    results = concatenate(parts)
-    columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
-    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
-    return Dataset(**columns, identity=_digest(columns)[:16])
+    return requests, concatenate(parts)
 
 
-def _agree_on_manifest(task: Task, folder: Path, size: int, seed: int, executor: Executor) -> None:
+def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare that of an old one with what is asked for and with the scene."""
     probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
@@ -131,11 +195,14 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, seed: int, executor:
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 f"elsewhere): use a new folder"
             )
+        if (folder / DENSER).exists() and (manifest["size"], manifest["denser"]) != (size, denser):
+            raise DatasetError(
+                f"the dataset in {folder} has {manifest["size"]} rollouts and {manifest["denser"]} where outcomes change, "
+                f"chosen by those; wanted {size} and {denser}: use a new folder"
+            )
         probe = stored
-    write_toml(
-        folder / MANIFEST,
-        {"task": task.name, "interface": fingerprint(task), "seed": seed, "size": size, "probe": probe.tolist()},
-    )
+    sizes = {"seed": seed, "size": size, "denser": denser}
+    write_toml(folder / MANIFEST, {"task": task.name, "interface": fingerprint(task), **sizes, "probe": probe.tolist()})
 
 
 def _probe_requests(task: Task) -> Requests:
@@ -157,14 +224,10 @@ def _read_manifest(folder: Path) -> dict[str, Any] | None:
         manifest = read_toml(path)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path} is not valid TOML ({error}): remove the folder and build it again") from error
-    missing = {"task", "interface", "seed", "size", "probe"} - manifest.keys()
+    missing = {"task", "interface", "seed", "size", "denser", "probe"} - manifest.keys()
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")
     return manifest
-
-
-def _shard_path(folder: Path, start: int) -> Path:
-    return folder / f"shard-{start // SHARD:05d}.npz"
 
 
 def _digest(columns: dict[str, Any]) -> str:
@@ -204,5 +267,5 @@ def stored_count(path: Path) -> int:
         return len(file["succeeded"])
 
 
-def _offset(progress: Progress | None, start: int, size: int) -> Progress | None:
-    return None if progress is None else lambda done, _: progress(start + done, size)
+def _offset(progress: Progress | None, start: int, total: int) -> Progress:
+    return lambda done, _: None if progress is None else progress(start + done, total)

@@ -46,8 +46,11 @@ class Requests:
     def __len__(self) -> int:
         return len(self.parameters)
 
-    def __getitem__(self, index: slice) -> Requests:
+    def __getitem__(self, index: slice | NDArray[np.int64]) -> Requests:
         return Requests(self.parameters[index], self.context[index], self.action[index], self.nuisance[index])
+
+    def followed_by(self, other: Requests) -> Requests:
+        return Requests(*(np.concatenate([getattr(r, f.name) for r in (self, other)]) for f in fields(Requests)))
 
 
 @dataclass(frozen=True, eq=False)

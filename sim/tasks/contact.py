@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-import logging
+from collections.abc import Iterable
 from typing import Literal
 
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
     ProximityProperties,
+    SceneGraph,
 )
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
-RELAXATION_TIME_S = 0.020
+from sim import drake_log
+
+RELAXATION_TIME_S = 0.120
 HUNT_CROSSLEY_S_M = 1.0
 """Dissipation under "sap" and under "lagged", where a task says nothing else."""
 
-logging.getLogger("drake").addFilter(lambda record: "half spaces" not in record.getMessage())
-"""Drake warns of a half space that deformable bodies would not feel; there are none here."""
+drake_log.silence()  # every scene comes by here: Drake warns of half spaces that deformable bodies would not feel
 
 
 def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> None:
@@ -26,6 +31,13 @@ def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> Non
     plant.set_discrete_contact_approximation(
         DiscreteContactApproximation.kSap if contact == "sap" else DiscreteContactApproximation.kLagged
     )
+
+
+def keep_apart(scene_graph: SceneGraph, pairs: Iterable[tuple[GeometryId, GeometryId]]) -> None:
+    """Let the two of each pair pass through each other. Before anything is built from `scene_graph`."""
+    for one, other in pairs:
+        apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet(one), GeometrySet(other))
+        scene_graph.collision_filter_manager().Apply(apart)
 
 
 def material(
@@ -44,7 +56,8 @@ def relaxing(properties: ProximityProperties, relaxation_time_s: float) -> Proxi
 
 
 def rigid(friction: float) -> ProximityProperties:
-    properties = material(friction)
+    """Without relaxation time: that of a pair is the other's."""
+    properties = relaxing(material(friction), 0.0)
     AddRigidHydroelasticProperties(1.0, properties)
     return properties
 

@@ -17,6 +17,7 @@ from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
 from sim.tasks.carriage import CARRIAGE, Drive, add_carriage, place_carriage
+from sim.tasks.contact import keep_apart
 from sim.tasks.task import SceneBodies
 
 READ_EVERY_S = 0.020
@@ -80,16 +81,17 @@ def run(
     builder, plant = robot.builder(), robot.plant()
     plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
     bodies = build(plant, add_carriage(plant, drive))
+    keep_apart(robot.scene_graph(), bodies.apart)
     plant.Finalize()
     source = builder.AddSystem(TrajectorySource(drive.trajectory))
     port = plant.get_desired_state_input_port(plant.GetModelInstanceByName(CARRIAGE))
     builder.Connect(source.get_output_port(), port)
     simulator = Simulator(robot.Build())
-    simulator.get_mutable_context().SetTime(start.t_s)
+    simulator.get_mutable_context().SetTime(start.t_s - dt_s / 2)  # see _read
     state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(start.X_BO))
     place_carriage(plant, state, start.tool)
-    return _read(simulator, plant, bodies, start.t_s, end_s, finished)
+    return _read(simulator, plant, bodies, start.t_s, end_s, finished, dt_s)
 
 
 def _read(
@@ -99,7 +101,10 @@ def _read(
     start_s: float,
     end_s: float,
     finished: Callable[[Moment], bool],
+    dt_s: float,
 ) -> Readings:
+    """A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
+    whether the step at a reading has been taken."""
     state = plant.GetMyContextFromRoot(simulator.get_context())
     body, tool = plant.GetBodyByName(bodies.object), plant.GetBodyByName(bodies.tool)
     t_s = [start_s]
@@ -110,7 +115,7 @@ def _read(
         simulator.Initialize()
         while t_s[-1] < end_s and not finished(Moment(t_s[-1], body, tool, state)):
             t = min(start_s + len(t_s) * READ_EVERY_S, end_s)
-            simulator.AdvanceTo(t)
+            simulator.AdvanceTo(t - dt_s / 2)
             t_s.append(t)
             X_BO.append(body.EvalPoseInWorld(state))
             X_BT.append(tool.EvalPoseInWorld(state))

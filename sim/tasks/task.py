@@ -19,6 +19,7 @@ from perception.types import ObjectTrack
 from sim.types import Space, ToolMotion
 
 if TYPE_CHECKING:
+    import pydrake.geometry as drake_geometry
     import pydrake.multibody.plant as drake_plant
     import pydrake.multibody.tree as drake_tree
 
@@ -128,6 +129,8 @@ class SceneBodies:
     tool: str  # name of the tool's body; its body frame is T
     object: str  # name of the object's free body; its body frame is at the centre, Z up at rest
     visuals: tuple[Visual, ...]  # tool, object, table
+    apart: tuple[tuple[drake_geometry.GeometryId, drake_geometry.GeometryId], ...] = ()
+    """Pairs that pass through each other (`sim.tasks.contact.keep_apart`)."""
 
 
 class BuildScene(Protocol):

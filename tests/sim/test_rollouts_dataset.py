@@ -1,13 +1,16 @@
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
-from toy_task import TOY, simulate
+from toy_task import ACTION, TOY, best_action, simulate
 
+from sim.emulator_training import outcome_variance
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, serial_executor
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import dataset_requests
+from sim.rollouts.denser import Denser
 from sim.sampling import sobol, spread
 from sim.types import Dimension, Space
 
@@ -32,9 +35,10 @@ def other_scene(parameters, context, action, nuisance, unmodelled=None):
 COUNTED = dataclasses.replace(TOY, simulate=counting)
 
 
-def build(folder, size=600, seed=0, task=TOY):
+def build(folder, size=600, seed=0, task=TOY, denser=0):
     with serial_executor() as executor:
-        return build_dataset(task, folder, size, seed, executor)
+        more = Denser(denser, partial(outcome_variance, task, 0)) if denser else None
+        return build_dataset(task, folder, size, seed, executor, denser=more)
 
 
 def test_the_draws_fill_margin_action_and_nuisance_evenly():
@@ -68,6 +72,36 @@ def test_a_killed_build_goes_on_where_it_was(tmp_path):
     assert resumed.identity == build(tmp_path / "fresh").identity
 
 
+def test_the_second_part_is_denser_where_the_outcome_changes(tmp_path):
+    dataset = build(tmp_path, 1024, denser=512)
+    assert (len(dataset), dataset.uniform) == (1536, 1024)
+    miss = np.array(
+        [ACTION.normalise(a) - best_action(p) for a, p in zip(dataset.action, dataset.parameters, strict=True)]
+    )
+    rim = np.abs(np.linalg.norm(miss, axis=1) - 0.45) < 0.1  # the toy's scoop works up to a miss of .42 to .48
+    assert rim[1024:].mean() > 1.5 * rim[:1024].mean()
+    assert build(tmp_path, 1024, denser=512).identity == dataset.identity == load_dataset(tmp_path, TOY).identity
+
+
+def test_a_killed_denser_part_goes_on_with_the_rollouts_that_were_chosen(tmp_path):
+    calls.clear()
+    with pytest.raises(RolloutError, match="power cut"):
+        build(tmp_path, 256, task=dataclasses.replace(TOY, simulate=failing_late), denser=300)
+    chosen = (tmp_path / "denser.npz").read_bytes()
+    resumed = build(tmp_path, 256, denser=300)
+    assert (tmp_path / "denser.npz").read_bytes() == chosen
+    assert resumed.identity == build(tmp_path / "fresh", 256, denser=300).identity
+
+
+def test_what_was_chosen_by_a_first_part_is_not_mixed_with_another(tmp_path):
+    build(tmp_path, 256, denser=128)
+    with pytest.raises(DatasetError, match="chosen by those"):
+        build(tmp_path, 512, denser=128)
+    (tmp_path / "denser.npz").write_bytes(b"nothing")
+    with pytest.raises(DatasetError, match="cannot be read"):
+        load_dataset(tmp_path, TOY)
+
+
 @pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:900] + b"x" * 50 + b[950:]])
 def test_a_damaged_shard_is_found_and_redone_alone(tmp_path, damage):
     whole = build(tmp_path)
@@ -98,7 +132,7 @@ def test_a_missing_or_malformed_manifest_says_what_to_do(tmp_path):
     with pytest.raises(DatasetError, match="not valid TOML"):
         load_dataset(tmp_path, TOY)
     (tmp_path / "dataset.toml").write_text('task = "toy"')
-    with pytest.raises(DatasetError, match="lacks interface"):
+    with pytest.raises(DatasetError, match="lacks denser, interface"):
         build(tmp_path)
 
 

@@ -26,7 +26,7 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from sim.drake_types import vector
-from sim.tasks.contact import RELAXATION_TIME_S, coefficient, compliant, relaxing, rigid, set_contact
+from sim.tasks.contact import coefficient, compliant, rigid, set_contact
 from sim.tasks.pushing import table
 from sim.tasks.pushing.looks import bottle_visual, patch_visual, pusher_visuals
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
@@ -49,6 +49,9 @@ MESH_M = 0.0125
 """Edge length of the bottle's mesh: sixteen sides around."""
 DISSIPATION_S_M = 10.0
 """Hunt-Crossley: a bottle hit at 0.6 m/s hardly bounces (docs/decisions/0008)."""
+
+RELAXATION_S = 0.020
+"""Where a world asks for contact = "sap"."""
 
 BOTTLE_COEFFICIENT = 1.0
 PLATE_MASS_KG = 0.1
@@ -86,7 +89,7 @@ def build_scene(
     half_m = PATCH_SIZE_M * effects.patch_size_scale / 2
     area = (PATCH_X_M - half_m, PATCH_X_M + half_m), (y_p_m - half_m, y_p_m + half_m)
     for name, sheet, friction in (("table", table.table_around(*area), mu), ("patch", table.patch(*area), mu_p)):
-        properties = relaxing(rigid(coefficient(friction, BOTTLE_COEFFICIENT)), 0.0)
+        properties = rigid(coefficient(friction, BOTTLE_COEFFICIENT))
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), sheet, name, properties)
     _add_bottle(plant, e_Pa, effects)
     _add_pusher(plant, tool_parent, X_PT)
@@ -106,7 +109,7 @@ def _add_bottle(plant: MultibodyPlant, e_Pa: float, effects: Unmodelled) -> None
         e_Pa,
         resolution_m=MESH_M,
         dissipation_s_m=DISSIPATION_S_M / effects.plate_restitution_scale,
-        relaxation_time_s=RELAXATION_TIME_S / effects.plate_restitution_scale,
+        relaxation_time_s=RELAXATION_S / effects.plate_restitution_scale,
     )
     shape = Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
     plant.RegisterCollisionGeometry(body, RigidTransform(), shape, OBJECT, properties)
@@ -141,5 +144,5 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
     pusher: RigidBody = plant.AddRigidBody(TOOL, instance, inertia)
     plant.set_gravity_enabled(instance, False)
     plant.AddJoint(WeldJoint(TOOL + "_mount", parent, pusher.body_frame(), RigidTransform(X_PT)))
-    properties = relaxing(rigid(coefficient(PLATE_FRICTION, BOTTLE_COEFFICIENT)), 0.0)
+    properties = rigid(coefficient(PLATE_FRICTION, BOTTLE_COEFFICIENT))
     plant.RegisterCollisionGeometry(pusher, centre, Box(*size_m), "plate", properties)

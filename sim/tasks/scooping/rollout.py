@@ -12,19 +12,25 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.carriage import Drive, VerticalSpring, drive_of
+from sim.tasks.carriage import Compliance, Drive, drive_of
 from sim.tasks.direct import READ_EVERY_S, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
-from sim.tasks.scooping.plan import (
-    DURATION_S,
-    VERTICAL_DAMPING_NS_M,
-    VERTICAL_STIFFNESS_N_M,
-    edge_height_m,
-    plan,
-)
+from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
 from sim.types import ToolMotion
+
+ARM = Compliance(
+    p_TP_m=(-0.497, 0.266),
+    stiffness=(3.0e4, 2.0e4, 1050.0),
+    damping=(810.0, 500.0, 18.4),
+    mass_kg=1.68,
+    p_PM_m=(0.18, -0.01),
+    inertia_kg_m2=0.031,
+)
+"""A Franka under its default joint impedance, as the edge feels it while it touches the table: joint stiffness,
+damping and inertia carried to the edge along planned scoops (tests/sim/test_arm_compliance.py). Nearly all of it is
+a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
 
 LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""
@@ -48,9 +54,10 @@ def simulate(
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
     motion = plan(context, action)
-    drive = drive_of(motion, VerticalSpring(VERTICAL_STIFFNESS_N_M, VERTICAL_DAMPING_NS_M))
+    drive = drive_of(motion, ARM)
     start_s = _start_s(motion, context, nuisance, unmodelled)
-    start = Start(start_s, rest_pose(context, parameters, nuisance, unmodelled), _on_table(drive, start_s))
+    tool = _on_table(drive, start_s)
+    start = Start(start_s, rest_pose(context, parameters, nuisance, unmodelled), tool)
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
     return _track(run(drive, build, time_step_s(unmodelled), start, DURATION_S, _finished), motion)
 
@@ -65,11 +72,14 @@ def _start_s(motion: ToolMotion, context: Array, nuisance: Array, unmodelled: Un
 
 
 def _on_table(drive: Drive, t_s: float) -> Array:
-    """(6,) where the motion has the carriage, except that the table holds the edge up."""
-    start = np.array(drive.trajectory.value(t_s)[:, 0])
-    floor_m = float(edge_height_m(start[2]))
-    if start[1] <= floor_m:
-        start[1], start[4] = floor_m, 0.0
+    """(6,) where the motion has the carriage, except that the table holds the edge up and the springs give way."""
+    start, arm = np.array(drive.trajectory.value(t_s)[:, 0]), drive.compliance
+    height_m, rate_m_s = arm.tool_height(start)
+    pitch_rad = float(start[2])
+    missing_m = float(edge_height_m(start[2:3])[0]) - height_m
+    if missing_m >= 0.0:
+        yielding = arm.yielding(pitch_rad) / arm.lift_m_N(pitch_rad)
+        start += np.concatenate([yielding * missing_m, -yielding * rate_m_s])
     return start
 
 

@@ -1,8 +1,8 @@
 """Checkpoints: what pretraining hands on to sessions.
 
-A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where the task needs one) and
-`card.toml` (task, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie beside
-this file.
+A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where there is one) and
+`card.toml` (task, object, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie
+beside this file.
 """
 
 from __future__ import annotations
@@ -15,23 +15,39 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from sim.adaptation.q_network import QNetwork, restore_network
-from sim.adaptation.step import state_size
+from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.q_network import QNetwork
 from sim.emulator import Emulator
 from sim.errors import CheckpointError
-from sim.files import read_toml, sha256, whole_file, write_toml
+from sim.files import read_toml, sha256, write_toml
+from sim.naf_solver import restore_naf
 from sim.solver import Solver
 from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
+from sim.tensors import load_tensors, save_tensors
+
+__all__ = [
+    "CARD",
+    "MODEL",
+    "SHIPPED",
+    "Checkpoint",
+    "list_checkpoints",
+    "load_checkpoint",
+    "load_tensors",
+    "read_card",
+    "save_checkpoint",
+    "save_tensors",
+    "verify_weights",
+]
 
 SHIPPED = Path(__file__).parent / "checkpoints"
 MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
+PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "history": "q_history."}
+"""Of the tensors of the adaptation policies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +57,8 @@ class Checkpoint:
     path: Path
     card: Mapping[str, Any]
     solver: Solver
-    q_network: QNetwork
+    networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
+    memory: MemoryName  # of the one that method "adaptsim" uses
 
     @property
     def sha256(self) -> str:
@@ -50,18 +67,25 @@ class Checkpoint:
 
 
 def save_checkpoint(
-    task: Task, folder: Path, emulator: Emulator | None, q_network: QNetwork, facts: Mapping[str, Any]
+    task: Task,
+    folder: Path,
+    emulator: Emulator | None,
+    networks: Mapping[MemoryName, QNetwork],
+    facts: Mapping[str, Any],
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
-    `emulator` is None for a task with an exact solver.
+    `emulator` is None for a task with an exact solver, and where the policies are NAF's: then the facts hold
+    `sim.naf_solver.naf_facts`.
     """
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
-    tensors |= {f"q_network.{name}": t.detach() for name, t in q_network.state_dict().items()}
+    for memory, network in networks.items():
+        tensors |= {f"{PREFIXES[memory]}{name}": t.detach() for name, t in network.state_dict().items()}
     save_tensors(folder / MODEL, tensors)
     card = {
         "format": FORMAT,
         "task": task.name,
+        "object": task.object_name,
         "fingerprint": fingerprint(task),
         "created": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         "sha256": sha256(folder / MODEL),
@@ -82,17 +106,22 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         raise CheckpointError(f"the checkpoint in {path} is for {card['task']}, not for {task.name}")
     if card["fingerprint"] != fingerprint(task):
         raise CheckpointError(
-            f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}: "
-            f"pretrain again with `adaptsim pretrain --task {task.name}`"
+            f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the object whose "
+            "ranges they are with --object"
         )
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
-    inputs, branches = state_size(task), len(task.parameters)
+    parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
+    memory = card.get("memory", "iteration")
+    if not parts.get(memory):
+        raise CheckpointError(f"{path} holds no adaptation policy with memory {memory!r}: pretrain again")
     return Checkpoint(
         path=path,
         card=card,
-        solver=task.exact(task) if task.exact else EmulatorSolver(Emulator(task, _part(tensors, "emulator."))),
-        q_network=restore_network(inputs, branches, _part(tensors, "q_network.")),
+        solver=_solver(task, path, card, tensors),
+        networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
+        memory=memory,
     )
 
 
@@ -136,17 +165,15 @@ def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
         )
 
 
-def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
-    with whole_file(path) as temporary:
-        save_file({name: t.contiguous() for name, t in tensors.items()}, temporary)
-
-
-def load_tensors(path: Path) -> dict[str, Tensor]:
-    """Raises CheckpointError."""
-    try:
-        return dict(load_file(path))
-    except (OSError, SafetensorError) as error:
-        raise CheckpointError(f"{path} cannot be read as safetensors ({error}): make it again") from error
+def _solver(task: Task, path: Path, card: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Solver:
+    if task.exact:
+        return task.exact(task)
+    if card.get("solver") == "naf":
+        try:
+            return restore_naf(task, card["naf"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
+    return EmulatorSolver(Emulator(task, _part(tensors, "emulator.")))
 
 
 def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
@@ -156,3 +183,9 @@ def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 def _difference(card: Mapping[str, Any], task: Task) -> str:
     now, then = interface(task), card["interface"]
     return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"
+
+
+def _own(card: Mapping[str, Any], task: Task) -> str:
+    """Whose ranges they are, where that is known and another than now."""
+    name = card.get("object", task.object_name)
+    return f" (those of {name})" if name != task.object_name else ""

@@ -131,6 +131,17 @@ class Emulator:
         raw = raw.reshape(self.members, *lead, raw.shape[-1])
         return self._probability(raw[..., -1]), raw[..., :-1]
 
+    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
+        """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error; `success`
+        is 0 or 1, the standard deviations are 0."""
+        size, n = self.task.observation.size, len(parameters)
+        member = rng.integers(self.members, size=n)
+        raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
+        observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
+        succeeded = rng.random(n) < self._probability(raw[:, -1])
+        nothing = np.zeros(n)
+        return Prediction(observation, np.zeros_like(observation), succeeded.astype(np.float64), nothing, raw[:, size:-1])
+
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)
         return np.asarray(1.0 / (1.0 + np.exp(-scaled)), dtype=np.float64)

@@ -28,16 +28,19 @@ __all__ = [
 ]
 
 METHODS = {
-    "adaptsim": "sim.adaptation.phase2",
-    "random": "sim.baselines.random_search",
-    "udr": "sim.baselines.udr",
+    "adaptsim": "sim.adaptation.phase2:create",
+    "adaptsim-iteration": "sim.adaptation.phase2:create_iteration",
+    "adaptsim-history": "sim.adaptation.phase2:create_history",
+    "random": "sim.baselines.random_search:create",
+    "udr": "sim.baselines.udr:create",
 }
-"""Name -> the module whose `create(task, checkpoint)` makes it; imported when first asked for."""
+"""Name -> the function of a task and a checkpoint that makes it; imported when first asked for."""
 
 
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError where the method needs a checkpoint and there is none."""
     if name not in METHODS:
         raise UnknownName(f'there is no method "{name}"; there is: {", ".join(METHODS)}')
-    method: Method = import_module(METHODS[name]).create(task, checkpoint)
+    module, _, function = METHODS[name].partition(":")
+    method: Method = getattr(import_module(module), function)(task, checkpoint)
     return method

@@ -1,21 +1,23 @@
-"""Meta-episodes: what a distribution of parameters shows and earns in a simulated target, many at once."""
+"""Meta-episodes: what distributions of parameters show and earn in simulated targets, many at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
 from sim.adaptation.method import Particle, Trial
+from sim.adaptation.q_network import Transitions
 from sim.rollouts.run import Requests, Rollouts
 from sim.sampling import spread
 from sim.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 
 Roll = Callable[[Requests], Rollouts]
-"""True rollouts: `run_many` on some executor, or cached."""
+"""Rollouts: true ones (`run_many` on some executor, or cached), or those of an emulator (`EmulatedRolls`)."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Visit:
     """What B distributions showed and earned in their targets."""
 
     observations: Array  # (B, T * size) with camera noise: true rollouts of the target
+    trial_rewards: Array  # (B, T) of those rollouts
     rewards: Array  # (B,) expected, of the solver
 
 
@@ -57,9 +60,52 @@ def visit(
     requests = trial_requests(
         task, np.repeat(targets, trials, axis=0), own.reshape(count * trials, -1), _rows(actions[:, :trials]), rng
     )
-    seen = task.observation.with_noise(roll(requests).observation, rng)
+    rollouts = roll(requests)
+    seen = task.observation.with_noise(rollouts.observation, rng)
+    earned = rollouts.rewards(task, requests.context)
     rewards = solver.expected_rewards(targets, shared, actions[:, trials:], rng, settings.draws)
-    return Visit(seen.reshape(count, -1), rewards)
+    return Visit(seen.reshape(count, -1), earned.reshape(count, -1), rewards)
+
+
+@dataclass(frozen=True, eq=False)
+class Episodes:
+    """E episodes: P particles adapt to the same target over H steps, so each is visited H + 1 times."""
+
+    targets: Array  # (E, p) in units
+    means: Array  # (E, P, H + 1, p) in units
+    observations: Array  # (E, P, H + 1, T * size) normalised, with camera noise
+    trial_rewards: Array  # (E, P, H + 1, T)
+    rewards: Array  # (E, P, H + 1) expected
+    directions: Array  # (E, P, H, p) in {-1, 0, 1}
+
+    def transitions(self, task: Task, memory: MemoryName) -> Transitions:
+        """Every step of every particle, as a policy with this memory sees it, with the sparse reward."""
+        horizon = self.directions.shape[2]
+        states = [encode(task, memory, self._seen(t)) for t in range(horizon + 1)]
+
+        def flat(values: Array) -> Array:
+            """(E, P, H, ...) -> (H * E * P, ...), in the order of the states."""
+            return np.moveaxis(values, 2, 0).reshape(-1, *values.shape[3:])
+
+        return Transitions(
+            state=np.concatenate(states[:-1]),
+            directions=flat(self.directions).astype(np.int_),
+            reward=sparse(task, flat(self.rewards[:, :, 1:])),
+            next_state=np.concatenate(states[1:]),
+        )
+
+    def _seen(self, t: int) -> Seen:
+        until = slice(0, t + 1)
+        return looking_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
+
+
+def joined(parts: Sequence[Episodes]) -> Episodes:
+    return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
+
+
+def sparse(task: Task, rewards: Array) -> Array:
+    """Only rewards that reach the threshold count (paper, eq. A1)."""
+    return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
 
 
 def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,6 @@ from sim.adaptation.best import choose_best
 from sim.adaptation.episodes import Roll, simulated_trials, trial_requests
 from sim.adaptation.meta_training import Targets, sample_targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
-from sim.adaptation.phase2 import AdaptSim
-from sim.adaptation.q_network import QNetwork
-from sim.baselines.random_search import RandomSearch
 from sim.baselines.udr import Udr
 from sim.sampling import sobol, spread
 from sim.solver import SolvedPolicy, Solver, policy_for
@@ -22,6 +19,9 @@ from sim.tasks.task import Task
 
 LEAST_GAP = 0.1
 """Targets where oracle and UDR lie closer than this say nothing about adaptation."""
+
+PROPOSED, SCREENING = 4, 8
+"""Policies among which true rollouts choose the oracle, and rollouts of each."""
 
 
 @dataclass(frozen=True)
@@ -32,25 +32,34 @@ class EvaluationSettings:
     kind: Targets = "paper"
     particles: int = 2
     iterations: int = 5
-    rollouts: int = 16  # true rollouts behind each final reward
+    rollouts: int = 16  # true ones behind each final reward
     oracle: int = 128  # parameter vectors in Omega that the oracle may choose from
 
 
 @dataclass(frozen=True)
-class EvaluationReport:
-    """Mean rewards over the targets, all by true rollouts; a pair is (policy, target)."""
+class MethodScore:
+    """A method after each iteration: the policy that the session would go with then, by true rollouts."""
 
+    name: str
+    reward: tuple[float, ...]  # mean over the targets
+    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 where there is none
+    gap_closed_ci95: tuple[tuple[float, float], ...]  # bootstrap over targets
+    above_udr_ci95: tuple[float, float]  # of the mean difference to UDR after the last iteration, all targets
+
+
+@dataclass(frozen=True)
+class EvaluationReport:
+    """Mean rewards over the targets, all by true rollouts."""
+
+    kind: Targets
     targets: int
     trials: int  # a session
     rollouts: int  # behind each reward
-    adaptsim: float
-    random: float
     udr: float
-    oracle: float
+    oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
     targets_with_gap: int  # oracle - udr at least LEAST_GAP
-    gap_closed: float  # pooled over those targets; 0 when there is none
-    gap_closed_ci95: tuple[float, float]  # bootstrap over targets
-    pairs: int
+    methods: tuple[MethodScore, ...]
+    pairs: int  # of (policy, target), behind the next two
     emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
     emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
 
@@ -80,107 +89,123 @@ def run_session(
 
 def evaluate(
     solver: Solver,
-    network: QNetwork,
+    methods: Mapping[str, Method],
     roll: Roll,
     settings: EvaluationSettings,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> EvaluationReport:
-    """Compare AdaptSim with random best-of-n, UDR and the oracle on `settings.targets` unseen targets."""
+    """Compare `methods` with UDR and the oracle on `settings.targets` unseen targets, after every iteration."""
     task = solver.task
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(settings.targets + 1)]
     targets = sample_targets(task, settings.kind, settings.targets, streams[0])
     grid = spread(task.parameters, sobol(settings.oracle, len(task.parameters), streams[0]))
     candidates = solver.policies(grid[:, None, :], streams[0])
     udr = policy_for(solver, Udr(task).start(1, streams[0])[0].samples, streams[0])
-    true, emulated = [], []
+    true, solved = [], []
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
-        policies = [
-            _final(solver, AdaptSim(task, network), target, roll, settings, rng),
-            _final(solver, RandomSearch(task), target, roll, settings, rng),
-            udr,
-            _oracle(solver, candidates, target, rng),
-        ]
-        rewards = _judge(solver, policies, target, roll, settings.rollouts, rng)
-        true.append(rewards[0])
-        emulated.append(rewards[1])
+        fixed = [udr, _oracle(solver, candidates, target, roll, rng)]
+        chosen = [p for method in methods.values() for p in _chosen(solver, method, target, roll, settings, rng)]
+        judged = _judge(solver, fixed + chosen, target, roll, settings.rollouts, rng)
+        true.append(judged[0])
+        solved.append(judged[1])
         if progress is not None:
             progress(i + 1, settings.targets)
-    return _report(task, np.array(true), np.array(emulated), settings, np.random.default_rng(seed))
+    return _report(task, list(methods), np.array(true), np.array(solved), settings, np.random.default_rng(seed))
 
 
-def _final(
-    solver: Solver,
-    method: Method,
-    target: Array,
-    roll: Roll,
-    settings: EvaluationSettings,
-    rng: np.random.Generator,
-) -> SolvedPolicy:
-    best = choose_best(solver.task, run_session(solver, method, target, roll, settings, rng))
-    return policy_for(solver, best.particle.samples, rng)
+def _chosen(
+    solver: Solver, method: Method, target: Array, roll: Roll, settings: EvaluationSettings, rng: np.random.Generator
+) -> list[SolvedPolicy]:
+    """The policies that a session would go with after each of its iterations."""
+    history = run_session(solver, method, target, roll, settings, rng)
+    bests = [choose_best(solver.task, history[: k + 1]).particle for k in range(len(history))]
+    known: dict[bytes, SolvedPolicy] = {}
+    for best in bests:
+        if best.samples.tobytes() not in known:
+            known[best.samples.tobytes()] = policy_for(solver, best.samples, rng)
+    return [known[best.samples.tobytes()] for best in bests]
 
 
 def _oracle(
-    solver: Solver, candidates: tuple[SolvedPolicy, ...], target: Array, rng: np.random.Generator
+    solver: Solver, candidates: tuple[SolvedPolicy, ...], target: Array, roll: Roll, rng: np.random.Generator
 ) -> SolvedPolicy:
-    """The policy of the parameters in Omega that the solver, knowing the target, expects most of."""
+    """The best policy of parameters in Omega: the solver, knowing the target, proposes some, true rollouts choose."""
     contexts = solver.task.context.sample(rng, 4)
     actions = np.stack([policy.actions(contexts) for policy in candidates])
     rewards = solver.expected_rewards(np.tile(target, (len(candidates), 1)), contexts, actions, rng)
-    return candidates[int(np.argmax(rewards))]
+    proposed = [candidates[i] for i in np.argsort(-rewards)[:PROPOSED]]
+    true, _ = _judge(solver, proposed, target, roll, SCREENING, rng)
+    return proposed[int(np.argmax(true))]
 
 
 def _judge(
-    solver: Solver,
-    policies: list[SolvedPolicy],
-    target: Array,
-    roll: Roll,
-    n: int,
-    rng: np.random.Generator,
+    solver: Solver, policies: Sequence[SolvedPolicy], target: Array, roll: Roll, n: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """True and emulated mean rewards (len(policies),) on the same contexts, errors and nuisance."""
+    """True mean rewards and the solver's, (len(policies),) each, on the same contexts, errors and nuisance."""
     task = solver.task
     contexts = task.context.sample(rng, n)
     seed = int(rng.integers(2**31))
-    true, emulated = [], []
+    judged: dict[int, tuple[float, float]] = {}
     for policy in policies:
+        if id(policy) in judged:
+            continue
         actions = policy.actions(contexts)
         request = trial_requests(task, np.tile(target, (n, 1)), contexts, actions, np.random.default_rng(seed))
-        true.append(float(roll(request).rewards(task, contexts).mean()))
+        true = float(roll(request).rewards(task, contexts).mean())
         expected = solver.trial_rewards(request.parameters, contexts, request.action, request.nuisance)
-        emulated.append(float(expected.mean()))
-    return np.array(true), np.array(emulated)
+        judged[id(policy)] = true, float(expected.mean())
+    rows = np.array([judged[id(policy)] for policy in policies])
+    return rows[:, 0], rows[:, 1]
 
 
 def _report(
-    task: Task, true: Array, emulated: Array, settings: EvaluationSettings, rng: np.random.Generator
+    task: Task,
+    names: Sequence[str],
+    true: Array,
+    solved: Array,
+    settings: EvaluationSettings,
+    rng: np.random.Generator,
 ) -> EvaluationReport:
-    adapted, _, udr, oracle = true.T
+    """From rewards (targets, 2 + methods * iterations): UDR, oracle, each method after each iteration."""
+    udr, oracle = true[:, 0], true[:, 1]
     gap = oracle - udr >= LEAST_GAP
-    low, high = _bootstrap((adapted - udr)[gap], (oracle - udr)[gap], rng)
-    spread_enough = true.std() > 1e-9 and emulated.std() > 1e-9
-    means = [float(m) for m in true.mean(axis=0)]
+    curves = true[:, 2:].reshape(len(true), len(names), settings.iterations)
+    scores = []
+    for name, curve in zip(names, np.moveaxis(curves, 1, 0), strict=True):
+        gain = curve - udr[:, None]
+        closed = [_closed(gain[gap, k], (oracle - udr)[gap], rng) for k in range(settings.iterations)]
+        drawn = rng.integers(len(gain), size=(2000, len(gain)))
+        low, high = np.quantile(gain[drawn, -1].mean(axis=1), [0.025, 0.975])
+        scores.append(
+            MethodScore(
+                name=name,
+                reward=tuple(float(m) for m in curve.mean(axis=0)),
+                gap_closed=tuple(c[0] for c in closed),
+                gap_closed_ci95=tuple(c[1] for c in closed),
+                above_udr_ci95=(float(low), float(high)),
+            )
+        )
+    spread_enough = true.std() > 1e-9 and solved.std() > 1e-9
     return EvaluationReport(
+        kind=settings.kind,
         targets=len(true),
         trials=settings.particles * settings.iterations * task.adaptation.trials_per_iteration,
         rollouts=settings.rollouts,
-        adaptsim=means[0],
-        random=means[1],
-        udr=means[2],
-        oracle=means[3],
+        udr=float(udr.mean()),
+        oracle=float(oracle.mean()),
         targets_with_gap=int(gap.sum()),
-        gap_closed=float((adapted - udr)[gap].sum() / (oracle - udr)[gap].sum()) if gap.any() else 0.0,
-        gap_closed_ci95=(low, high),
+        methods=tuple(scores),
         pairs=int(true.size),
-        emulator_correlation=float(np.corrcoef(true.ravel(), emulated.ravel())[0, 1]) if spread_enough else 0.0,
-        emulator_bias=float((emulated - true).mean()),
+        emulator_correlation=float(np.corrcoef(true.ravel(), solved.ravel())[0, 1]) if spread_enough else 0.0,
+        emulator_bias=float((solved - true).mean()),
     )
 
 
-def _bootstrap(gain: Array, gap: Array, rng: np.random.Generator) -> tuple[float, float]:
-    if len(gain) == 0:
-        return 0.0, 0.0
-    rows = rng.integers(len(gain), size=(2000, len(gain)))
-    low, high = np.quantile(gain[rows].sum(axis=1) / gap[rows].sum(axis=1), [0.025, 0.975])
-    return float(low), float(high)
+def _closed(gain: Array, gap: Array, rng: np.random.Generator) -> tuple[float, tuple[float, float]]:
+    """Share of the gap closed, pooled over targets (n,), with its 95 % bootstrap interval."""
+    if len(gap) == 0:
+        return 0.0, (0.0, 0.0)
+    drawn = rng.integers(len(gap), size=(2000, len(gap)))
+    low, high = np.quantile(gain[drawn].sum(axis=1) / gap[drawn].sum(axis=1), [0.025, 0.975])
+    return float(gain.sum() / gap.sum()), (float(low), float(high))

@@ -1,36 +1,43 @@
-"""Phase 1: dataset, emulator, adaptation policy, evaluation, checkpoint. Each stage resumes after a kill.
+"""Phase 1: dataset, emulator, adaptation policies, evaluation, checkpoint. Each stage resumes after a kill.
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
 
 The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors`, `rollouts/` (those of the
-episodes and of the evaluation, never simulated twice), `policy.safetensors`, the report of each stage, and
-`checkpoint/`. What exists is not made again.
+episodes and of the evaluation, never simulated twice), `policy.safetensors` and the `episodes.safetensors` that it went
+through, `policy-history.safetensors` (learnt from the same episodes), the report of each stage, `logs/` for
+TensorBoard, and `checkpoint/`. What exists is not made again.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
-from sim.adaptation.episodes import Roll
-from sim.adaptation.evaluation import EvaluationSettings, evaluate
-from sim.adaptation.meta_training import MetaCurve, MetaSettings, train_adaptation
-from sim.adaptation.q_network import QNetwork, restore_network
-from sim.adaptation.step import state_size
+from sim.adaptation.episodes import Episodes, Roll
+from sim.adaptation.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.adaptation.logs import Log, tensorboard
+from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.meta_training import MetaCurve, MetaSettings, learn_from, train_adaptation
+from sim.adaptation.method import Method
+from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.q_network import QNetwork
+from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import CARD, load_tensors, save_checkpoint, save_tensors
 from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings, train_emulator
+from sim.emulator_training import EmulatorSettings, outcome_variance, train_emulator
 from sim.errors import DatasetError
 from sim.files import read_toml, write_toml
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import build_dataset
+from sim.rollouts.denser import Denser
 from sim.rollouts.run import run_many
 from sim.solver import Solver
 from sim.task_policy import EmulatorSolver
@@ -40,7 +47,10 @@ from sim.tasks.task import Task
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
-STAGES = ("dataset", "emulator", "adaptation policy", "evaluation", "checkpoint")
+METHODS = {"iteration": "adaptsim-iteration", "history": "adaptsim-history", "random": "random"}
+"""What the evaluation compares, by the names of `sim.adaptation.METHODS`."""
+
+STAGES = ("dataset", "emulator", "adaptation policy", "policy that sees the session", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """Stands in for the first two stages."""
 
@@ -49,29 +59,33 @@ EXACT = "dataset and emulator: not needed, this task is solved exactly"
 class PretrainBudget:
     """How much of everything. The defaults are the full strength; `small` is for a first look."""
 
-    rollouts: int = 100_000  # of the dataset
+    rollouts: int = 16_384  # of the dataset, evenly over the space
+    denser: int = 8_192  # and where the outcome is uncertain
+    history_updates: int = 20_000  # gradient steps of the policy that sees the whole session
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
 
     @classmethod
     def small(cls) -> PretrainBudget:
-        """For a first look: about 10,700 rollouts, twenty minutes on two cores where one takes 0.2 s."""
+        """For a first look: about 12,000 rollouts, ten minutes on two cores where one takes 0.1 s."""
         return cls(
-            rollouts=6000,
+            rollouts=4096,
+            denser=2048,
+            history_updates=4000,
             meta=MetaSettings(steps=1536, updates=4),
             evaluation=EvaluationSettings(targets=12),
         )
 
     def simulations(self, task: Task) -> int:
-        """Rollouts of dataset, training and evaluation together."""
-        trials = task.adaptation.trials_per_iteration
-        rounds = -(-self.meta.steps // self.meta.parallel)
-        visits = rounds + -(-rounds // task.adaptation.horizon)
+        """Rollouts of dataset, training and evaluation together; of the evaluation at most, since policies recur."""
+        trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
+        rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
-        judged = self.evaluation.targets * (2 * session + 4 * self.evaluation.rollouts)
-        dataset = 0 if task.exact else self.rollouts
-        return dataset + visits * self.meta.parallel * trials + judged
+        judged = self.evaluation.rollouts * (2 + len(METHODS) * self.evaluation.iterations)
+        evaluated = self.evaluation.targets * (len(METHODS) * session + PROPOSED * SCREENING + judged)
+        dataset = 0 if task.exact else self.rollouts + self.denser
+        return dataset + (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +112,9 @@ def pretrain(
         means = _exact(task.exact(task), budget, executor)
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
-    network = _policy(folder, means, budget, draws[2], progress)
-    results = _evaluation(folder, means, network, budget, draws[3], progress)
+    with tensorboard(folder / "logs") as log:
+        networks = _policies(folder, means, budget, draws[2], progress, log)
+    results = _evaluation(folder, means, networks, budget, draws[3], progress)
     path = folder / "checkpoint"
     if not (path / CARD).exists():
         facts = {
@@ -107,9 +122,10 @@ def pretrain(
             "simulations": budget.simulations(task),
             "policy": read_toml(folder / "policy.toml"),
             "evaluation": results,
+            "memory": best_memory(results),
         }
-        save_checkpoint(task, path, means.emulator, network, {**means.facts, **facts})
-    progress(STAGES[4], 1, 1)
+        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts})
+    progress(STAGES[5], 1, 1)
     return path
 
 
@@ -127,7 +143,13 @@ def _learnt(
     progress: StageProgress,
 ) -> _Means:
     dataset = build_dataset(
-        task, folder / "dataset", budget.rollouts, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n)
+        task,
+        folder / "dataset",
+        budget.rollouts,
+        seeds[0],
+        executor,
+        lambda i, n: progress(STAGES[0], i, n),
+        Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -159,30 +181,58 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int) 
         )
 
 
-def _policy(folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress) -> QNetwork:
-    path, report = folder / "policy.safetensors", folder / "policy.toml"
-    if not (path.exists() and report.exists()):
-        network, curve = train_adaptation(
-            means.solver, means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n)
-        )
-        save_tensors(path, network.state_dict())
-        write_toml(report, _summary(curve))
-    progress(STAGES[2], 1, 1)
+def _policies(
+    folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress, log: Log
+) -> dict[MemoryName, QNetwork]:
+    """The paper's adaptation policy, and one that sees the whole session, learnt from the same episodes."""
     task = means.solver.task
-    return restore_network(state_size(task), len(task.parameters), load_tensors(path))
+    online, history = folder / "policy.safetensors", folder / "policy-history.safetensors"
+    episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
+    if not all(path.exists() for path in (online, episodes, report)):
+        network, curve, seen = train_adaptation(
+            means.solver, means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
+        )
+        save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
+        save_tensors(online, network.state_dict())
+        write_toml(report, _summary(curve))
+    if not history.exists():
+        seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
+        network = learn_from(
+            task, seen, "history", budget.history_updates, seed, lambda i, n: progress(STAGES[3], i, n)
+        )
+        save_tensors(history, network.state_dict())
+    for stage in STAGES[2:4]:
+        progress(stage, 1, 1)
+    files: dict[MemoryName, Path] = {"iteration": online, "history": history}
+    return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
 
 
 def _evaluation(
-    folder: Path, means: _Means, network: QNetwork, budget: PretrainBudget, seed: int, progress: StageProgress
+    folder: Path,
+    means: _Means,
+    networks: Mapping[MemoryName, QNetwork],
+    budget: PretrainBudget,
+    seed: int,
+    progress: StageProgress,
 ) -> dict[str, Any]:
-    path = folder / "evaluation.toml"
+    path, task = folder / "evaluation.toml", means.solver.task
     if not path.exists():
+        methods: dict[str, Method] = {
+            METHODS[memory]: AdaptSim(task, network, memory) for memory, network in networks.items()
+        }
+        methods[METHODS["random"]] = RandomSearch(task)
         results = evaluate(
-            means.solver, network, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[3], i, n)
+            means.solver, methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
         )
         write_toml(path, asdict(results))
-    progress(STAGES[3], 1, 1)
+    progress(STAGES[4], 1, 1)
     return read_toml(path)
+
+
+def best_memory(evaluation: Mapping[str, Any]) -> MemoryName:
+    """The memory whose policy earned more at the end of the sessions of the evaluation."""
+    last = {score["name"]: float(score["reward"][-1]) for score in evaluation["methods"]}
+    return "history" if last[METHODS["history"]] > last[METHODS["iteration"]] else "iteration"
 
 
 def _summary(curve: MetaCurve) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hw.types import Array, frozen_array
+from sim.adaptation.memory import MemoryName, encode, of_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
-from sim.adaptation.step import adapt
 from sim.errors import CheckpointError
 from sim.sampling import sobol, spread
 from sim.tasks.task import Task
@@ -20,18 +21,46 @@ if TYPE_CHECKING:
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
-    """The method's entry in `sim.adaptation.METHODS`. Raises CheckpointError when there is no checkpoint."""
+    """AdaptSim with what its checkpoint found best: seeing the last iteration, or the whole session.
+
+    Raises CheckpointError when there is no checkpoint.
+    """
+    checkpoint = _given(task, checkpoint)
+    return _with(task, checkpoint, checkpoint.memory)
+
+
+def create_iteration(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+    """AdaptSim as in the paper: a particle moves by what its last iteration showed. Raises CheckpointError."""
+    return _with(task, _given(task, checkpoint), "iteration")
+
+
+def create_history(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+    """AdaptSim that sees all parameters, trajectories and rewards of the session. Raises CheckpointError."""
+    return _with(task, _given(task, checkpoint), "history")
+
+
+def _given(task: Task, checkpoint: Checkpoint | None) -> Checkpoint:
     if checkpoint is None:
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
-    return AdaptSim(task, checkpoint.q_network)
+    return checkpoint
+
+
+def _with(task: Task, checkpoint: Checkpoint, memory: MemoryName) -> AdaptSim:
+    if memory not in checkpoint.networks:
+        raise CheckpointError(
+            f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain again with "
+            f"`adaptsim pretrain --task {task.name}`"
+        )
+    return AdaptSim(task, checkpoint.networks[memory], memory)
 
 
 @dataclass(frozen=True, eq=False)
 class AdaptSim:
-    """A `Method`: the adaptation policy, applied to each particle on its own."""
+    """A `Method`: the adaptation policy, applied to each particle."""
 
     task: Task
     network: QNetwork
+    memory: MemoryName = "iteration"
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """Means spread over Omega: random, but far from each other."""
@@ -41,8 +70,12 @@ class AdaptSim:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """Deterministic. A particle without trials in the last iteration stays."""
         return tuple(
-            Particle(adapt(self.network, self.task, seen.particle.mean, [t.observation for t in seen.trials])[None])
-            if seen.trials
-            else seen.particle
-            for seen in history[-1]
+            Particle(self._moved(history, i)[None]) if seen.trials else seen.particle
+            for i, seen in enumerate(history[-1])
         )
+
+    def _moved(self, history: Sequence[Iteration], particle: int) -> Array:
+        """(p,) where the mean of a particle goes, in units."""
+        task, mean = self.task, history[-1][particle].particle.mean
+        state = encode(task, self.memory, of_session(task, history, particle))
+        return frozen_array(task.parameters.step(mean, self.network.directions(state)[0], task.adaptation.delta))

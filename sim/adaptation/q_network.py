@@ -22,41 +22,63 @@ from sim.errors import CheckpointError
 MOVES = 3
 """Choices a parameter: down, stay, up."""
 
+_READ = 64
+"""Numbers that are kept of a slot."""
+
 
 class QNetwork(nn.Module):
-    """(B, inputs) -> (B, branches, 3)."""
+    """(B, slots * inputs) -> (B, branches, 3).
 
-    def __init__(self, inputs: int, branches: int, hidden: int = 256) -> None:
+    With more than one slot each is read by the same small network, and what they say is pooled: the order of the slots
+    does not matter, except that the first is also seen alone. The last input of a slot says whether it is filled.
+    """
+
+    def __init__(self, inputs: int, branches: int, slots: int = 1, hidden: int = 256) -> None:
         super().__init__()
-        self.inputs, self.branches = inputs, branches
-        self.trunk = nn.Sequential(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU())
+        self.inputs, self.branches, self.slots = inputs, branches, slots
+        first = inputs if slots == 1 else 3 * _READ
+        self.trunk = nn.Sequential(nn.Linear(first, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU())
         self.value = nn.Sequential(nn.Linear(hidden, hidden // 2), nn.ReLU(), nn.Linear(hidden // 2, 1))
         self.advantage = nn.Sequential(
             nn.Linear(hidden, hidden // 2), nn.ReLU(), nn.Linear(hidden // 2, branches * MOVES)
         )
+        self.reader = (
+            nn.Identity()
+            if slots == 1
+            else nn.Sequential(nn.Linear(inputs, 2 * _READ), nn.ReLU(), nn.Linear(2 * _READ, _READ), nn.ReLU())
+        )
 
     def forward(self, x: Tensor) -> Tensor:
-        features = self.trunk(x)
+        features = self.trunk(self._pooled(x))
         advantage = self.advantage(features).reshape(-1, self.branches, MOVES)
         q: Tensor = self.value(features)[:, :, None] + advantage - advantage.mean(dim=-1, keepdim=True)
         return q
 
+    def _pooled(self, x: Tensor) -> Tensor:
+        if self.slots == 1:
+            return x
+        slots = x.reshape(-1, self.slots, self.inputs)
+        there = slots[..., -1:]
+        read = self.reader(slots) * there
+        mean = read.sum(dim=1) / there.sum(dim=1).clamp(min=1.0)
+        return torch.cat([read[:, 0], mean, read.amax(dim=1)], dim=-1)
+
     def directions(self, states: Array) -> NDArray[np.int_]:
-        """(B, inputs) -> (B, branches) in {-1, 0, 1}, greedy."""
+        """(B, slots * inputs) -> (B, branches) in {-1, 0, 1}, greedy."""
         with one_thread(), torch.no_grad():
             return np.asarray(self(torch.from_numpy(states).float()).argmax(dim=-1).numpy() - 1, dtype=np.int_)
 
 
-def new_network(inputs: int, branches: int, seed: int) -> QNetwork:
+def new_network(inputs: int, branches: int, seed: int, slots: int = 1) -> QNetwork:
     """Freshly initialised from `seed` alone."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return QNetwork(inputs, branches)
+        return QNetwork(inputs, branches, slots)
 
 
-def restore_network(inputs: int, branches: int, tensors: Mapping[str, Tensor]) -> QNetwork:
+def restore_network(inputs: int, branches: int, tensors: Mapping[str, Tensor], slots: int = 1) -> QNetwork:
     """Raises CheckpointError when the tensors do not fit."""
-    network = new_network(inputs, branches, 0)
+    network = new_network(inputs, branches, 0, slots)
     wanted = {name: tuple(t.shape) for name, t in network.state_dict().items()}
     found = {name: tuple(t.shape) for name, t in tensors.items()}
     if wanted != found:
@@ -111,7 +133,7 @@ class Learner:
 
     def __init__(self, network: QNetwork, learning_rate: float, discount: float, polyak: float = 0.01) -> None:
         self.online = network
-        self._target = new_network(network.inputs, network.branches, 0)
+        self._target = new_network(network.inputs, network.branches, 0, network.slots)
         self._target.load_state_dict(network.state_dict())
         self._optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
         self._discount, self._polyak = discount, polyak

@@ -172,8 +172,8 @@ def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Roll
         rows = read_rollouts(path, part)
         if rows is None:
             raise DatasetError(
-                f"{path} is missing, truncated or changed: run the same `adaptsim pretrain` again, it redoes that shard "
-                "alone"
+                f"{path} is missing, truncated or changed: run the same `adaptsim pretrain` again, it redoes that "
+                "shard alone"
             )
         parts.append(rows)
     return requests, concatenate(parts)
@@ -195,10 +195,11 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 f"elsewhere): use a new folder"
             )
-        if (folder / DENSER).exists() and (manifest["size"], manifest["denser"]) != (size, denser):
+        have = (manifest["size"], manifest["denser"])
+        if (folder / DENSER).exists() and have != (size, denser):
             raise DatasetError(
-                f"the dataset in {folder} has {manifest["size"]} rollouts and {manifest["denser"]} where outcomes change, "
-                f"chosen by those; wanted {size} and {denser}: use a new folder"
+                f"the dataset in {folder} has {have[0]} rollouts and {have[1]} more, chosen by those; wanted {size} "
+                f"and {denser}: use a new folder"
             )
         probe = stored
     sizes = {"seed": seed, "size": size, "denser": denser}

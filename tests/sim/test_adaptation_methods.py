@@ -2,14 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from toy_learning import iteration, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation import METHODS, choose_best, make_method, verdict
+from sim.adaptation.memory import encode, looking_back, new_policy, of_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.phase2 import AdaptSim
-from sim.adaptation.q_network import new_network
-from sim.adaptation.step import adapt, encode_state, state_size
 from sim.errors import CheckpointError, UnknownName
 from sim.misfit import misfit
 from sim.task_policy import EmulatorSolver, train_task_policy
@@ -18,7 +18,7 @@ MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
 
 
 def network(seed=0):
-    return new_network(state_size(TOY), len(TOY.parameters), seed)
+    return new_policy(TOY, "iteration", seed)
 
 
 def observations(n, seed=0):
@@ -44,37 +44,95 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
     return history
 
 
-def test_adapt_moves_each_parameter_by_a_step_or_not_at_all():
-    q = network()
+def visited(mean, seen, rewards=(0.0, 0.0)):
+    """A session of one particle and one iteration: its mean, observations and rewards."""
+    trials = tuple(Trial(np.zeros(2), np.zeros(2), o, r) for o, r in zip(seen, rewards, strict=False))
+    return [(ParticleTrials(Particle(mean[None]), trials),)]
+
+
+def moved(method, history):
+    return method.next(history, np.random.default_rng(0))[0].mean
+
+
+@pytest.mark.parametrize("memory", ["iteration", "history"])
+def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
+    method = AdaptSim(TOY, new_policy(TOY, memory, 0), memory)
     moves = set()
     for seed in range(20):
-        following = adapt(q, TOY, MEAN, observations(2, seed))
+        following = moved(method, visited(MEAN, observations(2, seed)))
         step = PARAMETERS.normalise(following) - PARAMETERS.normalise(MEAN)
         assert all(min(abs(abs(s) - 0.15), abs(s)) < 1e-9 for s in step[[0, 1, 3]])
         assert step[2] in (0.0, 1.0)
         moves.add(tuple(np.sign(step).astype(int)))
-    assert PARAMETERS.contains(adapt(q, TOY, PARAMETERS.high, observations(2)))
-    assert not following.flags.writeable
+    assert PARAMETERS.contains(moved(method, visited(PARAMETERS.high, observations(2))))
 
 
-def test_adapt_follows_the_network():
-    q = network()
-    seen = observations(2)
-    state = encode_state(TOY, MEAN[None], np.concatenate(seen)[None])
-    expected = PARAMETERS.step(MEAN, q.directions(state)[0], 0.15)
-    assert np.array_equal(adapt(q, TOY, MEAN, seen), expected)
+def test_the_papers_policy_sees_the_mean_and_the_last_iteration():
+    method, seen = AdaptSim(TOY, network()), observations(2)
+    state = np.concatenate([PARAMETERS.normalise(MEAN), *seen])[None]
+    expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
+    assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
+    before = visited(PARAMETERS.low, observations(2, 5), (1.0, 1.0))
+    assert np.array_equal(moved(method, before + visited(MEAN, seen, (1.0, 0.0))), expected)
 
 
-def test_adapt_takes_the_last_trials_and_repeats_a_single_one():
-    q = network()
-    three = observations(3)
-    assert np.array_equal(adapt(q, TOY, MEAN, three), adapt(q, TOY, MEAN, three[1:]))
-    assert np.array_equal(adapt(q, TOY, MEAN, three[:1]), adapt(q, TOY, MEAN, [three[0], three[0]]))
+def test_the_last_trials_count_and_a_single_one_is_repeated():
+    method, three = AdaptSim(TOY, network()), observations(3)
+    rewards = (0.0, 0.0, 0.0)
+    assert np.array_equal(
+        moved(method, visited(MEAN, three, rewards)), moved(method, visited(MEAN, three[1:], rewards))
+    )
+    assert np.array_equal(moved(method, visited(MEAN, three[:1])), moved(method, visited(MEAN, [three[0], three[0]])))
+
+
+def test_a_history_holds_parameters_observations_rewards_and_ages_of_all_particles():
+    one = iteration((PARAMETERS.low, [0.1, 0.2]), (PARAMETERS.high, [0.3, 0.4]))
+    two = iteration((MEAN, [0.5, 0.6]), (PARAMETERS.high, []))
+    seen = of_session(TOY, [one, two], 0)
+    assert seen.rewards[0].tolist() == [[0.5, 0.6], [0.1, 0.2], [0.3, 0.4]]
+    assert seen.own[0].tolist() == [1.0, 1.0, 0.0]
+    assert seen.age[0].tolist() == [0.0, 1.0, 1.0]
+    assert np.array_equal(seen.means[0], [MEAN, PARAMETERS.low, PARAMETERS.high])
     with pytest.raises(ValueError, match="at least one trial"):
-        adapt(q, TOY, MEAN, [])
+        of_session(TOY, [one, two], 1)
 
 
-def test_adaptsim_starts_apart_and_moves_each_particle_on_its_own():
+def test_training_and_session_see_the_same_history():
+    rng = np.random.default_rng(0)
+    size, p = TOY.observation.size, len(PARAMETERS)
+    means = PARAMETERS.denormalise(rng.random((1, 2, 3, p)))
+    seen, rewards = rng.random((1, 2, 3, 2 * size)), rng.random((1, 2, 3, 2))
+    history = [
+        tuple(
+            ParticleTrials(
+                Particle(means[0, j, k][None]),
+                tuple(
+                    Trial(np.zeros(2), np.zeros(2), o, float(r))
+                    for o, r in zip(seen[0, j, k].reshape(2, size), rewards[0, j, k], strict=True)
+                ),
+            )
+            for j in range(2)
+        )
+        for k in range(3)
+    ]
+    trained = encode(TOY, "history", looking_back(means, seen, rewards))
+    lived = np.concatenate([encode(TOY, "history", of_session(TOY, history, j)) for j in range(2)])
+    assert np.allclose(trained, lived)
+
+
+def test_the_order_of_older_entries_does_not_matter_to_the_network():
+    q = new_policy(TOY, "history", 1)
+    slots = np.random.default_rng(0).random((1, q.slots, q.inputs))
+    slots[..., -1] = 1.0
+    swapped = slots[:, [0, 2, 1, *range(3, q.slots)]]
+    empty = slots.copy()
+    empty[:, 1:, -1] = 0.0
+    out = [q(torch.from_numpy(x.reshape(1, -1)).float()).detach() for x in (slots, swapped, empty)]
+    assert torch.allclose(out[0], out[1], atol=1e-5)
+    assert not torch.allclose(out[0], out[2], atol=1e-3)
+
+
+def test_adaptsim_starts_apart_and_a_particle_without_trials_stays():
     method = AdaptSim(TOY, network())
     one, two = method.start(2, np.random.default_rng(0))
     assert PARAMETERS.contains(one.mean)
@@ -82,8 +140,7 @@ def test_adaptsim_starts_apart_and_moves_each_particle_on_its_own():
     assert np.linalg.norm(PARAMETERS.normalise(one.mean) - PARAMETERS.normalise(two.mean)) > 0.5
     history = [iteration((one.mean, [0.0, 1.0]), (two.mean, []))]
     after = method.next(history, np.random.default_rng(9))
-    zeros = [np.zeros(TOY.observation.size)] * 2
-    assert np.array_equal(after[0].mean, adapt(method.network, TOY, one.mean, zeros))
+    assert np.array_equal(after[0].mean, moved(method, visited(one.mean, [np.zeros(TOY.observation.size)] * 2)))
     assert np.array_equal(after[1].mean, two.mean)
 
 

@@ -5,8 +5,8 @@ import pytest
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation.q_network import new_network
-from sim.adaptation.step import state_size
+from sim.adaptation import make_method
+from sim.adaptation.memory import new_policy
 from sim.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError
 from sim.tasks import get_task
@@ -16,8 +16,8 @@ from sim.types import Dimension, Space
 @pytest.fixture
 def stored(tmp_path):
     emulator, _ = trained()
-    network = new_network(state_size(TOY), len(TOY.parameters), 5)
-    return save_checkpoint(TOY, tmp_path / "mine", emulator, network, {"seed": 7, "data": "abc"})
+    networks = {"iteration": new_policy(TOY, "iteration", 5), "history": new_policy(TOY, "history", 6)}
+    return save_checkpoint(TOY, tmp_path / "mine", emulator, networks, {"seed": 7, "memory": "history"})
 
 
 def test_it_comes_back_as_it_was(stored):
@@ -26,9 +26,11 @@ def test_it_comes_back_as_it_was(stored):
     rng = np.random.default_rng(0)
     draws = TOY.margin.sample(rng, 5), TOY.action.sample(rng, 5), TOY.nuisance.sample(rng, 5)
     assert np.array_equal(checkpoint.solver.emulator.predict(*draws).success, emulator.predict(*draws).success)
-    states = rng.random((8, state_size(TOY)))
-    original = new_network(state_size(TOY), len(TOY.parameters), 5)
-    assert np.array_equal(checkpoint.q_network.directions(states), original.directions(states))
+    original = new_policy(TOY, "iteration", 5)
+    states = rng.random((8, original.inputs))
+    assert np.array_equal(checkpoint.networks["iteration"].directions(states), original.directions(states))
+    assert checkpoint.memory == make_method("adaptsim", TOY, checkpoint).memory == "history"
+    assert make_method("adaptsim-iteration", TOY, checkpoint).network is checkpoint.networks["iteration"]
     assert checkpoint.card["seed"] == 7
     assert checkpoint.card["interface"]["parameters"][0]["name"] == "mu"
     assert {"torch", "drake", "numpy"} <= checkpoint.card["versions"].keys()

@@ -2,16 +2,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 from toy_learning import SETTINGS, roll, trained
 from toy_task import PARAMETERS, TOY, simulate
 
 from sim.adaptation import make_method
-from sim.adaptation.episodes import EpisodeSettings, visit
+from sim.adaptation.episodes import EpisodeSettings, sparse, visit
 from sim.adaptation.evaluation import EvaluationSettings, evaluate
-from sim.adaptation.meta_training import MetaSettings, explore, sample_targets, sparse, train_adaptation
+from sim.adaptation.memory import new_policy
+from sim.adaptation.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
 from sim.adaptation.phase1 import STAGES, PretrainBudget, pretrain
-from sim.adaptation.q_network import new_network
-from sim.adaptation.step import state_size
+from sim.adaptation.phase2 import AdaptSim
+from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import load_checkpoint
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import serial_executor
@@ -19,7 +21,9 @@ from sim.solver import SolverSettings
 from sim.task_policy import EmulatorSolver
 
 TINY = PretrainBudget(
-    rollouts=300,
+    rollouts=256,
+    denser=44,
+    history_updates=50,
     emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
     meta=MetaSettings(steps=24, parallel=8, updates=1),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
@@ -81,28 +85,62 @@ def test_sparse_rewards_and_exploration():
 def test_training_repeats_exactly_and_depends_on_the_seed():
     emulator, _ = trained()
     settings = MetaSettings(steps=16, parallel=8, updates=1)
-    one, curve = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
-    two, same = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
-    three, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 1)
-    states = np.random.default_rng(0).random((50, state_size(TOY)))
+    one, curve, episodes = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    two, same, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    three, _, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 1)
+    states = np.random.default_rng(0).random((50, one.inputs))
     assert np.array_equal(one.directions(states), two.directions(states))
     assert np.array_equal(curve.reward, same.reward)
     assert not np.array_equal(one.directions(states), three.directions(states))
     assert curve.epsilon[0] == 1.0
     assert curve.epsilon[-1] == pytest.approx(0.1)
+    horizon = TOY.adaptation.horizon
+    assert episodes.directions.shape == (4, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
+    moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0], TOY.adaptation.delta)
+    assert np.allclose(moved, episodes.means[:, :, 1])
+
+
+def test_a_policy_with_memory_learns_from_the_episodes_of_another():
+    emulator, _ = trained()
+    _, _, episodes = train_adaptation(EmulatorSolver(emulator), roll, MetaSettings(steps=256, parallel=32), 0)
+    for memory in ("iteration", "history"):
+        steps = episodes.transitions(TOY, memory)
+        assert len(steps.reward) == len(steps.state) == episodes.directions[..., 0].size
+        assert np.isin(steps.reward, sparse(TOY, episodes.rewards)).all()
+        one = learn_from(TOY, episodes, memory, 300, 0)
+        assert np.array_equal(
+            one.directions(steps.state), learn_from(TOY, episodes, memory, 300, 0).directions(steps.state)
+        )
+        values = one(torch.from_numpy(steps.state).float()).detach().max(dim=-1).values.mean(dim=-1)
+        assert np.corrcoef(values, _returns(episodes))[0, 1] > 0.5  # what follows is foreseen
+
+
+def _returns(episodes):
+    """Discounted sparse rewards of the rest of each episode, in the order of the transitions."""
+    rewards, total = sparse(TOY, episodes.rewards), np.zeros(episodes.rewards.shape[:2])
+    rows = []
+    for t in range(rewards.shape[2] - 1, 0, -1):
+        total = rewards[:, :, t] + TOY.adaptation.discount * total
+        rows.append(total.reshape(-1))
+    return np.concatenate(rows[::-1])
 
 
 def test_the_evaluation_orders_oracle_and_udr():
     emulator, _ = trained()
-    network = new_network(state_size(TOY), len(TOY.parameters), 0)
-    settings = EvaluationSettings(targets=6, iterations=1, rollouts=16, oracle=32)
-    report = evaluate(EmulatorSolver(emulator), network, roll, settings, 0)
+    methods = {"adaptsim": AdaptSim(TOY, new_policy(TOY, "iteration", 0)), "random": RandomSearch(TOY)}
+    settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
+    report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
     assert report.oracle > report.udr + 0.1
-    assert report.trials == 4
-    assert report.pairs == 24
+    assert report.trials == 8
+    assert report.pairs == 6 * (2 + 2 * 2)
     assert report.emulator_correlation > 0.8
     assert abs(report.emulator_bias) < 0.1
-    assert report.gap_closed_ci95[0] <= report.gap_closed <= report.gap_closed_ci95[1]
+    for score in report.methods:
+        assert len(score.reward) == 2
+        assert all(
+            low <= share <= high for share, (low, high) in zip(score.gap_closed, score.gap_closed_ci95, strict=True)
+        )
+        assert report.udr + score.above_udr_ci95[0] <= score.reward[-1] <= report.udr + score.above_udr_ci95[1]
 
 
 def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):

@@ -23,10 +23,10 @@ from sim.types import ToolMotion
 ARM = Compliance(
     p_TP_m=(-0.497, 0.266),
     stiffness=(3.0e4, 2.0e4, 1050.0),
-    damping=(810.0, 500.0, 18.4),
-    mass_kg=1.68,
-    p_PM_m=(0.18, -0.01),
-    inertia_kg_m2=0.031,
+    damping=(510.0, 2000.0, 14.3),
+    mass_kg=2.0,
+    p_PM_m=(0.233, -0.069),
+    inertia_kg_m2=0.012,
 )
 """A Franka under its default joint impedance, as the edge feels it while it touches the table: joint stiffness,
 damping and inertia carried to the edge along planned scoops (tests/sim/test_arm_compliance.py). Nearly all of it is

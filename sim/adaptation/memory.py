@@ -1,0 +1,110 @@
+"""What an adaptation policy sees of a session: the last iteration, as in the paper, or all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from torch import Tensor
+
+from hw.types import Array
+from sim.adaptation.method import Iteration
+from sim.adaptation.q_network import QNetwork, new_network, restore_network
+from sim.tasks.task import Task
+
+MemoryName = Literal["iteration", "history"]
+
+SLOTS = 20
+"""Entries that a history keeps: two particles over ten iterations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What B particles have behind them: S entries each, an entry being one particle's iteration.
+
+    Entry 0 is the particle's own last iteration; then come its earlier ones, then those of the other particles, newest
+    first. What is not there is zero, with `age` below zero.
+    """
+
+    means: Array  # (B, S, p) in units
+    observations: Array  # (B, S, T * size) normalised
+    rewards: Array  # (B, S, T) of the trials
+    own: Array  # (B, S) 1 where it is the particle's own
+    age: Array  # (B, S) iterations ago; -1 where there is no entry
+
+
+def entries(task: Task) -> int:
+    """Numbers in an entry of a history."""
+    return len(task.parameters) + task.adaptation.trials_per_iteration * (task.observation.size + 1) + 2
+
+
+def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
+    """(slots, numbers in a slot) of the state of a policy with this memory."""
+    if memory == "history":
+        return SLOTS, entries(task) + 1
+    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * task.observation.size
+
+
+def new_policy(task: Task, memory: MemoryName, seed: int) -> QNetwork:
+    """An adaptation policy with this memory, freshly initialised from `seed` alone."""
+    slots, width = inputs(task, memory)
+    return new_network(width, len(task.parameters), seed, slots)
+
+
+def restore_policy(task: Task, memory: MemoryName, tensors: Mapping[str, Tensor]) -> QNetwork:
+    """An adaptation policy with this memory. Raises CheckpointError when the tensors do not fit."""
+    slots, width = inputs(task, memory)
+    return restore_network(width, len(task.parameters), tensors, slots)
+
+
+def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
+    """(B, slots * numbers): what the network gets."""
+    means = task.parameters.normalise(seen.means)
+    if memory == "iteration":
+        return np.concatenate([means[:, 0], seen.observations[:, 0]], axis=-1)
+    there = (seen.age >= 0.0)[..., None]
+    rest = [seen.own[..., None], seen.age[..., None] / 8.0, there]
+    full = np.where(there, np.concatenate([means, seen.observations, seen.rewards, *rest], axis=-1), 0.0)
+    padded = np.zeros((len(full), SLOTS, full.shape[-1]))
+    padded[:, : full.shape[1]] = full[:, :SLOTS]
+    return padded.reshape(len(full), -1)
+
+
+def looking_back(means: Array, observations: Array, rewards: Array) -> Seen:
+    """What each particle sees in episodes (E, P, n, ...) of P particles with the same target: (E * P, P * n, ...)."""
+    episodes, particles, n = means.shape[:3]
+    columns: list[list[Array]] = [[], [], []]
+    for j in range(particles):
+        order = [j, *(i for i in range(particles) if i != j)]
+        for column, values in zip(columns, (means, observations, rewards), strict=True):
+            newest_first = values[:, order, ::-1]
+            column.append(newest_first.reshape(episodes, particles * n, -1))
+    seen = [np.stack(column, axis=1).reshape(episodes * particles, particles * n, -1) for column in columns]
+    own = np.zeros((episodes * particles, particles * n))
+    own[:, :n] = 1.0
+    age = np.tile(np.arange(n, dtype=np.float64), (episodes * particles, particles))
+    return Seen(seen[0], seen[1], seen[2], own, age)
+
+
+def of_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
+    """What one particle of a session sees. Raises ValueError without a trial of its own in the last iteration.
+
+    Of more than `trials_per_iteration` trials the last count; fewer are repeated.
+    """
+    wanted, latest = task.adaptation.trials_per_iteration, len(history) - 1
+    if not history or not history[-1][particle].trials:
+        raise ValueError("adaptation needs at least one trial of this iteration")
+    others = [i for i in range(len(history[-1])) if i != particle]
+    rows = []
+    for i in (particle, *others):
+        for k in range(latest, -1, -1):
+            if i >= len(history[k]) or not (trials := history[k][i].trials):
+                continue
+            taken = [trials[-wanted:][t % min(wanted, len(trials))] for t in range(wanted)]
+            observed = np.concatenate([t.observation for t in taken])
+            reward = np.array([t.reward for t in taken])
+            rows.append((history[k][i].particle.mean, observed, reward, float(i == particle), float(latest - k)))
+    means, observations, rewards, own, age = (np.array(column)[None] for column in zip(*rows, strict=True))
+    return Seen(means, observations, rewards, own, age)

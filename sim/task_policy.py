@@ -19,6 +19,9 @@ from sim.sampling import sobol, spread
 from sim.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
+APART = 0.1
+"""Distance, in fractions of the ranges, from which two actions are worth telling apart."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scenarios:
@@ -54,19 +57,32 @@ class EmulatorPolicy:
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best candidates can be executed."""
-        scores = self._lower(self._rewards(self.success, self.end_state, context))
-        near = self._around(int(np.argmax(scores)))
-        values = self._lower(self._rewards(near.success, near.end_state, context))
-        if self.executable is None:
-            return frozen_array(near.actions[int(np.argmax(values))])
-        actions, values = np.concatenate([near.actions, self.candidates]), np.concatenate([values, scores])
-        for i in np.argsort(-values, kind="stable")[: self.settings.attempts]:
-            if self.executable(context, actions[i]):
-                return frozen_array(actions[i])
-        raise NotExecutable(
-            f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
-            f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
-        )
+        return frozen_array(self.shortlist(context, 1)[0][0])
+
+    def shortlist(self, context: Array, n: int) -> tuple[Array, Array]:
+        """At most `n` good actions (n, a) that lie apart and can be executed, with their emulated rewards (n,).
+
+        The best comes first. Raises NotExecutable when none of the best candidates can be executed.
+        """
+        rewards = self._rewards(self.success, self.end_state, context)
+        near = self._around(int(np.argmax(self._lower(rewards))))
+        actions = np.concatenate([near.actions, self.candidates])
+        rewards = np.concatenate([self._rewards(near.success, near.end_state, context), rewards], axis=1)
+        unit, chosen, attempts = self.task.action.normalise(actions), list[int](), 0
+        for i in np.argsort(-self._lower(rewards), kind="stable"):
+            if len(chosen) == n or attempts == self.settings.attempts:
+                break
+            if chosen and np.linalg.norm(unit[chosen] - unit[i], axis=1).min() < APART:
+                continue
+            attempts += 1
+            if self.executable is None or self.executable(context, actions[i]):
+                chosen.append(int(i))
+        if not chosen:
+            raise NotExecutable(
+                f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
+                f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
+            )
+        return actions[chosen], rewards.mean(axis=0)[chosen]
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check: for training in simulation."""

@@ -46,7 +46,7 @@ __all__ = [
 SHIPPED = Path(__file__).parent / "checkpoints"
 MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
-PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "history": "q_history."}
+PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
 """Of the tensors of the adaptation policies."""
 
 

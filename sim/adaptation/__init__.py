@@ -30,6 +30,7 @@ __all__ = [
 METHODS = {
     "adaptsim": "sim.adaptation.phase2:create",
     "adaptsim-iteration": "sim.adaptation.phase2:create_iteration",
+    "adaptsim-state": "sim.adaptation.phase2:create_state",
     "adaptsim-history": "sim.adaptation.phase2:create_history",
     "random": "sim.baselines.random_search:create",
     "udr": "sim.baselines.udr:create",

@@ -136,7 +136,8 @@ def _oracle(
     rewards = solver.expected_rewards(np.tile(target, (len(candidates), 1)), contexts, actions, rng)
     proposed = [candidates[i] for i in np.argsort(-rewards)[:PROPOSED]]
     true, _ = _judge(solver, proposed, target, roll, SCREENING, rng)
-    return proposed[int(np.argmax(true))]
+    best: SolvedPolicy = proposed[int(np.argmax(true))]
+    return best
 
 
 def _judge(

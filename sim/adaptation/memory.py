@@ -1,4 +1,8 @@
-"""What an adaptation policy sees of a session: the last iteration, as in the paper, or all of it."""
+"""What an adaptation policy sees of a session.
+
+"iteration": the last parameters and the trajectories of the last iteration, as in the paper; "state": of these
+trajectories only how they end (the paper's AdaptSim-State); "history": everything, of all particles, rewards too.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from sim.adaptation.method import Iteration
 from sim.adaptation.q_network import QNetwork, new_network, restore_network
 from sim.tasks.task import Task
 
-MemoryName = Literal["iteration", "history"]
+MemoryName = Literal["iteration", "state", "history"]
 
 SLOTS = 20
 """Entries that a history keeps: two particles over ten iterations."""
@@ -44,7 +48,13 @@ def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
     """(slots, numbers in a slot) of the state of a policy with this memory."""
     if memory == "history":
         return SLOTS, entries(task) + 1
-    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * task.observation.size
+    seen = _end(task) if memory == "state" else task.observation.size
+    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * seen
+
+
+def _end(task: Task) -> int:
+    """Numbers of an observation that tell how a trial ended."""
+    return task.adaptation.end_moments * len(task.observation.columns)
 
 
 def new_policy(task: Task, memory: MemoryName, seed: int) -> QNetwork:
@@ -64,6 +74,9 @@ def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
     means = task.parameters.normalise(seen.means)
     if memory == "iteration":
         return np.concatenate([means[:, 0], seen.observations[:, 0]], axis=-1)
+    if memory == "state":
+        trials = seen.observations[:, 0].reshape(len(means), task.adaptation.trials_per_iteration, -1)
+        return np.concatenate([means[:, 0], trials[..., -_end(task) :].reshape(len(means), -1)], axis=-1)
     there = (seen.age >= 0.0)[..., None]
     rest = [seen.own[..., None], seen.age[..., None] / 8.0, there]
     full = np.where(there, np.concatenate([means, seen.observations, seen.rewards, *rest], axis=-1), 0.0)

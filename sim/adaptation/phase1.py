@@ -4,8 +4,8 @@ A task with an exact solver needs neither dataset nor emulator, and its rollouts
 
 The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors`, `rollouts/` (those of the
 episodes and of the evaluation, never simulated twice), `policy.safetensors` and the `episodes.safetensors` that it went
-through, `policy-history.safetensors` (learnt from the same episodes), the report of each stage, `logs/` for
-TensorBoard, and `checkpoint/`. What exists is not made again.
+through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes), the report of each
+stage, `timings.toml` (wall time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from sim.adaptation.meta_training import MetaCurve, MetaSettings, learn_from, tr
 from sim.adaptation.method import Method
 from sim.adaptation.phase2 import AdaptSim
 from sim.adaptation.q_network import QNetwork
+from sim.adaptation.timing import Stopwatch
 from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import CARD, load_tensors, save_checkpoint, save_tensors
 from sim.emulator import Emulator
@@ -47,10 +48,13 @@ from sim.tasks.task import Task
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
+FURTHER: tuple[MemoryName, ...] = ("history", "state")
+"""Adaptation policies that learn from the episodes of the paper's."""
+
 METHODS = {"iteration": "adaptsim-iteration", "history": "adaptsim-history", "random": "random"}
 """What the evaluation compares, by the names of `sim.adaptation.METHODS`."""
 
-STAGES = ("dataset", "emulator", "adaptation policy", "policy that sees the session", "evaluation", "checkpoint")
+STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """Stands in for the first two stages."""
 
@@ -61,7 +65,7 @@ class PretrainBudget:
 
     rollouts: int = 16_384  # of the dataset, evenly over the space
     denser: int = 8_192  # and where the outcome is uncertain
-    history_updates: int = 20_000  # gradient steps of the policy that sees the whole session
+    further_updates: int = 20_000  # gradient steps of the policies that learn from the episodes of the first
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
@@ -72,7 +76,7 @@ class PretrainBudget:
         return cls(
             rollouts=4096,
             denser=2048,
-            history_updates=4000,
+            further_updates=4000,
             meta=MetaSettings(steps=1536, updates=4),
             evaluation=EvaluationSettings(targets=12),
         )
@@ -106,7 +110,7 @@ def pretrain(
     Raises DatasetError when the folder holds another plan. Stop it at any time; the same call goes on.
     """
     _agree_on_plan(task, folder, budget, seed)
-    draws = [int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4)]
+    draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
         means = _exact(task.exact(task), budget, executor)
@@ -127,6 +131,11 @@ def pretrain(
         save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts})
     progress(STAGES[5], 1, 1)
     return path
+
+
+def stage_seeds(seed: int) -> tuple[int, ...]:
+    """Seeds of dataset, emulator, adaptation policies and evaluation."""
+    return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
 def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
@@ -184,9 +193,10 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int) 
 def _policies(
     folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress, log: Log
 ) -> dict[MemoryName, QNetwork]:
-    """The paper's adaptation policy, and one that sees the whole session, learnt from the same episodes."""
+    """The paper's adaptation policy, and `FURTHER` ones, learnt from the same episodes."""
     task = means.solver.task
-    online, history = folder / "policy.safetensors", folder / "policy-history.safetensors"
+    online = folder / "policy.safetensors"
+    further: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in FURTHER}
     episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
     if not all(path.exists() for path in (online, episodes, report)):
         network, curve, seen = train_adaptation(
@@ -195,15 +205,16 @@ def _policies(
         save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
         save_tensors(online, network.state_dict())
         write_toml(report, _summary(curve))
-    if not history.exists():
-        seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
-        network = learn_from(
-            task, seen, "history", budget.history_updates, seed, lambda i, n: progress(STAGES[3], i, n)
-        )
-        save_tensors(history, network.state_dict())
+    for memory, path in further.items():
+        if not path.exists():
+            seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
+            network = learn_from(
+                task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[3], i, n)
+            )
+            save_tensors(path, network.state_dict())
     for stage in STAGES[2:4]:
         progress(stage, 1, 1)
-    files: dict[MemoryName, Path] = {"iteration": online, "history": history}
+    files: dict[MemoryName, Path] = {"iteration": online, **further}
     return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
 
 
@@ -218,7 +229,9 @@ def _evaluation(
     path, task = folder / "evaluation.toml", means.solver.task
     if not path.exists():
         methods: dict[str, Method] = {
-            METHODS[memory]: AdaptSim(task, network, memory) for memory, network in networks.items()
+            METHODS[memory]: AdaptSim(task, network, memory)
+            for memory, network in networks.items()
+            if memory in METHODS
         }
         methods[METHODS["random"]] = RandomSearch(task)
         results = evaluate(

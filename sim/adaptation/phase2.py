@@ -34,6 +34,11 @@ def create_iteration(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     return _with(task, _given(task, checkpoint), "iteration")
 
 
+def create_state(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+    """AdaptSim-State of the paper: it sees only how the last trials ended. Raises CheckpointError."""
+    return _with(task, _given(task, checkpoint), "state")
+
+
 def create_history(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """AdaptSim that sees all parameters, trajectories and rewards of the session. Raises CheckpointError."""
     return _with(task, _given(task, checkpoint), "history")

@@ -39,6 +39,8 @@ class AdaptationSettings:
     trial_std: float = 0.4
     """Spread of single trials around their expectation. The default is nearly that of a coin: of contact tasks, most
     rewards are near 0 or near 1."""
+    end_moments: int = 1
+    """The last moments of an observation, which are all that the state-only variants see."""
 
 
 @dataclass(frozen=True, eq=False)

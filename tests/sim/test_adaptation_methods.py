@@ -54,7 +54,7 @@ def moved(method, history):
     return method.next(history, np.random.default_rng(0))[0].mean
 
 
-@pytest.mark.parametrize("memory", ["iteration", "history"])
+@pytest.mark.parametrize("memory", ["iteration", "state", "history"])
 def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
     method = AdaptSim(TOY, new_policy(TOY, memory, 0), memory)
     moves = set()
@@ -74,6 +74,13 @@ def test_the_papers_policy_sees_the_mean_and_the_last_iteration():
     assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
     before = visited(PARAMETERS.low, observations(2, 5), (1.0, 1.0))
     assert np.array_equal(moved(method, before + visited(MEAN, seen, (1.0, 0.0))), expected)
+
+
+def test_the_state_only_policy_sees_how_the_last_trials_ended():
+    method, seen = AdaptSim(TOY, new_policy(TOY, "state", 0), "state"), observations(2)
+    state = np.concatenate([PARAMETERS.normalise(MEAN), *[o[-2:] for o in seen]])[None]
+    expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
+    assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
 
 
 def test_the_last_trials_count_and_a_single_one_is_repeated():

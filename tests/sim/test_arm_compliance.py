@@ -21,7 +21,7 @@ IN_PLANE = [0, 2, 4]  # X, Z, and the turn about Y
 
 @pytest.fixture(scope="module")
 def arm_at_edge():
-    """Mean compliance, mobility of the dampers and inverse mass (3, 3) at the edge, in tool axes, over planned scoops."""
+    """Mean compliance, mobility of the dampers, inverse mass (3, 3) at the edge, in tool axes, over planned scoops."""
     plant = MultibodyPlant(0.001)
     add_panda(plant)
     plant.Finalize()

@@ -23,7 +23,7 @@ from sim.task_policy import EmulatorSolver
 TINY = PretrainBudget(
     rollouts=256,
     denser=44,
-    history_updates=50,
+    further_updates=50,
     emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
     meta=MetaSettings(steps=24, parallel=8, updates=1),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
@@ -103,7 +103,7 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
 def test_a_policy_with_memory_learns_from_the_episodes_of_another():
     emulator, _ = trained()
     _, _, episodes = train_adaptation(EmulatorSolver(emulator), roll, MetaSettings(steps=256, parallel=32), 0)
-    for memory in ("iteration", "history"):
+    for memory in ("iteration", "state", "history"):
         steps = episodes.transitions(TOY, memory)
         assert len(steps.reward) == len(steps.state) == episodes.directions[..., 0].size
         assert np.isin(steps.reward, sparse(TOY, episodes.rewards)).all()

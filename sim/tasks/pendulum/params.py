@@ -78,6 +78,7 @@ ADAPTATION = AdaptationSettings(
     trials_per_iteration=1,
     learning_rate=3e-4,
     trial_std=0.01,  # a repeated trial earns the same
+    end_moments=3,  # the last half second (paper: twelve points of it; the state has four numbers)
 )
 
 

@@ -34,7 +34,8 @@ def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Ar
         dimension = space.dimensions[space.names.index(name)]
         if not dimension.low <= values[name] <= dimension.high:
             raise UsageError(
-                f"{what} {dimension.label} = {values[name]:g} lies outside of [{dimension.low:g}, {dimension.high:g}]"
+                f"{what} {dimension.label} = {values[name]:g} lies outside of [{dimension.low:g}, {dimension.high:g}]: "
+                "choose a value within"
             )
     return np.array([values[name] for name in space.names])
 

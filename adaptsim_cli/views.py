@@ -95,6 +95,9 @@ def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
     style = "green" if record.reward > 0 else "yellow"
     result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
+    if record.goal_m is not None:
+        off_m = np.linalg.norm(np.subtract(record.track.state[-1][:2], record.goal_m))
+        result.append(f", {1e3 * off_m:.0f} mm from the goal")
     if manual:
         result.append("  outcome set by the operator", "magenta")
     flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
@@ -114,7 +117,7 @@ def adapted(
     estimate = Text.assemble(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
-        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trials) at ",
+        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name} {number(value)}" for name, value in best.params.items()),
     )
     spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"

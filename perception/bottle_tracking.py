@@ -49,8 +49,10 @@ def track_bottle(
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
     trial; `arm_at(t_s)` is arm and tool by their measured joints, on the clock of the frames; the motion starts at
     `t_start_s` on it and lasts `duration_s`; `area` is what of the table is looked at.
-    Frames in which the bottle cannot be located are bridged, with confidence 0. Whatever an operator should know is
-    flagged: a bottle at the edge of the image or hidden, a hand or another thing in the picture, a bottle not at rest.
+    Frames in which the bottle cannot be located are bridged, with confidence 0. A bottle that falls counts from then on
+    as where it fell: how it rolls says nothing of the push, and simulations end there. Whatever an operator should know
+    is flagged: a bottle at the edge of the image or hidden, a hand or another thing in the picture, a bottle not at
+    rest.
     Raises TrackingFailed when no frame falls into the trial or the bottle is in none of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
@@ -76,6 +78,9 @@ def track_bottle(
     X_BT = arm_at(chosen[-1].t_s).X_BT
     end = np.full(3, np.nan) if X_BT is None else transform(inverse(X_BT), state[-1])
     outcome = _outcome(t_s, state, sure, tilt_deg)
+    if outcome is Outcome.TIPPED:
+        fell = _fell(sure, tilt_deg)
+        state[fell:] = state[fell]
     flags = (*_sight_flags(t_s, sights, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
     return ObjectTrack(t_s, state, outcome, end, confidence, flags)
 
@@ -148,6 +153,13 @@ def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array) -> Outcome:
     if sure[last].mean() < 0.5 or np.median(state[last, 2]) < _LOWEST_M:
         return Outcome.LOST
     return Outcome.UPRIGHT
+
+
+def _fell(sure: Mask, tilt_deg: Array) -> int:
+    """Number of the first frame in which a bottle that has fallen leans too far and never stands again."""
+    stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
+    after = int(stands[-1]) + 1 if len(stands) else 0
+    return after + int(np.flatnonzero(sure[after:])[0])
 
 
 def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str, ...]:

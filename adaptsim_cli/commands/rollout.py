@@ -27,20 +27,25 @@ def rollout(
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
     from datetime import UTC, datetime
+    from math import dist
 
     from adaptsim_cli import config, console, wiring
     from adaptsim_cli.session import single
+    from sim.tasks import get_task
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
     screen = console.Screen(as_json=as_json)
     name = f"{resolved.config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [])
+    single.typed(get_task(resolved.config.task), chosen)  # refused before anything is loaded or connected
     with wiring.open_parts(resolved.config) as parts:
         record = single.rollout(resolved.config, parts, chosen, screen, folder.absolute(), yes=yes)
     if as_json:
         screen.data(record)
     outcome = record["outcome"].replace("_", " ")
+    if record["goal_m"] is not None:
+        outcome += f", {1e3 * dist(record['track']['state'][-1][:2], record['goal_m']):.0f} mm from the goal"
     screen.plain(f"{outcome}, reward {record['reward']:.2f}")
     for flag in record["flags"]:
         screen.note(f"note: {flag}")

@@ -117,14 +117,17 @@ class Reader:
         t_ns = int(self._unpack("<i")) * 1_000_000_000 + int(self._unpack("<I"))
         return t_ns, self.string()
 
+    def count(self) -> int:
+        return int(self._unpack("<I"))
+
     def string(self) -> str:
         return bytes(self.blob()[:-1]).decode()
 
     def strings(self) -> tuple[str, ...]:
-        return tuple(self.string() for _ in range(int(self._unpack("<I"))))
+        return tuple(self.string() for _ in range(self.count()))
 
     def blob(self) -> memoryview:
-        size = int(self._unpack("<I"))
+        size = self.count()
         content = self._body[self._at : self._at + size]
         if len(content) < size:
             raise IndexError("a field runs past the end of its message")
@@ -133,7 +136,7 @@ class Reader:
 
     def doubles(self, n: int | None = None) -> tuple[float, ...]:
         """`n` float64 fields, or a counted sequence of them."""
-        size = int(self._unpack("<I")) if n is None else n
+        size = self.count() if n is None else n
         return tuple(self._unpack("<d") for _ in range(size))
 
     def _unpack(self, layout: str) -> float:

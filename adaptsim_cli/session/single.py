@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,15 +17,19 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.console import Attended, Screen, Unattended
 from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.session import durable
-from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import Draw, RunTrial, TrialKey, generator
-from adaptsim_cli.session.target import Evidence
+from adaptsim_cli.session.target import Evidence, Planned, Ready, Target
+from hw.errors import MotionRefused
 from hw.types import Array
+from perception.errors import PerceptionError
 from perception.types import ObjectTrack
 from sim.adaptation.method import Particle
+from sim.errors import NotExecutable
+from sim.tasks.task import Task
 from sim.types import Space
 
 _STAGE = RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(1, 0), interrupted=False)
@@ -40,6 +44,18 @@ class Chosen:
     parameters: Sequence[str]  # that the policy is trained for; what is not given is the middle of Omega
 
 
+def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
+    """(context (c,), parameters (p,)) as typed, what is not given from the task's middle; the action is checked too.
+
+    Raises UsageError for a name or a value that is wrong.
+    """
+    drawn = values.point(task.context, chosen.context, task.reference_context, "--context")
+    middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
+    mean = values.point(task.parameters, chosen.parameters, middle, "--param")
+    values.point(task.action, chosen.action, task.action.low, "--action")
+    return drawn, mean
+
+
 def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder: Path, *, yes: bool) -> dict[str, Any]:
     """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
 
@@ -51,10 +67,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     if not unattended:
         console.require_terminal()
     operator = Unattended(screen) if unattended else Attended(screen)
-    drawn = values.point(task.context, chosen.context, task.reference_context, "--context")
-    middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
-    mean = values.point(task.parameters, chosen.parameters, middle, "--param")
-    values.point(task.action, chosen.action, task.action.low, "--action")  # refused before anything moves
+    drawn, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
     if problem := failures(target.checks()):
@@ -62,9 +75,9 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
 
     with screen.busy("Training the task policy"):
         policy = parts.learner.train(Particle(mean[None]), generator(config.seed, Draw.TRAIN, 0, 0))
-    ready = target.set_up(drawn, _STAGE.key, operator)
+    ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
-    planned = ready.plan(action)
+    planned = _plan(task, ready, action)
     overlay = None if ready.overlay is None else _shown(ready.overlay)
     expected = policy.predict(ready.context)
     proposal = Proposal(_STAGE, mean, drawn, ready.context, action, expected, planned.told, planned.announced, overlay)
@@ -77,6 +90,31 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
     _store(folder, record, executed.evidence(track))
     return record
+
+
+def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) -> Ready:
+    """Everything in its place, tried again as long as the operator wants while the object is not found there."""
+    stage = _STAGE
+    while True:
+        try:
+            return target.set_up(drawn, stage.key, operator)
+        except PerceptionError as error:
+            screen.note(f"Attempt {stage.key.attempt + 1}, nothing has moved: {error}")
+            if not operator.try_again(stage, str(error), False):
+                raise
+        stage = replace(stage, key=TrialKey(stage.key.number, stage.key.attempt + 1))
+
+
+def _plan(task: Task, ready: Ready, action: Array) -> Planned:
+    """The motion, within every limit. Raises NotExecutable or MotionRefused, saying how to find one that is."""
+    try:
+        return ready.plan(action)
+    except (NotExecutable, MotionRefused) as error:
+        error.add_note(
+            "Nothing has moved. Choose another --action: adaptsim preview "
+            f"--task {task.name} --action name=value shows what a motion uses of every limit"
+        )
+        raise
 
 
 def _shown(overlay: bytes) -> Path:
@@ -95,6 +133,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
         "seed": config.seed,
         "params": None if by_hand else _named(task.parameters, made.parameters),
         "context": _named(task.context, made.context),
+        "goal_m": None if task.goal_m is None else as_row(task.goal_m(made.context)),
         "action": _named(task.action, made.action),
         "outcome": track.outcome.value,
         "reward": task.score(track, made.context),

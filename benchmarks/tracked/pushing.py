@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -30,6 +31,7 @@ from sim.panda.tool import held
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
+from sim.tasks.direct import READ_EVERY_S
 from sim.tasks.pushing import TASK
 from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
@@ -66,12 +68,29 @@ class Push:
         X[:3, 3] = [np.interp(t_s, self.t_s, column) for column in self.X_BO[:, :3, 3].T]
         return X
 
+    @cached_property
+    def fell_s(self) -> float:
+        """When training would count it as fallen: its first reading past `TIPPED_DEG`; inf for one that stands."""
+        start_s = self.execution.t_start_s
+        for t_s in np.arange(start_s, self.end_s, READ_EVERY_S):
+            if lean_deg(self.bottle(float(t_s))) > TIPPED_DEG:
+                return float(t_s)
+        return float("inf")
+
+    def counted_m(self, t_s: float) -> Array:
+        """(2,) of the bottle as training counts it: after a fall, where it fell."""
+        return self.bottle(min(t_s, self.fell_s))[:2, 3]
+
     def q_at(self, t_s: float) -> Array:
         since_s = t_s - self.execution.t_start_s
         return np.array([np.interp(since_s, self.execution.t_s, q) for q in self.execution.q_measured_rad.T])
 
     def tool(self, t_s: float) -> Array:
         return np.asarray(forward(self.q_at(t_s)) @ TASK.X_FT)
+
+
+def lean_deg(X_BO: Array) -> float:
+    return float(np.rad2deg(np.arccos(np.clip(X_BO[2, 2], -1, 1))))
 
 
 def run(count: int, seed: int) -> None:
@@ -178,6 +197,7 @@ class Result:
     agrees: bool
     tipped: bool
     ms_per_frame: float
+    observed_mm: Array  # (M,) at the times of the task's observation
     flags: tuple[str, ...]
     silent_mm: float  # largest error that no flag and no low confidence goes with
 
@@ -200,9 +220,10 @@ def judged(
         began_s = time.process_time()
         track = tracker.track(request)
         spent_s.append(time.process_time() - began_s)
-    true_m = np.stack([push.bottle(t + start_s)[:2, 3] for t in track.t_s])
-    xy_mm = 1e3 * np.linalg.norm(track.state[:, :2] - true_m, axis=1)
-    tipped = np.rad2deg(np.arccos(np.clip(abs(push.X_BO[-1, 2, 2]), 0, 1))) > TIPPED_DEG
+    times_s = TASK.observation.times_s
+    xy_mm = _apart_mm(push, track.t_s, track.state[:, :2])
+    observed_mm = _apart_mm(push, times_s, track.at(times_s)[:, :2])
+    tipped = lean_deg(push.X_BO[-1]) > TIPPED_DEG
     located = track.confidence > 0
     out = not (
         BOTTLE_AREA[0] < push.X_BO[-1, 0, 3] < BOTTLE_AREA[1] and BOTTLE_AREA[2] < push.X_BO[-1, 1, 3] < BOTTLE_AREA[3]
@@ -216,9 +237,16 @@ def judged(
         track.outcome is Outcome.LOST if out else (track.outcome is Outcome.TIPPED) == bool(tipped),
         bool(tipped),
         1e3 * min(spent_s) / len(frames),
+        observed_mm,
         track.flags,
         float(silent.max(initial=0.0)),
     )
+
+
+def _apart_mm(push: Push, times_s: Array, xy_m: Array) -> Array:
+    """(N,) between tracked places (N, 2) at `times_s` since the start and the true ones as training counts them."""
+    true_m = np.stack([push.counted_m(float(t) + push.execution.t_start_s) for t in times_s])
+    return np.asarray(1e3 * np.linalg.norm(xy_m - true_m, axis=1))
 
 
 def shown(rows: dict[str, list[Result | None]]) -> None:
@@ -236,6 +264,8 @@ def shown(rows: dict[str, list[Result | None]]) -> None:
             f"  XY mm: mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
             f"at rest: mean {np.nanmean(rest):.2f}, max {np.nanmax(rest):.2f}   before: mean {found.mean():.2f}, "
             f"max {found.max():.2f}\n"
+            f"  observation mm, mean / largest: {_observed(results, tipped=False)} where it stands, "
+            f"{_observed(results, tipped=True)} where it fell\n"
             f"  outcomes {sum(r.agrees for r in results)}/{len(results)}   flagged {flagged}/{len(results)}   "
             f"largest unflagged error {max(r.silent_mm for r in results):.2f} mm   "
             f"{np.median([r.ms_per_frame for r in results]):.1f} ms a frame",
@@ -243,3 +273,8 @@ def shown(rows: dict[str, list[Result | None]]) -> None:
         )
         for flag in sorted({f.rsplit(" in ", 1)[0].split(" (")[0] for r in results for f in r.flags}):
             print(f"    flagged: {flag}")
+
+
+def _observed(results: list[Result], *, tipped: bool) -> str:
+    some = [r.observed_mm for r in results if r.tipped is tipped]
+    return f"{np.mean(some):.2f} / {np.max(some):.2f}" if some else "-"

@@ -4,6 +4,7 @@ device's factory calibration attached. Needs PyAV (`pip install adaptsim[kinect]
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -52,23 +53,28 @@ class KinectRecording:
         return camera_model(self._attached("calibration.json"), colour.removeprefix("MJPG_"), depth)
 
     def frames(self) -> Iterator[Frame]:
-        """Every instant with both a colour and a depth image, in order of time. Raises CameraError."""
+        """Every instant with both a colour and a depth image, in order of time.
+
+        With the infrared image where it was recorded. Raises CameraError.
+        """
         container = self._open
         tracks = [self._track(title) for title in ("COLOR", "DEPTH")]
+        tracks += [stream for stream in container.streams.video if stream.metadata.get("title") == "IR"]
         start_s = 1e-9 * int(container.metadata.get("K4A_START_OFFSET_NS", "0"))
-        waiting: dict[int, list[tuple[float, Any]]] = {track.index: [] for track in tracks}
-        colour_of, depth_of = (waiting[track.index] for track in tracks)
+        waiting: dict[int, deque[tuple[float, Any]]] = {track.index: deque() for track in tracks}
+        queues = tuple(waiting.values())
         container.seek(0)
         for packet in container.demux(*tracks):
             for image in packet.decode():
                 waiting[packet.stream.index].append((start_s + float(image.time or 0.0), image))
-            while colour_of and depth_of:
-                apart_s = colour_of[0][0] - depth_of[0][0]
-                if abs(apart_s) < _TOGETHER_S:
-                    (t_s, colour), (_, depth) = colour_of.pop(0), depth_of.pop(0)
-                    yield Frame(t_s, _rgb(colour), millimetres(depth))
-                else:  # the older of the two has no partner
-                    (colour_of if apart_s < 0 else depth_of).pop(0)
+            while all(queues):
+                stamps_s = [queue[0][0] for queue in queues]
+                if max(stamps_s) - min(stamps_s) < _TOGETHER_S:
+                    colour, depth, *infrared = (queue.popleft()[1] for queue in queues)
+                    dark = grey16(infrared[0]) if infrared else None
+                    yield Frame(stamps_s[0], _rgb(colour), grey16(depth), dark)
+                else:  # the oldest has no partner
+                    queues[stamps_s.index(min(stamps_s))].popleft()
 
     @property
     def _open(self) -> av.container.InputContainer:
@@ -99,10 +105,10 @@ def _rgb(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint8]]:
     return np.ascontiguousarray(image.to_ndarray(format="rgb24"), dtype=np.uint8)
 
 
-def millimetres(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint16]]:
+def grey16(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint16]]:
     """(H, W) of a 16-bit grey image, in the byte order of this machine. Raises CameraError for any other."""
     if image.format.name not in _PIXELS:
-        raise CameraError(f"the depth track holds {image.format.name}, expected 16-bit grey")
+        raise CameraError(f"a depth or infrared track holds {image.format.name}, expected 16-bit grey")
     plane = image.planes[0]
     rows = np.frombuffer(plane, dtype=_PIXELS[image.format.name]).reshape(image.height, -1)  # type: ignore[call-overload]
     return np.ascontiguousarray(rows[:, : image.width], dtype=np.uint16)

@@ -8,9 +8,13 @@ import os
 from pathlib import Path
 
 import pytest
+import toy_rig
 from toy_rig import TASK, ToyLab, opener
 
 from adaptsim_cli import app, wiring
+from hw.errors import MotionRefused
+from sim.errors import NotExecutable
+from sim.tasks import TASKS
 
 RUN = ["rollout", "--task", "toy", "--yes"]
 
@@ -20,6 +24,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setitem(TASKS, "toy", toy_rig.__name__)
     monkeypatch.chdir(tmp_path)
 
 
@@ -51,8 +56,12 @@ def test_an_action_by_hand_is_executed_as_given(lab: ToyLab, tmp_path: Path, cap
 
 @pytest.mark.parametrize("option", ["--action", "--context", "--param"])
 def test_a_wrong_value_moves_nothing(
-    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], option: str
+    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
+    def opened(*_: object) -> None:
+        raise AssertionError("what was typed is checked before anything is loaded or connected")
+
+    monkeypatch.setattr(wiring, "open_parts", opened)
     assert app.run([*RUN, option, "nonsense=1"]) == 2
     assert "write name=value" in capfd.readouterr().err
     assert not (tmp_path / "home" / "data" / "rollouts").exists()
@@ -69,3 +78,40 @@ def test_nobody_to_confirm(lab: ToyLab, capfd: pytest.CaptureFixture[str], monke
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert app.run(["rollout", "--task", "toy"]) == 2
     assert "no terminal" in capfd.readouterr().err
+
+
+def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = ToyLab(0, misplaced=frozenset({(1, 0), (1, 1)}))
+    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 0
+    assert capfd.readouterr().out.count("nothing has moved: the toy piece lies outside of the area") == 2
+    assert lab.executions == [(1, 2)]
+
+
+def test_an_object_that_is_never_found_ends_it_with_nothing_stored(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = ToyLab(0, misplaced=frozenset((1, attempt) for attempt in range(99)))
+    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 6
+    assert "lies outside of the area" in capfd.readouterr().err
+    assert lab.executions == []
+    assert not (tmp_path / "one").exists()
+
+
+@pytest.mark.parametrize("error", [NotExecutable("joint 4 cannot follow"), MotionRefused("joint 4 too fast")])
+def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(
+    error: Exception, lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def check(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(wiring, "open_parts", opener(lab, check=check))
+    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 4
+    said = capfd.readouterr().err
+    assert str(error) in said
+    assert "adaptsim preview --task toy" in said
+    assert lab.executions == []
+    assert not (tmp_path / "one").exists()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hw.camera.kinect import camera_model
-from hw.camera.recording import KinectRecording, millimetres
+from hw.camera.recording import KinectRecording, grey16
 from hw.errors import CameraError, DeviceUnavailable
 
 CALIBRATION = Path(__file__).parents[1] / "perception" / "data" / "kinect_calibration.json"
@@ -48,9 +48,14 @@ def test_calibrations_that_cannot_be_used_are_refused() -> None:
 
 
 def record(
-    path: Path, colour_s: list[float], depth_s: list[float], titles: tuple[str, str] = ("COLOR", "DEPTH")
+    path: Path,
+    colour_s: list[float],
+    depth_s: list[float],
+    titles: tuple[str, str] = ("COLOR", "DEPTH"),
+    infrared_s: list[float] | None = None,
 ) -> None:
     """A file laid out like those of k4arecorder: frame i has the grey value 10 i, and 1000 + i in its first column."""
+    times_s = [colour_s, depth_s] if infrared_s is None else [colour_s, depth_s, infrared_s]
     with av.open(str(path), "w", format="matroska") as container:
         container.metadata["K4A_START_OFFSET_NS"] = "2000000000"
         container.add_attachment("calibration.json", "application/octet-stream", CALIBRATION.read_bytes())
@@ -58,12 +63,13 @@ def record(
         for title, codec, pixels, key, mode in (
             (titles[0], "mjpeg", "yuvj422p", "K4A_COLOR_MODE", "MJPG_720P"),
             (titles[1], "ffv1", "gray16le", "K4A_DEPTH_MODE", "NFOV_UNBINNED"),
-        ):
+            ("IR", "ffv1", "gray16le", "K4A_IR_MODE", "ACTIVE"),
+        )[: len(times_s)]:
             track = container.add_stream(codec, rate=30)
             track.width, track.height, track.pix_fmt = *SMALL, pixels
             track.metadata["title"], track.metadata[key] = title, mode
             tracks.append(track)
-        images = [(t, 0, i) for i, t in enumerate(colour_s)] + [(t, 1, i) for i, t in enumerate(depth_s)]
+        images = [(t, which, i) for which, track_s in enumerate(times_s) for i, t in enumerate(track_s)]
         for t_s, which, i in sorted(images):
             pixels = np.full((*SMALL[::-1], 3), 10 * i, np.uint8)
             depth = np.full(SMALL[::-1], 500, np.uint16)
@@ -93,10 +99,24 @@ def test_frames_are_paired_by_time_and_on_the_clock_of_the_device(tmp_path: Path
     assert frames[0].colour.shape == (*SMALL[::-1], 3) and frames[0].depth_mm.dtype == np.uint16
 
 
+def test_infrared_comes_where_it_was_recorded_and_belongs_to_the_same_instant(tmp_path: Path) -> None:
+    path = tmp_path / "r.mkv"
+    instants_s = [0.0, 1 / 30, 2 / 30]
+    record(path, instants_s, instants_s, infrared_s=[0.0, 2 / 30])
+    with KinectRecording(path) as recording:
+        frames = list(recording.frames())
+    assert [f.t_s for f in frames] == pytest.approx([2.0, 2.067], abs=2e-3)
+    dark = frames[1].infrared
+    assert dark is not None and (int(dark[5, 0]), int(dark[5, 9])) == (1001, 500)
+    record(path, instants_s, instants_s)
+    with KinectRecording(path) as recording:
+        assert [f.infrared for f in recording.frames()] == [None] * 3
+
+
 @pytest.mark.parametrize("pixels", ["gray16be", "gray16le"])
 def test_depth_is_read_in_either_order_of_bytes(pixels: str) -> None:
     depth_mm = np.arange(7 * 5, dtype=np.uint16).reshape(5, 7) * 1000  # 7 wide: rows are padded
-    assert np.array_equal(millimetres(av.VideoFrame.from_ndarray(depth_mm, format=pixels)), depth_mm)
+    assert np.array_equal(grey16(av.VideoFrame.from_ndarray(depth_mm, format=pixels)), depth_mm)
 
 
 def test_files_that_are_no_recordings_are_refused(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.tasks.pendulum.dynamics import motion
 from sim.tasks.pendulum.lqr import INPUTS, STATES, closed_loop, cost, optimal
+from sim.tasks.pendulum.observe import STEEPNESS
 from sim.tasks.pendulum.params import OBSERVATION
 
 BETWEEN = 4
@@ -54,6 +55,13 @@ def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, 
 
 
 def _track(rows: Array, stable: bool) -> ObjectTrack:
-    if stable:
-        return ObjectTrack(TIMES_S, rows, Outcome.SETTLED, _NOWHERE, _SURE)
-    return ObjectTrack(TIMES_S, rows, Outcome.DIVERGED, _NOWHERE, _SURE, ("the closed loop is not stable",))
+    if not stable:
+        return ObjectTrack(TIMES_S, rows, Outcome.DIVERGED, _NOWHERE, _SURE, ("the closed loop is not stable",))
+    excess = float(rows[-1, -1])
+    dear = STEEPNESS * excess >= 1.0
+    return ObjectTrack(TIMES_S, rows, Outcome.SETTLED, _NOWHERE, _SURE, (_price(excess),) if dear else ())
+
+
+def _price(excess: float) -> str:
+    worthless = 1.0 + 1.0 / STEEPNESS
+    return f"it settles, but at {1.0 + excess:.3g} times the least possible cost; {worthless:g} times or more earn 0"

@@ -118,6 +118,16 @@ def test_a_feedback_that_does_not_hold_it_earns_nothing_and_stays_finite():
     assert rewards(TASK.parameters.low, np.zeros(8)) == 0.0
 
 
+def test_a_pendulum_that_settles_and_earns_nothing_says_why():
+    target = load_world("ood-1", TASK).parameters
+    dear = TASK.simulate(target, NOTHING, optimal(np.full(4, 1.5))[0].reshape(8), NOTHING)
+    best = TASK.simulate(target, NOTHING, optimal(target)[0].reshape(8), NOTHING)
+    assert (dear.outcome, best.outcome) == (Outcome.SETTLED, Outcome.SETTLED)
+    assert TASK.score(dear, NOTHING) == 0.0
+    assert dear.flags[0].startswith(f"it settles, but at {1 + dear.state[-1, -1]:.3g} times the least possible cost")
+    assert best.flags == ()
+
+
 def test_every_optimal_gain_of_the_margin_lies_in_the_action_space():
     assert all(TASK.action.contains(k.reshape(8)) for k in optimal(draws(500))[0])
 

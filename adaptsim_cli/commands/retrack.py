@@ -1,0 +1,36 @@
+"""`adaptsim retrack`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def retrack(
+    session: Annotated[str, typer.Argument(help="Name of the session.")],
+    trial: Annotated[
+        int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
+
+    Example: adaptsim retrack scooping-ood-1-adaptsim-seed0 --trial 2
+    """
+    from adaptsim_cli import config, console, views
+    from adaptsim_cli.session import retracking, store
+    from adaptsim_cli.trackers import tracker_of
+    from sim.tasks import get_task
+
+    opened = store.SessionStore.open(config.load().places.sessions, session)
+    task = get_task(opened.facts.task)
+    retracking.require_camera(task)
+    screen = console.Screen(as_json=as_json)
+    with screen.busy("Tracking"):
+        found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
+    if as_json:
+        screen.data({"session": session, "trials": [one.as_json() for one in found]})
+    else:
+        screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
+    retracking.require_tracked(found)

@@ -1,0 +1,106 @@
+"""What one capture of libk4a holds, copied out of the library's memory; and how it becomes a `Frame`."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.camera.k4a_library import K4aLibrary
+from hw.camera.k4a_types import COLOR_MJPG, DEPTH16, IR16
+from hw.errors import CameraError
+from hw.types import Frame
+
+_LATE_S = 1.0  # a stamp of arrival further from now is of another clock
+
+
+@dataclass(frozen=True, eq=False)
+class Captured:
+    """One instant: the colour image still as JPEG, so that nothing is decoded while the arm moves."""
+
+    device_s: float  # middle of the colour image's exposure, on the device's clock
+    arrived_s: float  # on the host's monotonic clock
+    jpeg: bytes
+    depth_mm: NDArray[np.uint16]  # (Hd, Wd)
+    infrared: NDArray[np.uint16] | None  # (Hd, Wd)
+    depth_after_colour_s: float
+    exposure_us: int  # of the colour image, as the device says; 0: it does not say
+    white_balance_K: int
+
+    def frame(self, t_s: float) -> Frame:
+        """Decoded, with its time on the arm's clock. Raises CameraError."""
+        return Frame(t_s, decode_jpeg(self.jpeg), self.depth_mm, self.infrared)
+
+
+def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Captured | None:
+    """Copy a capture; None where colour or depth is missing, or infrared where it is asked for.
+
+    `now_s` is the host's monotonic time. It serves as time of arrival where the library's own stamp is of another
+    clock or missing (recordings, Orbbec's library). Raises CameraError on a format that was not asked for.
+    """
+    with (
+        _image(library, library.k4a_capture_get_color_image, capture) as colour,
+        _image(library, library.k4a_capture_get_depth_image, capture) as depth,
+        _image(library, library.k4a_capture_get_ir_image, capture) as dark,
+    ):
+        if colour is None or depth is None or (infrared and dark is None):
+            return None
+        if (kind := library.k4a_image_get_format(colour)) != COLOR_MJPG:
+            raise CameraError(f"the camera sends colour in format {kind}, expected MJPG ({COLOR_MJPG})")
+        device_s = 1e-6 * library.k4a_image_get_device_timestamp_usec(colour)
+        stamped_s = 1e-9 * library.k4a_image_get_system_timestamp_nsec(colour)
+        return Captured(
+            device_s=device_s,
+            arrived_s=stamped_s if 0.0 <= now_s - stamped_s <= _LATE_S else now_s,
+            jpeg=_content(library, colour),
+            depth_mm=_grey(library, depth, DEPTH16),
+            infrared=_grey(library, dark, IR16) if infrared else None,
+            depth_after_colour_s=1e-6 * library.k4a_image_get_device_timestamp_usec(depth) - device_s,
+            exposure_us=int(library.k4a_image_get_exposure_usec(colour)),
+            white_balance_K=int(library.k4a_image_get_white_balance(colour)),
+        )
+
+
+def decode_jpeg(jpeg: bytes) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB. Raises CameraError."""
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise CameraError(f"a colour image of {len(jpeg)} bytes cannot be decoded: check the camera's USB cable")
+    return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)
+
+
+@contextmanager
+def _image(
+    library: K4aLibrary, get: Callable[[ctypes.c_void_p], int | None], capture: ctypes.c_void_p
+) -> Iterator[ctypes.c_void_p | None]:
+    address = get(capture)
+    if not address:
+        yield None
+        return
+    image = ctypes.c_void_p(address)
+    try:
+        yield image
+    finally:
+        library.k4a_image_release(image)
+
+
+def _content(library: K4aLibrary, image: ctypes.c_void_p) -> bytes:
+    return ctypes.string_at(library.k4a_image_get_buffer(image), library.k4a_image_get_size(image))
+
+
+def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
+    if (found := library.k4a_image_get_format(image)) != kind:
+        raise CameraError(f"the camera sends an image of format {found}, expected {kind} (16-bit grey)")
+    width, height = library.k4a_image_get_width_pixels(image), library.k4a_image_get_height_pixels(image)
+    stride = library.k4a_image_get_stride_bytes(image)
+    content = _content(library, image)
+    if stride < 2 * width or len(content) < stride * height:
+        raise CameraError(f"a depth image of {width} x {height} has {len(content)} bytes, {stride} a row: too few")
+    rows = np.frombuffer(content, "<u2", count=stride * height // 2).reshape(height, -1)
+    return np.ascontiguousarray(rows[:, :width], dtype=np.uint16)

@@ -1,0 +1,67 @@
+"""A camera's own clock against the clock of this machine.
+
+The device stamps the middle of each exposure with its own clock; the host stamps the moment at which the image has
+arrived. Their difference is the offset of the two clocks plus a delay that is never negative and varies: transfer,
+scheduling. The smallest difference within a window is therefore the best one, and one late image changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from hw.errors import CameraError
+
+WINDOW_S = 20.0
+"""A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
+LEAST_PAIRS = 15
+"""Half a second of images: before that the smallest difference may still be a late one."""
+
+
+@dataclass(frozen=True)
+class ClockMap:
+    """Seconds of the device's clock -> seconds of the host's monotonic clock, for one stretch of images."""
+
+    offset_s: float
+    spread_s: float  # median less smallest difference: how unevenly images arrive
+    pairs: int  # that it rests on
+
+    def host_s(self, device_s: float) -> float:
+        return device_s + self.offset_s
+
+
+class DeviceClock:
+    """Collects pairs of stamps; `delay_s` is the smallest possible time from the middle of an exposure to its arrival.
+
+    What of that delay is not known stays in the offset: all stamps are then late by the same amount, which the
+    calibration's swing measures (`calib.timing`).
+    """
+
+    def __init__(self, delay_s: float = 0.0, window_s: float = WINDOW_S) -> None:
+        if delay_s < 0.0 or window_s <= 0.0:
+            raise ValueError(f"delay {delay_s:g} s and window {window_s:g} s: the delay is at least 0, the window more")
+        self._delay_s, self._window_s = delay_s, window_s
+        self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
+
+    def add(self, device_s: float, arrived_s: float) -> None:
+        """One image: the middle of its exposure on the device's clock, its arrival on the host's.
+
+        A device clock that goes back has been started anew: what was known of it is dropped.
+        """
+        if self._pairs and device_s < self._pairs[-1][0]:
+            self._pairs.clear()
+        self._pairs.append((device_s, arrived_s - device_s))
+        while self._pairs[0][0] < device_s - self._window_s:
+            self._pairs.popleft()
+
+    @property
+    def is_settled(self) -> bool:
+        return len(self._pairs) >= LEAST_PAIRS
+
+    def map(self) -> ClockMap:
+        """Raises CameraError while no image has come."""
+        if not self._pairs:
+            raise CameraError("the camera's clock is not known yet: no image has arrived; wait for the first one")
+        differences_s = sorted(difference_s for _, difference_s in self._pairs)
+        least_s, median_s = differences_s[0], differences_s[len(differences_s) // 2]
+        return ClockMap(least_s - self._delay_s, median_s - least_s, len(differences_s))

@@ -1,0 +1,149 @@
+"""A thread that takes every image off the camera as it comes, so that none waits in the driver until it is dropped.
+
+It keeps the newest one, and all of them while a recording runs. ctypes lets other threads run while libk4a waits.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from hw.camera.capture import Captured
+from hw.camera.clock import ClockMap, DeviceClock
+from hw.errors import CameraError, HardwareError
+
+MOST_MISSES = 4
+"""So many waits of half a second without a complete image, and the camera counts as gone."""
+LONGEST_S = 60.0
+"""Of a recording: about 2 GB in memory."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One instant with its time on the host's clock."""
+
+    t_s: float
+    captured: Captured
+
+
+@dataclass(frozen=True)
+class Film:
+    """What became of one recording."""
+
+    shots: tuple[Shot, ...]  # in order of time
+    dropped: int  # images that should be between start and end and are not
+    longest_gap_s: float
+    clock: ClockMap
+
+    @property
+    def lost(self) -> float:
+        """Share of the images that are missing."""
+        return self.dropped / max(self.dropped + len(self.shots), 1)
+
+
+class Grabber:
+    """Owns the thread. `next_capture` waits for the next image and returns None when none came in its time."""
+
+    def __init__(self, next_capture: Callable[[], Captured | None], clock: DeviceClock, rate_hz: float) -> None:
+        self._next, self._clock, self._rate_hz = next_capture, clock, rate_hz
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
+        self._wanted, self._ended = True, False
+        self._error: HardwareError | None = None
+        self._newest: Captured | None = None
+        self._kept: list[Captured] | None = None
+        self._since_s = 0.0
+
+    def start(self) -> None:
+        """Returns when the two clocks are known, half a second later. Raises CameraError."""
+        self._thread.start()
+        self._wait(lambda: self._clock.is_settled)
+
+    def stop(self) -> None:
+        """Ends the thread; safe to call again, and before `start`."""
+        self._wanted = False
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def shot_after(self, t_s: float) -> Shot:
+        """The newest image whose exposure has its middle at `t_s` of the host's clock or later. Raises CameraError."""
+        with self._changed:
+            self._wait(lambda: self._newest_s() >= t_s)
+            assert self._newest is not None
+            return Shot(self._newest_s(), self._newest)
+
+    def keep_from(self, t_s: float) -> None:
+        """Begin a recording at `t_s`. Raises CameraError when one runs, or the camera is gone."""
+        with self._changed:
+            if self._kept is not None:
+                raise CameraError("the camera is recording already: call stop_recording first")
+            self._wait(lambda: True)
+            self._kept, self._since_s = [], t_s
+
+    def film_until(self, t_s: float) -> Film:
+        """End the recording: everything exposed from its start to `t_s`. Raises CameraError."""
+        with self._changed:
+            if self._kept is None:
+                raise CameraError("the camera is not recording: call start_recording first")
+            try:
+                self._wait(lambda: self._newest_s() >= t_s)
+            finally:
+                kept, self._kept = self._kept, None
+            clock = self._clock.map()
+        if t_s - self._since_s > LONGEST_S:
+            raise CameraError(f"the recording took {t_s - self._since_s:.0f} s; at most {LONGEST_S:g} s are kept")
+        shots = [Shot(clock.host_s(captured.device_s), captured) for captured in kept]
+        within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)
+        dropped, gap_s = gaps([shot.t_s for shot in within], self._since_s, t_s, self._rate_hz)
+        return Film(within, dropped, gap_s, clock)
+
+    def _run(self) -> None:
+        misses = 0
+        try:
+            while self._wanted:
+                captured = self._next()
+                misses = 0 if captured is not None else misses + 1
+                if misses >= MOST_MISSES:
+                    raise CameraError(
+                        f"the camera gave no complete image for {misses} waits in a row: check that nothing else uses "
+                        "its USB controller, plug it in again, and run the command again"
+                    )
+                if captured is not None:
+                    self._take(captured)
+        except HardwareError as error:
+            self._error = error
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify_all()
+
+    def _take(self, captured: Captured) -> None:
+        with self._changed:
+            self._clock.add(captured.device_s, captured.arrived_s)
+            self._newest = captured
+            if self._kept is not None and len(self._kept) <= LONGEST_S * self._rate_hz:
+                self._kept.append(captured)
+            self._changed.notify_all()
+
+    def _newest_s(self) -> float:
+        return self._clock.map().host_s(self._newest.device_s) if self._newest is not None else float("-inf")
+
+    def _wait(self, until: Callable[[], bool]) -> None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended or until())
+            if self._ended:
+                why = str(self._error) if self._error else "it was closed, or its thread failed"
+                raise CameraError(f"no images from the camera: {why}") from self._error
+
+
+def gaps(t_s: Sequence[float], start_s: float, end_s: float, rate_hz: float) -> tuple[int, float]:
+    """(images missing, longest time without one) among the stamps `t_s` of a recording from `start_s` to `end_s`."""
+    if not t_s:
+        return int((end_s - start_s) * rate_hz), end_s - start_s
+    inner_s = [later - earlier for earlier, later in pairwise(t_s)]
+    outer_s = [t_s[0] - start_s, end_s - t_s[-1]]
+    missing = sum(max(round(gap_s * rate_hz) - 1, 0) for gap_s in inner_s)
+    missing += sum(max(int(gap_s * rate_hz - 0.25), 0) for gap_s in outer_s)
+    return missing, max([*inner_s, *outer_s])

@@ -1,0 +1,209 @@
+"""One open device of libk4a: its calibration, its settings, its captures. Every failure names what to do."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hw.camera import k4a_types as k4a
+from hw.camera.capture import Captured, read_capture
+from hw.camera.k4a_library import DebugHandler, K4aLibrary, serial_of
+from hw.errors import CameraError, DeviceUnavailable
+from hw.types import CameraModel, Intrinsics
+
+COLOUR_MODE, DEPTH_MODE = "720P", "NFOV_UNBINNED"
+RATE_HZ = 30.0
+_WAIT_MS = 500
+_MAINS = {50: 1, 60: 2}  # Hz -> value of the control
+
+
+@dataclass(frozen=True)
+class ColourSettings:
+    """How the colour camera exposes. The device keeps it until it loses power."""
+
+    exposure_us: int = 8000  # the device rounds up to its next step: 8330 in 60 Hz mode, 10000 in 50 Hz mode
+    white_balance_K: int = 4500  # a multiple of 10
+    gain: int | None = None  # 0 to 255; None: as it is
+    mains_hz: int = 60  # of the lamps: which steps of the exposure do not flicker
+
+    def __post_init__(self) -> None:
+        if not 500 <= self.exposure_us <= 33330:
+            raise ValueError(f"exposure {self.exposure_us} us lies outside of [500, 33330], which 30 FPS allow")
+        if not 2500 <= self.white_balance_K <= 12500 or self.white_balance_K % 10:
+            raise ValueError(f"white balance {self.white_balance_K} K is no multiple of 10 within [2500, 12500]")
+        if self.gain is not None and not 0 <= self.gain <= 255:
+            raise ValueError(f"gain {self.gain} lies outside of [0, 255]")
+        if self.mains_hz not in _MAINS:
+            raise ValueError(f"mains {self.mains_hz} Hz: it is 50 or 60")
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+class K4aDevice:
+    """Opens on `open`. Not for several threads, except that `next_capture` may run in one and the rest in another."""
+
+    def __init__(self, library: K4aLibrary, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._library, self._now_s = library, now_s
+        self._device: ctypes.c_void_p | None = None
+        self._running = False
+        self._said = ""
+        self._handler = DebugHandler(self._hear)  # the library keeps its address: it must live as long
+        self.serial = ""
+        self.infrared = False
+
+    def open(self, serial: str | None) -> None:
+        """The camera with this serial number, or the only one. Raises DeviceUnavailable."""
+        library = self._library
+        library.k4a_set_debug_message_handler(self._handler, None, k4a.LOG_ERROR)
+        seen = []
+        for index in range(library.k4a_device_get_installed_count()):
+            device = ctypes.c_void_p()
+            if library.k4a_device_open(index, ctypes.byref(device)) != k4a.SUCCEEDED:
+                seen.append("one that cannot be opened: another program uses it, or permission is missing")
+                continue
+            found = serial_of(library, device)
+            seen.append(found)
+            if serial in (None, found) and self._device is None:
+                self._device, self.serial = device, found
+            else:
+                library.k4a_device_close(device)
+        if self._device is None or (serial is None and len(seen) > 1):
+            self.close()
+            raise DeviceUnavailable(_not_there(serial, seen))
+
+    def close(self) -> None:
+        """Stop and close; safe to call again."""
+        self.stop()
+        if self._device is not None:
+            self._library.k4a_device_close(self._device)
+            self._device = None
+        self._library.k4a_set_debug_message_handler(DebugHandler(), None, k4a.LOG_ERROR)
+
+    def model(self) -> CameraModel:
+        """Factory calibration in the modes that are used. Raises CameraError."""
+        raw = k4a.Calibration()
+        colour, depth = k4a.COLOUR_RESOLUTIONS[COLOUR_MODE], k4a.DEPTH_MODES[DEPTH_MODE]
+        self._need(
+            self._library.k4a_device_get_calibration(self._handle, depth, colour, ctypes.byref(raw)),
+            "its factory calibration cannot be read",
+        )
+        return model_of(raw, self.serial)
+
+    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+        """Fix exposure, white balance and gain; what the device then says of them. Raises CameraError."""
+        self._set(k4a.POWERLINE_FREQUENCY, _MAINS[wanted.mains_hz], "mains frequency")
+        self._set(k4a.EXPOSURE_TIME_ABSOLUTE, wanted.exposure_us, "exposure")
+        self._set(k4a.WHITEBALANCE, wanted.white_balance_K, "white balance")
+        if wanted.gain is not None:
+            self._set(k4a.GAIN, wanted.gain, "gain")
+        mains = {value: hz for hz, value in _MAINS.items()}[self._get(k4a.POWERLINE_FREQUENCY, "mains frequency")]
+        return ColourSettings(
+            exposure_us=self._get(k4a.EXPOSURE_TIME_ABSOLUTE, "exposure"),
+            white_balance_K=self._get(k4a.WHITEBALANCE, "white balance"),
+            gain=self._get(k4a.GAIN, "gain"),
+            mains_hz=mains,
+        )
+
+    def start(self, *, infrared: bool) -> None:
+        """Colour and depth at 30 FPS, exposed together. Raises CameraError."""
+        self.infrared = infrared
+        configuration = k4a.DeviceConfiguration(
+            color_format=k4a.COLOR_MJPG,
+            color_resolution=k4a.COLOUR_RESOLUTIONS[COLOUR_MODE],
+            depth_mode=k4a.DEPTH_MODES[DEPTH_MODE],
+            camera_fps=k4a.FPS_30,
+            synchronized_images_only=True,
+        )
+        self._need(
+            self._library.k4a_device_start_cameras(self._handle, ctypes.byref(configuration)),
+            "its images cannot be started (without a display the depth engine fails: docs/cameras.md)",
+        )
+        self._running = True
+
+    def stop(self) -> None:
+        if self._running and self._device is not None:
+            self._library.k4a_device_stop_cameras(self._device)
+        self._running = False
+
+    def next_capture(self) -> Captured | None:
+        """The next instant with all images; None where none came within half a second, or one lacks an image.
+
+        Raises CameraError when the camera is gone.
+        """
+        capture = ctypes.c_void_p()
+        result = self._library.k4a_device_get_capture(self._handle, ctypes.byref(capture), _WAIT_MS)
+        if result == k4a.TIMEOUT:
+            self._said = ""
+            return None
+        self._need(result, "it stopped answering, as when it is unplugged or its USB port is overloaded")
+        try:
+            return read_capture(self._library, capture, self._now_s(), infrared=self.infrared)
+        finally:
+            self._library.k4a_capture_release(capture)
+
+    @property
+    def _handle(self) -> ctypes.c_void_p:
+        if self._device is None:
+            raise DeviceUnavailable("the camera is not open: enter it with `with` first")
+        return self._device
+
+    def _set(self, command: int, value: int, what: str) -> None:
+        done = self._library.k4a_device_set_color_control(self._handle, command, k4a.MODE_MANUAL, value)
+        self._need(done, f"its {what} cannot be set to {value}")
+
+    def _get(self, command: int, what: str) -> int:
+        mode, value = ctypes.c_int(), ctypes.c_int32()
+        done = self._library.k4a_device_get_color_control(
+            self._handle, command, ctypes.byref(mode), ctypes.byref(value)
+        )
+        self._need(done, f"its {what} cannot be read")
+        if mode.value != k4a.MODE_MANUAL:
+            raise CameraError(
+                f"camera {self.serial}: its {what} stayed automatic; unplug it for ten seconds, try again"
+            )
+        return value.value
+
+    def _need(self, result: int, problem: str) -> None:
+        said, self._said = f" (libk4a: {self._said})" if self._said else "", ""
+        if result != k4a.SUCCEEDED:
+            raise CameraError(
+                f"camera {self.serial}: {problem}{said}. Plug it into a USB 3 port of its own, wait for its light, and "
+                "run the command again; docs/cameras.md tells more"
+            )
+
+    def _hear(self, _context: int, _level: int, file: bytes, line: int, message: bytes) -> None:
+        """The first error of a call is its cause; those after it are its echo through the library."""
+        self._said = self._said or message.decode("utf-8", "replace").strip()
+
+
+def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:
+    """libk4a's calibration as ours. Raises CameraError on a lens model that is not known."""
+    X_CD = np.eye(4)
+    pose = raw.extrinsics[k4a.TYPE_DEPTH][k4a.TYPE_COLOUR]
+    X_CD[:3, :3] = np.reshape(pose.rotation, (3, 3))
+    X_CD[:3, 3] = 1e-3 * np.array(pose.translation)
+    colour, depth = raw.color_camera_calibration, raw.depth_camera_calibration
+    return CameraModel(serial, _intrinsics(colour, "colour"), _intrinsics(depth, "depth"), X_CD)
+
+
+def _intrinsics(camera: k4a.CalibrationCamera, what: str) -> Intrinsics:
+    if camera.intrinsics.type not in (k4a.BROWN_CONRADY, k4a.RATIONAL_6KT):
+        raise CameraError(f"the {what} camera has lens model {camera.intrinsics.type}: only Brown-Conrady is known")
+    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1, _ = camera.intrinsics.parameters
+    K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    distortion = np.array([k1, k2, p1, p2, k3, k4, k5, k6])
+    return Intrinsics(camera.resolution_width, camera.resolution_height, K, distortion)
+
+
+def _not_there(serial: str | None, seen: list[str]) -> str:
+    found = ", ".join(seen) or "none"
+    if serial is None and len(seen) > 1:
+        return f"several cameras are plugged in ({found}): name the serial number of the one to use"
+    wanted = f"no camera with serial number {serial}" if serial else "no camera that can be used"
+    return f"{wanted}; plugged in: {found}. Check cable, power supply and USB 3 port, and see docs/cameras.md"

@@ -1,0 +1,109 @@
+"""libk4a through ctypes: where it is, and the prototypes of the functions that are used of it.
+
+Loading or calling a vendor's library may end the process: `hw.camera.probe` does it in a child first.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import os
+from collections.abc import Mapping
+from ctypes import POINTER, c_char_p, c_int, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from hw.camera.k4a_types import Calibration, DeviceConfiguration, HardwareVersion
+from hw.errors import DeviceUnavailable
+
+ENVIRONMENT = "ADAPTSIM_K4A_LIBRARY"
+"""Names the library file where the loader does not find the right one by itself."""
+_NAMES = ("libk4a.so.1.4", "libk4a.so.2.0", "libk4a.so")
+_FOLDERS = (
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/local/lib",
+    "/usr/lib",
+    "/opt/OrbbecSDK_K4A_Wrapper/lib",
+)
+INSTALL = (
+    "install the maker's library, for the Azure Kinect `sudo apt-get install libk4a1.4` from packages.microsoft.com, "
+    "for the Femto Bolt Orbbec's OrbbecSDK-K4A-Wrapper, and name its file in ADAPTSIM_K4A_LIBRARY if the loader does "
+    "not find it; docs/cameras.md has the lines"
+)
+
+_Handle, _HandleOut = c_void_p, POINTER(c_void_p)
+DebugHandler = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_int, c_char_p)
+"""k4a_logging_message_cb_t: (context, level, file, line, message)."""
+
+PROTOTYPES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
+    "k4a_set_debug_message_handler": (c_int, (DebugHandler, c_void_p, c_int)),
+    "k4a_device_get_installed_count": (c_uint32, ()),
+    "k4a_device_open": (c_int, (c_uint32, _HandleOut)),
+    "k4a_device_close": (None, (_Handle,)),
+    "k4a_device_get_serialnum": (c_int, (_Handle, c_void_p, POINTER(c_size_t))),
+    "k4a_device_get_version": (c_int, (_Handle, POINTER(HardwareVersion))),
+    "k4a_device_get_calibration": (c_int, (_Handle, c_int, c_int, POINTER(Calibration))),
+    "k4a_device_get_color_control": (c_int, (_Handle, c_int, POINTER(c_int), POINTER(c_int32))),
+    "k4a_device_set_color_control": (c_int, (_Handle, c_int, c_int, c_int32)),
+    "k4a_device_start_cameras": (c_int, (_Handle, POINTER(DeviceConfiguration))),
+    "k4a_device_stop_cameras": (None, (_Handle,)),
+    "k4a_device_get_capture": (c_int, (_Handle, _HandleOut, c_int32)),
+    "k4a_capture_release": (None, (_Handle,)),
+    "k4a_capture_get_color_image": (c_void_p, (_Handle,)),
+    "k4a_capture_get_depth_image": (c_void_p, (_Handle,)),
+    "k4a_capture_get_ir_image": (c_void_p, (_Handle,)),
+    "k4a_image_get_buffer": (c_void_p, (_Handle,)),
+    "k4a_image_get_size": (c_size_t, (_Handle,)),
+    "k4a_image_get_format": (c_int, (_Handle,)),
+    "k4a_image_get_width_pixels": (c_int, (_Handle,)),
+    "k4a_image_get_height_pixels": (c_int, (_Handle,)),
+    "k4a_image_get_stride_bytes": (c_int, (_Handle,)),
+    "k4a_image_get_device_timestamp_usec": (c_uint64, (_Handle,)),
+    "k4a_image_get_system_timestamp_nsec": (c_uint64, (_Handle,)),
+    "k4a_image_get_exposure_usec": (c_uint64, (_Handle,)),
+    "k4a_image_get_white_balance": (c_uint32, (_Handle,)),
+    "k4a_image_release": (None, (_Handle,)),
+}
+"""Name -> (result, arguments), as in k4a.h 1.4."""
+
+
+class K4aLibrary(Protocol):
+    """A library with the functions of `PROTOTYPES`: the maker's, or one that a test makes of C callbacks."""
+
+    def __getattr__(self, name: str) -> Any: ...
+
+
+def library_file() -> str | None:
+    """What to load: the file named by the environment, else what usual folders or the loader have; None: nothing."""
+    if named := os.environ.get(ENVIRONMENT):
+        return named
+    for folder in _FOLDERS:
+        for name in _NAMES:
+            if (Path(folder) / name).exists():
+                return str(Path(folder) / name)
+    return ctypes.util.find_library("k4a")
+
+
+def load(file: str) -> K4aLibrary:
+    """Load and declare every function. Raises DeviceUnavailable naming what is missing; `probe` adds what to do."""
+    try:
+        library = ctypes.CDLL(file)
+    except OSError as error:
+        raise DeviceUnavailable(f"{file} cannot be loaded: {error}") from error
+    for name, (result, arguments) in PROTOTYPES.items():
+        try:
+            function = getattr(library, name)
+        except AttributeError as error:
+            raise DeviceUnavailable(f"{file} lacks {name}, so it is no libk4a 1.4") from error
+        function.restype, function.argtypes = result, arguments
+    return cast(K4aLibrary, library)
+
+
+def serial_of(library: K4aLibrary, device: c_void_p) -> str:
+    """Serial number of an open device, "" where it does not tell."""
+    size = c_size_t(0)
+    library.k4a_device_get_serialnum(device, None, ctypes.byref(size))
+    text = ctypes.create_string_buffer(max(size.value, 1))
+    if library.k4a_device_get_serialnum(device, text, ctypes.byref(size)) != 0:
+        return ""
+    return text.value.decode("ascii", "replace")

@@ -1,0 +1,175 @@
+"""What there is of libk4a and its cameras, asked in a child process: a library that crashes takes only that along."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hw.camera import k4a_library
+from hw.camera.k4a_library import INSTALL, K4aLibrary
+from hw.camera.k4a_types import SUCCEEDED, HardwareVersion
+from hw.errors import DeviceUnavailable
+
+_MARK = "K4A-PROBE "  # libk4a may write to stdout too
+_PATIENCE_S = 20.0
+_CHILD = (sys.executable, "-m", "hw.camera.probe")
+_PLUG = (
+    "plug the camera into a USB 3 port of its own with its own power supply, wait until its light is on, and install "
+    "the udev rules of docs/cameras.md if you are not root"
+)
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """One camera that is plugged in."""
+
+    index: int
+    serial: str  # "" where it could not be opened
+    firmware: str  # "colour 1.6.110, depth 1.6.80"; "" where it does not tell
+    error: str | None = None  # why it cannot be used now, with what to do
+
+
+@dataclass(frozen=True)
+class ProbeReport:
+    """What a child process found out about libk4a."""
+
+    library: str | None  # the file that was loaded; None: none was found
+    version: str | None  # of the library, from the name of its file
+    maker: str | None  # "Microsoft" or "Orbbec"
+    depth_engine: bool  # the closed library that turns raw readings into depth can be found
+    devices: tuple[FoundDevice, ...]
+    error: str | None  # what is wrong, None when at least one camera can be used
+    fix: str | None  # what to do about it
+
+    @property
+    def is_ready(self) -> bool:
+        """A camera can be opened."""
+        return self.error is None
+
+    @property
+    def serials(self) -> tuple[str, ...]:
+        """Of the cameras that can be used."""
+        return tuple(device.serial for device in self.devices if device.error is None)
+
+    def require(self) -> None:
+        """Raises DeviceUnavailable with what is wrong and what to do."""
+        if self.error is not None:
+            raise DeviceUnavailable(f"{self.error}. {self.fix}")
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: Sequence[str] = _CHILD) -> ProbeReport:
+    """Load libk4a (`file`, else what `k4a_library.library_file` finds) in a child, and open every camera for a moment.
+
+    Never raises for what is wrong with library or camera, and never ends this process: it says so in the report.
+    A camera that another program uses is listed with its error. `child` is the command that is given the file.
+    """
+    chosen = file or k4a_library.library_file()
+    if chosen is None:
+        return _nothing(None, "libk4a, the camera's library, is not installed", _sentence(INSTALL))
+    try:
+        ended = subprocess.run(
+            [*child, chosen],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=patience_s,
+            check=False,
+            cwd=Path(__file__).parents[2],
+        )
+    except subprocess.TimeoutExpired:
+        why = f"{chosen} did not answer within {patience_s:g} s"
+        return _nothing(chosen, why, "Unplug the camera, wait ten seconds, plug it in again")
+    answer = next((line for line in reversed(ended.stdout.splitlines()) if line.startswith(_MARK)), None)
+    if answer is None:
+        why = f"{chosen} ended its process ({_how(ended.returncode)}) when it was asked for cameras"
+        return _nothing(chosen, why, f"The installation is damaged or does not fit this machine: {INSTALL}")
+    return _report(json.loads(answer.removeprefix(_MARK)))
+
+
+def look(library: K4aLibrary, file: str, maps: str) -> ProbeReport:
+    """What `library`, loaded from `file`, says; `maps` is the content of /proc/self/maps after loading it."""
+    maker = "Orbbec" if "OrbbecSDK" in maps else "Microsoft"
+    devices = tuple(_device(library, index) for index in range(library.k4a_device_get_installed_count()))
+    usable = any(device.error is None for device in devices)
+    error, fix = f"{file} sees no camera", _sentence(_PLUG)
+    if devices:
+        error, fix = devices[0].error or "", "Close the other program, or see docs/cameras.md on permissions"
+    return ProbeReport(
+        library=file,
+        version=_version(file),
+        maker=maker,
+        depth_engine=_depth_engine(file),
+        devices=devices,
+        error=None if usable else error,
+        fix=None if usable else fix,
+    )
+
+
+def _device(library: K4aLibrary, index: int) -> FoundDevice:
+    handle = ctypes.c_void_p()
+    if library.k4a_device_open(index, ctypes.byref(handle)) != SUCCEEDED:
+        why = f"camera {index} is plugged in but cannot be opened: another program uses it, or permission is missing"
+        return FoundDevice(index, "", "", why)
+    try:
+        version = HardwareVersion()
+        told = library.k4a_device_get_version(handle, ctypes.byref(version)) == SUCCEEDED
+        firmware = f"colour {version.rgb}, depth {version.depth}" if told else ""
+        return FoundDevice(index, k4a_library.serial_of(library, handle), firmware)
+    finally:
+        library.k4a_device_close(handle)
+
+
+def _version(file: str) -> str | None:
+    """The library has no function that tells; its file is called libk4a.so.1.4.1 or libk4a-….so.1.4.2."""
+    _, found, version = Path(file).resolve().name.partition(".so.")
+    return version if found else None
+
+
+def _depth_engine(file: str) -> bool:
+    name = "libdepthengine.so.2.0"
+    if (Path(file).resolve().parent / name).exists():
+        return True
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
+
+
+def _report(content: Mapping[str, Any]) -> ProbeReport:
+    devices = tuple(FoundDevice(**device) for device in content["devices"])
+    return ProbeReport(**{**content, "devices": devices})
+
+
+def _nothing(file: str | None, error: str, fix: str) -> ProbeReport:
+    return ProbeReport(file, _version(file) if file else None, None, False, (), error, fix)
+
+
+def _how(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _child(file: str) -> ProbeReport:
+    try:
+        library = k4a_library.load(file)
+    except DeviceUnavailable as error:
+        return _nothing(file, str(error), _sentence(INSTALL))
+    maps = Path("/proc/self/maps")
+    return look(library, file, maps.read_text() if maps.exists() else "")
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n" + _MARK + json.dumps(_child(sys.argv[1]).as_json()) + "\n")

@@ -1,0 +1,195 @@
+"""Tracking again from what a session holds: the same result, another tracker's result, and what cannot be tracked."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toy_rig
+from scipy.spatial.transform import Rotation
+from toy_rig import TASK, ToyLab
+from toy_session import run
+
+import sim.tasks
+from adaptsim_cli import app, trackers
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import recording, retracking
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.parts import Tracker, TrackRequest
+from adaptsim_cli.session.store import SessionStore
+from hw.types import CameraModel, Execution, Frame
+from perception.errors import ObjectNotFound, TrackingFailed
+from perception.types import ObjectTrack, Outcome
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def session(home: Path) -> SessionStore:
+    return run(home)
+
+
+@pytest.fixture
+def tracker() -> Tracker:
+    """The toy rig's, except that its one bright pixel is found where JPEG has dimmed it."""
+
+    def find(frame: Frame, model: CameraModel, X_BC: np.ndarray) -> toy_rig.Found:
+        red = frame.colour[..., 0].astype(int)
+        v, u = np.unravel_index(int(red.argmax()), red.shape)
+        return toy_rig.Found(np.array([0.68 + (u - 31.5) / 500, -(v - 23.5) / 500]))
+
+    target = toy_rig.toy_parts(ToyLab(0)).target
+    assert isinstance(target, OnRig)
+    return dataclasses.replace(target.tracker, find=find)
+
+
+def contents(store: SessionStore) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in sorted(store.folder.rglob("*")) if path.is_file()}
+
+
+def test_the_same_tracker_comes_to_the_stored_result_and_nothing_is_edited(
+    session: SessionStore, tracker: Tracker
+) -> None:
+    before = contents(session)
+    found = list(retracking.retrack(session, TASK, tracker, None))
+    assert [one.record.number for one in found] == list(range(1, len(found) + 1)) and len(found) == 4
+    for one in found:
+        assert one.is_same_outcome and one.failure is None
+        assert one.reward == pytest.approx(one.record.reward, abs=1e-6)
+        assert one.end_apart_m == pytest.approx(0.0, abs=1e-6) and one.most_apart_m == pytest.approx(0.0, abs=1e-6)
+        assert one.context == pytest.approx(one.record.context, abs=1e-6)
+    assert contents(session) == before
+
+
+def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: Tracker) -> None:
+    def shifted(request: TrackRequest) -> ObjectTrack:
+        old = tracker.track(request)
+        moved = old.state + np.linspace(0, 0.005, len(old.t_s))[:, None] * [1.0, 0, 0]
+        return dataclasses.replace(old, state=moved, outcome=Outcome.ON_TABLE)
+
+    changed = dataclasses.replace(tracker, track=shifted)
+    (one,) = retracking.retrack(session, TASK, changed, 2)
+    assert one.record.number == 2 and not one.is_same_outcome and one.reward == 0.0
+    assert one.end_apart_m == pytest.approx(0.005) and one.most_apart_m == pytest.approx(0.005)
+    said = one.as_json()
+    assert (said["stored"]["tracked_outcome"], said["now"]["outcome"]) == ("on_blade", "on_table")
+    assert said["end_apart_mm"] == pytest.approx(5.0)
+    assert retracking.rows([one])[0][:3] == ("2", "on blade", "on table")
+
+
+def test_what_cannot_be_found_any_more_is_told_of_each_trial(session: SessionStore, tracker: Tracker) -> None:
+    def blind(*_: object) -> object:
+        raise ObjectNotFound("nothing looks like it")
+
+    found = list(retracking.retrack(session, TASK, dataclasses.replace(tracker, find=blind), None))
+    assert [one.failure for one in found] == ["nothing looks like it"] * 4
+    assert found[0].as_json()["now"] is None and found[0].end_apart_m is None
+    assert retracking.rows(found)[0][2] == "not tracked"
+    with pytest.raises(TrackingFailed, match="4 of 4 trials cannot be tracked now; trial 1: nothing looks like it"):
+        retracking.require_tracked(found)
+
+
+def test_a_damaged_recording_is_named(session: SessionStore, tracker: Tracker) -> None:
+    (path,) = session.folder.glob(f"iteration-00/trial-002-attempt-0/{recording.FILE}")
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt or incomplete .*bytes"):
+        list(retracking.retrack(session, TASK, tracker, None))
+    path.write_bytes(content[:200] + bytes(len(content) - 200))  # of the right size
+    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt"):
+        list(retracking.retrack(session, TASK, tracker, None))
+
+
+def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(tmp_path: Path) -> None:
+    def X_BT_at(t_s: float) -> np.ndarray:
+        X = np.eye(4)
+        X[:3, :3] = Rotation.from_rotvec([0.0, 3.0 * (t_s - 12.0), 0.0]).as_matrix()
+        X[:3, 3] = [0.6, 0.2 * (t_s - 12.0), 0.1]
+        return X
+
+    frames = [Frame(12.0 + i / 30, np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)) for i in range(4)]
+    played = Execution(12.0, np.array([0.0, 0.1]), np.zeros((2, 7)), np.zeros((2, 7)), 1.0)
+    track = ObjectTrack(np.array([0.0]), np.zeros((1, 3)), Outcome.ON_BLADE, np.zeros(3), np.ones(1))
+    path = tmp_path / recording.FILE
+    path.write_bytes(recording.encode(frames[0], frames, toy_rig.MODEL, toy_rig.X_BC, played, X_BT_at, track))
+    found = retracking.tool_poses(path)
+    for t_s in (12.0, 12.0 + 1 / 30, 12.05, 12.1):
+        assert np.allclose(found(t_s), X_BT_at(t_s), atol=1e-7)
+    assert np.allclose(found(11.0), X_BT_at(12.0)) and np.allclose(found(13.0), X_BT_at(12.1), atol=1e-7)
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch, tracker: Tracker) -> None:
+    """The toy task among the registered ones."""
+    monkeypatch.setattr(sim.tasks, "get_task", lambda name: TASK)
+    monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: tracker)
+
+
+def test_the_command_prints_a_table_or_one_object(
+    session: SessionStore, toy: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(["retrack", session.facts.name]) == 0
+    out = capfd.readouterr().out
+    assert out.count("on blade") == 8 and "most apart" in out
+    assert app.run(["retrack", session.facts.name, "--trial", "3", "--json"]) == 0
+    (one,) = json.loads(capfd.readouterr().out)["trials"]
+    assert (one["id"], one["same_outcome"], one["failure"]) == (3, True, None)
+    assert one["now"]["reward"] == pytest.approx(one["stored"]["reward"], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["nobody"], 8, "there is no session 'nobody'"),
+        (["s/../s"], 2, "session name"),
+        (["", "--trial", "9"], 2, "--trial 9: no such trial of .* is completed and counts; there are: 1, 2, 3, 4"),
+        (["", "--trial", "0"], 2, "greater than or equal to 1"),
+    ],
+)
+def test_bad_input_is_one_message(
+    session: SessionStore, toy: None, capfd: pytest.CaptureFixture[str], arguments: list[str], code: int, told: str
+) -> None:
+    name, *more = arguments
+    assert app.run(["retrack", name or session.facts.name, *more]) == code
+    assert_told(capfd, told)
+
+
+def test_a_task_without_a_camera_is_refused(
+    session: SessionStore, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sim.tasks, "get_task", lambda name: dataclasses.replace(TASK, tracker="", plan=None))
+    assert app.run(["retrack", session.facts.name]) == 2
+    assert_told(capfd, "runs in simulation only: its sessions have no recordings")
+
+
+def test_a_trial_that_cannot_be_tracked_ends_with_6_after_the_table(
+    session: SessionStore,
+    toy: None,
+    tracker: Tracker,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def blind(*_: object) -> object:
+        raise ObjectNotFound("nothing looks like it")
+
+    monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: dataclasses.replace(tracker, find=blind))
+    assert app.run(["retrack", session.facts.name, "--json"]) == 6
+    out, err = capfd.readouterr()
+    assert [one["failure"] for one in json.loads(out)["trials"]] == ["nothing looks like it"] * 4
+    assert "4 of 4 trials cannot be tracked now" in " ".join(err.split())
+
+
+def assert_told(capfd: pytest.CaptureFixture[str], pattern: str) -> None:
+    out, err = capfd.readouterr()
+    assert "Traceback" not in out + err and re.search(pattern, " ".join(err.split())), err

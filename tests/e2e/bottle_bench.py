@@ -1,0 +1,178 @@
+"""A pushing rig in memory: real task, tracker, planner and limits; an arm that plays at once and never misses; and the
+lab's depth camera over a table on which a test puts bottles and hands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from adaptsim_cli.config import Config
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.parts import Parts, Planner, Prediction, Provenance, Rig, TrainedPolicy
+from adaptsim_cli.trackers import tracker_of
+from calib.types import HandEye
+from hw.collision import KeepOut
+from hw.fake import FakeArm, FakeBench, FakeClock
+from hw.kinematics import forward
+from hw.limits import require
+from hw.types import Array, CameraModel, Frame, JointPath
+from sim.adaptation.method import Best, Iteration, Particle
+from sim.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.panda.planning import home, trial_paths
+from sim.panda.tool import held
+from sim.render.bodies import Body
+from sim.render.depth import DepthView
+from sim.render.sensor import sense_depth
+from sim.tasks.pushing import TASK
+from sim.tasks.pushing.looks import bottle_visual
+from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
+from sim.tasks.shapes import box, table_visual
+from sim.tasks.task import Visual
+from sim.types import ToolMotion
+
+FRAME_S = 0.1
+REST_S = 0.4
+"""How long a recording goes on after the motion."""
+
+TOOL = held(TASK.X_FT, TASK.keep_clear)
+MARK = (float(START_M[0]), float(START_M[1]))
+_HAND_M = np.array([0.08, 0.10, 0.06])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands on the table: bottles upright at (x, y), a hand around (x, y, z)."""
+
+    bottles: tuple[tuple[float, float], ...] = (MARK,)
+    hand: tuple[float, float, float] | None = None
+
+
+@dataclass(eq=False)
+class BottleBench:
+    """`before(trial, attempt)` is what the camera sees before a motion, `during` a hand while the arm moves."""
+
+    before: Callable[[int, int], Scene] = lambda trial, attempt: Scene()
+    during: tuple[float, float, float] | None = None
+    keep_out: tuple[KeepOut, ...] = ()
+    clock: FakeClock = field(default_factory=FakeClock)
+    bench: FakeBench = field(default_factory=FakeBench)
+
+    @cached_property
+    def arm(self) -> FakeArm:
+        return FakeArm(home(TASK.X_FT, "panda", TOOL), self.clock, keep_out=self.keep_out, tool=TOOL)
+
+    @property
+    def pushes(self) -> int:
+        """How many motions were made."""
+        return len(self.arm.executed) // 3
+
+    @contextmanager
+    def open_parts(self, config: Config) -> Iterator[Parts]:
+        """In the place of `wiring.open_parts`."""
+        eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
+        with self.arm as arm, _Camera(self) as camera:
+            rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
+            origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
+            yield Parts(TASK, OnRig(TASK, rig, tracker_of(TASK), self._planner()), MiddleLearner(), origin)
+
+    def _planner(self) -> Planner:
+        def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:
+            return trial_paths(motion, TASK.X_FT, "panda", home(TASK.X_FT, "panda", TOOL), tool=TOOL)
+
+        def check(path: JointPath, arm: str) -> None:
+            require(path, arm, path.q_rad[0], self.keep_out, TOOL)
+
+        return Planner(paths, check, forward)
+
+    def scene(self) -> Scene:
+        """Before a motion."""
+        placing = self.bench.placed[-1] if self.bench.placed else None
+        return Scene() if placing is None else self.before(placing.trial, placing.attempt)
+
+
+class MiddleLearner:
+    """Always the middle of the action space; learns nothing."""
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        return tuple(Particle(row[None]) for row in TASK.parameters.sample(rng, n))
+
+    def train(self, particle: Particle, rng: np.random.Generator) -> TrainedPolicy:
+        return _Middle()
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        return tuple(seen.particle for seen in history[-1])
+
+    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
+        return Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here."
+
+
+class _Middle:
+    def __call__(self, context: Array) -> Array:
+        return TASK.action.denormalise(np.full(len(TASK.action), 0.5))
+
+    def predict(self, context: Array) -> Prediction:
+        return Prediction(0.5, 0.0, 1.0)
+
+
+class _Camera:
+    """Depth images of the scene, without the arm; the bottle goes before the plate while a recording runs."""
+
+    def __init__(self, rig: BottleBench) -> None:
+        self._rig, self._rng = rig, np.random.default_rng(0)
+        self._noise, self._since_s = SensorNoise.draw(self._rng), 0.0
+        model = kinect_model()
+        self._dark = np.zeros((model.colour.height, model.colour.width, 3), np.uint8)
+        self._bottle, self._hand = Body([bottle_visual("bottle")]), Body([_hand()])
+        self._view = DepthView(model.depth, default_X_BC() @ model.X_CD, Body([table_visual()]))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def model(self) -> CameraModel:
+        return kinect_model()
+
+    def snapshot(self) -> Frame:
+        return self._frame(self._rig.clock.now_s(), self._rig.scene())
+
+    def start_recording(self) -> None:
+        self._since_s = self._rig.clock.now_s()
+
+    def stop_recording(self) -> Sequence[Frame]:
+        self._rig.clock.sleep(REST_S)
+        times_s, path = np.arange(self._since_s, self._rig.clock.now_s(), FRAME_S), self._rig.arm.executed[-1]
+        pushed_m = _pushed_m(path, times_s - self._since_s)
+        return [
+            self._frame(float(t_s), Scene(((xy_m[0], xy_m[1]),), self._rig.during))
+            for t_s, xy_m in zip(times_s, pushed_m, strict=True)
+        ]
+
+    def _frame(self, t_s: float, scene: Scene) -> Frame:
+        moving = [(self._bottle, _at(*xy, BOTTLE_HEIGHT_M / 2)) for xy in scene.bottles]
+        if scene.hand is not None:
+            moving.append((self._hand, _at(*scene.hand)))
+        return Frame(t_s, self._dark, sense_depth(*self._view.render(moving), self._noise, self._rng))
+
+
+def _pushed_m(path: JointPath, since_s: Array) -> Array:
+    """(N, 2) of a bottle that the plate pushes ahead and leaves where it turns back."""
+    X_BT = np.array([forward(q) @ TASK.X_FT for q in path.q_rad[::10]])
+    ahead = np.array([X_BT[0, 1, 1], -X_BT[0, 0, 1]])  # the plate's left, turned to the right
+    gone_m = np.maximum.accumulate((X_BT[:, :2, 3] - START_M) @ ahead + BOTTLE_RADIUS_M)
+    return START_M + np.interp(since_s, path.t_s[::10], np.maximum(gone_m, 0.0))[:, None] * ahead
+
+
+def _hand() -> Visual:
+    return Visual("hand", *box(_HAND_M, np.zeros(3)), (0.55, 0.32, 0.22))
+
+
+def _at(x_m: float, y_m: float, z_m: float) -> Array:
+    X = np.eye(4)
+    X[:3, 3] = x_m, y_m, z_m
+    return X

@@ -1,0 +1,313 @@
+"""A libk4a made of C callbacks with the prototypes of the real one: what the adapter passes goes through ctypes.
+
+Captures are shown one by one by the test; nothing waits for real time. It counts what it has handed out, so that a
+capture or an image that is never released is found.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+
+from hw.camera import k4a_types as k4a
+from hw.camera.k4a import KinectCamera
+from hw.camera.k4a_device import ColourSettings
+from hw.camera.k4a_library import PROTOTYPES
+from hw.fake.clock import FakeClock
+
+BOOT_S = 40.0  # host time at which the device's clock began
+DELAY_S = 0.030  # from the middle of an exposure to its arrival, at least
+PERIOD_S = 1.0 / 30.0
+PADDING = 4  # pixels that follow each row of depth and infrared
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One capture: grey value of the colour image, millimetres of the depth image, host time of the exposure."""
+
+    t_s: float
+    late_s: float = 0.0
+    grey: int = 100
+    depth_mm: int = 700
+    has_colour: bool = True
+    has_infrared: bool = True
+    stamped: bool = True  # with the host's time of arrival, as Microsoft's library does
+
+
+@dataclass(frozen=True)
+class _Image:
+    format: int
+    content: Any
+    size: int
+    width: int
+    height: int
+    stride: int
+    device_usec: int
+    system_nsec: int
+    exposure_usec: int
+
+
+class TellingClock(FakeClock):
+    """Tells when somebody else than the camera's thread has looked at it."""
+
+    def __init__(self, t_s: float) -> None:
+        super().__init__(t_s)
+        self.asked = threading.Event()
+
+    def now_s(self) -> float:
+        now_s = super().now_s()
+        if threading.current_thread().name != "camera":
+            self.asked.set()
+        return now_s
+
+    def advance_to(self, t_s: float) -> None:
+        self.sleep(max(t_s - super().now_s(), 0.0))
+
+
+class FakeK4a:
+    """`serials`: the cameras that are plugged in; `busy`: those that cannot be opened."""
+
+    def __init__(self, *serials: str, busy: tuple[str, ...] = ()) -> None:
+        self.serials, self.busy = serials, busy
+        self.clock = TellingClock(100.0)
+        self.calibration = k4a.Calibration()
+        for camera in (self.calibration.color_camera_calibration, self.calibration.depth_camera_calibration):
+            camera.intrinsics.type = k4a.BROWN_CONRADY
+        self.controls = {k4a.EXPOSURE_TIME_ABSOLUTE: (0, 33330), k4a.WHITEBALANCE: (0, 5000), k4a.GAIN: (1, 128),
+                         k4a.POWERLINE_FREQUENCY: (1, 2)}  # fmt: skip
+        self.stuck: set[int] = set()  # controls that stay automatic
+        self.refused: set[str] = set()  # functions that fail
+        self.started: k4a.DeviceConfiguration | None = None
+        self.open: set[int] = set()
+        self.handles: dict[int, Any] = {}  # captures and images that have not been released
+        self._numbers = itertools.count(1000)
+        self._waiting: queue.Queue[Shown | str] = queue.Queue()
+        self._taken = False
+        self._over = False
+        self._handler: Any = None
+        self._callbacks = {name: self._callback(name) for name in PROTOTYPES}
+
+    def __getattr__(self, name: str) -> Any:
+        return self._callbacks[name]
+
+    def show(self, *shown: Shown) -> None:
+        """Hand these captures to the camera, one after the other, each at its time; returns when all were taken."""
+        for one in shown:
+            self.clock.advance_to(one.t_s + DELAY_S + one.late_s)
+            self._waiting.put(one)
+            self._waiting.join()
+
+    def fail(self, how: str) -> None:
+        """The next call for a capture ends with "unplugged" or "timeout"."""
+        self._waiting.put(how)
+
+    def end(self) -> None:
+        """From now on there is nothing but timeouts."""
+        self._over = True
+        self._waiting.put("timeout")
+
+    def _callback(self, name: str) -> Any:
+        result, arguments = PROTOTYPES[name]
+        return ctypes.CFUNCTYPE(result, *arguments)(getattr(self, f"_{name.removeprefix('k4a_')}"))
+
+    def _set_debug_message_handler(self, handler: Any, context: Any, level: int) -> int:
+        self._handler = handler if handler else None
+        return k4a.SUCCEEDED
+
+    def _complain(self, text: bytes) -> int:
+        if self._handler is not None:
+            self._handler(None, k4a.LOG_ERROR, b"usbcommand.c", 366, text)
+        return k4a.FAILED
+
+    def _device_get_installed_count(self) -> int:
+        return len(self.serials)
+
+    def _device_open(self, index: int, handle: Any) -> int:
+        if self.serials[index] in self.busy or "open" in self.refused:
+            return self._complain(b"libusb device(s) are all unavailable")
+        handle[0] = index + 1
+        self.open.add(index + 1)
+        return k4a.SUCCEEDED
+
+    def _device_close(self, handle: int) -> None:
+        self.open.remove(handle)
+
+    def _device_get_serialnum(self, handle: int, text: int | None, size: Any) -> int:
+        serial = self.serials[handle - 1].encode() + b"\0"
+        if text is None or size[0] < len(serial):
+            size[0] = len(serial)
+            return k4a.TOO_SMALL
+        ctypes.memmove(text, serial, len(serial))
+        return k4a.SUCCEEDED
+
+    def _device_get_version(self, handle: int, version: Any) -> int:
+        version[0].rgb = k4a.Version(1, 6, 110)
+        version[0].depth = k4a.Version(1, 6, 80)
+        return k4a.SUCCEEDED
+
+    def _device_get_calibration(self, handle: int, depth_mode: int, colour_mode: int, calibration: Any) -> int:
+        if "calibration" in self.refused:
+            return k4a.FAILED
+        assert (depth_mode, colour_mode) == (2, 1)
+        calibration[0] = self.calibration
+        return k4a.SUCCEEDED
+
+    def _device_get_color_control(self, handle: int, command: int, mode: Any, value: Any) -> int:
+        mode[0], value[0] = self.controls[command]
+        return k4a.SUCCEEDED
+
+    def _device_set_color_control(self, handle: int, command: int, mode: int, value: int) -> int:
+        if "control" in self.refused:
+            return self._complain(b"failed to set color control")
+        steps = (500, 1250, 2500, 8330, 16670, 33330) if self.controls[k4a.POWERLINE_FREQUENCY][1] == 2 else (
+            500, 1250, 2500, 10000, 20000, 30000)  # fmt: skip
+        if command == k4a.EXPOSURE_TIME_ABSOLUTE:
+            value = next(step for step in steps if step >= value)
+        if command not in self.stuck:
+            self.controls[command] = mode, value
+        return k4a.SUCCEEDED
+
+    def _device_start_cameras(self, handle: int, configuration: Any) -> int:
+        if "start" in self.refused:
+            self._complain(b"Depth engine create and initialize failed with error code: 204")
+            return self._complain(b"depthengine_start() returned failure")
+        self.started = k4a.DeviceConfiguration.from_buffer_copy(configuration[0])
+        return k4a.SUCCEEDED
+
+    def _device_stop_cameras(self, handle: int) -> None:
+        self.started = None
+
+    def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
+        if self._taken:
+            self._waiting.task_done()  # the one before has been dealt with
+        self._taken = False
+        if self._over:
+            return k4a.TIMEOUT
+        shown = self._waiting.get()
+        self._taken = True
+        if shown == "timeout":
+            return k4a.TIMEOUT
+        if isinstance(shown, str):
+            return self._complain(b"capturesync_get_capture() device is gone")
+        capture[0] = self._hand_out(self._images(shown))
+        return k4a.SUCCEEDED
+
+    def _images(self, shown: Shown) -> dict[str, _Image]:
+        device_usec = round(1e6 * (shown.t_s - BOOT_S))
+        system_nsec = round(1e9 * (shown.t_s + DELAY_S + shown.late_s)) if shown.stamped else 0
+        pixels = np.full((48, 64, 3), shown.grey, np.uint8)
+        jpeg = cv2.imencode(".jpg", pixels)[1].tobytes()
+        stamps = (device_usec, system_nsec, self.controls[k4a.EXPOSURE_TIME_ABSOLUTE][1])
+        images = {}
+        if shown.has_colour:
+            images["colour"] = _Image(k4a.COLOR_MJPG, _buffer(jpeg), len(jpeg), 64, 48, 0, *stamps)
+        rows = np.full((36, 40 + PADDING), 9999, "<u2")
+        for name, kind, value in (("depth", k4a.DEPTH16, shown.depth_mm), ("infrared", k4a.IR16, 3 * shown.depth_mm)):
+            rows[:, :40] = value
+            images[name] = _Image(kind, _buffer(rows.tobytes()), rows.nbytes, 40, 36, 2 * (40 + PADDING), *stamps)
+        if not shown.has_infrared:
+            del images["infrared"]
+        return images
+
+    def _hand_out(self, what: Any) -> int:
+        number = next(self._numbers)
+        self.handles[number] = what
+        return number
+
+    def _capture_release(self, capture: int) -> None:
+        del self.handles[capture]
+
+    def _image_of(self, capture: int, name: str) -> int | None:
+        image = self.handles[capture].get(name)
+        return None if image is None else self._hand_out(image)
+
+    def _capture_get_color_image(self, capture: int) -> int | None:
+        return self._image_of(capture, "colour")
+
+    def _capture_get_depth_image(self, capture: int) -> int | None:
+        return self._image_of(capture, "depth")
+
+    def _capture_get_ir_image(self, capture: int) -> int | None:
+        return self._image_of(capture, "infrared")
+
+    def _image_get_buffer(self, image: int) -> int:
+        return ctypes.addressof(self.handles[image].content)
+
+    def _image_get_size(self, image: int) -> int:
+        return int(self.handles[image].size)
+
+    def _image_get_format(self, image: int) -> int:
+        return int(self.handles[image].format)
+
+    def _image_get_width_pixels(self, image: int) -> int:
+        return int(self.handles[image].width)
+
+    def _image_get_height_pixels(self, image: int) -> int:
+        return int(self.handles[image].height)
+
+    def _image_get_stride_bytes(self, image: int) -> int:
+        return int(self.handles[image].stride)
+
+    def _image_get_device_timestamp_usec(self, image: int) -> int:
+        return int(self.handles[image].device_usec)
+
+    def _image_get_system_timestamp_nsec(self, image: int) -> int:
+        return int(self.handles[image].system_nsec)
+
+    def _image_get_exposure_usec(self, image: int) -> int:
+        return int(self.handles[image].exposure_usec)
+
+    def _image_get_white_balance(self, image: int) -> int:
+        return self.controls[k4a.WHITEBALANCE][1]
+
+    def _image_release(self, image: int) -> None:
+        del self.handles[image]
+
+
+def _buffer(content: bytes) -> Any:
+    return (ctypes.c_uint8 * len(content)).from_buffer_copy(content)
+
+
+def frames(start_s: float, count: int, **what: Any) -> list[Shown]:
+    return [Shown(start_s + i * PERIOD_S, **what) for i in range(count)]
+
+
+def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> KinectCamera:
+    settings = options.pop("settings", ColourSettings())
+    return KinectCamera(serial, settings, library=lambda: fake, now_s=fake.clock.now_s, **options)
+
+
+@contextmanager
+def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[KinectCamera]:
+    """A camera on `fake` that has seen 20 images, from 100 s on."""
+    camera = camera_on(fake, serial, **options)
+    with ThreadPoolExecutor(1) as pool:
+        entering = pool.submit(camera.__enter__)
+        fake.show(*frames(100.0, 20))
+        entering.result()
+    try:
+        yield camera
+    finally:
+        fake.end()
+        camera.__exit__()
+
+
+def meanwhile(fake: FakeK4a, ask: Callable[[], Answer], *shown: Shown) -> Answer:
+    """`ask` something of the camera, and show it these captures after it has looked at the clock."""
+    fake.clock.asked.clear()
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(ask)
+        fake.clock.asked.wait()
+        fake.show(*shown)
+        return answer.result()

@@ -1,0 +1,70 @@
+"""The recorded-frames camera, from frames and from a Matroska file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_camera_kinect import SMALL, record
+
+from hw.camera.replay import RecordedCamera, Take, recorded_kinect
+from hw.errors import CameraError, DeviceUnavailable
+from hw.types import CameraModel, Frame, Intrinsics
+
+PINHOLE = Intrinsics(8, 6, np.array([[10.0, 0, 4], [0, 10.0, 3], [0, 0, 1]]))
+MODEL = CameraModel("r", PINHOLE, PINHOLE, np.eye(4))
+
+
+def frame(t_s: float) -> Frame:
+    return Frame(t_s, np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16))
+
+
+def take(t_s: float, count: int) -> Take:
+    return Take(frame(t_s), tuple(frame(t_s + 1 + i / 30) for i in range(count)))
+
+
+def test_each_recording_shows_the_next_take() -> None:
+    takes = [take(10.0, 3), take(20.0, 5)]
+    with RecordedCamera(MODEL, takes) as camera:
+        assert camera.model() is MODEL
+        assert camera.snapshot() is takes[0].still and camera.snapshot() is takes[0].still
+        camera.start_recording()
+        assert camera.stop_recording() == takes[0].film
+        assert camera.snapshot() is takes[1].still
+        camera.start_recording()
+        assert len(camera.stop_recording()) == 5
+        assert camera.snapshot() is takes[1].still
+        with pytest.raises(CameraError, match="all 2 films of this recording have been shown"):
+            camera.start_recording()
+
+
+def test_out_of_turn_and_out_of_order() -> None:
+    camera = RecordedCamera(MODEL, [take(1.0, 2)])
+    with pytest.raises(DeviceUnavailable, match="not connected"):
+        camera.snapshot()
+    with camera:
+        with pytest.raises(CameraError, match="not recording"):
+            camera.stop_recording()
+        camera.start_recording()
+        with pytest.raises(CameraError, match="recording already"):
+            camera.start_recording()
+    with pytest.raises(ValueError, match="in order of time"):
+        Take(frame(0.0), (frame(1.0), frame(1.0)))
+    with pytest.raises(ValueError, match="at least one take"):
+        RecordedCamera(MODEL, [])
+
+
+def test_a_matroska_recording_is_one_take(tmp_path: Path) -> None:
+    path = tmp_path / "r.mkv"
+    record(path, [0.0, 1 / 30, 2 / 30], [0.0, 1 / 30, 2 / 30])
+    with recorded_kinect(path) as camera:
+        still = camera.snapshot()
+        camera.start_recording()
+        film = camera.stop_recording()
+    assert [f.t_s for f in film] == pytest.approx([2.0, 2.033, 2.067], abs=2e-3)
+    assert still is film[0] and camera.model().serial == "001514394512"
+    assert film[2].depth_mm[5, 0] == 1002 and film[0].colour.shape == (*SMALL[::-1], 3)
+    record(path, [0.0], [0.5])
+    with pytest.raises(CameraError, match="no instant with both"):
+        recorded_kinect(path)

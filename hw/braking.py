@@ -62,25 +62,25 @@ def brake(path: JointPath, at_s: float, model: str) -> JointPath:
             f"{model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the joint limits; "
             "plan a slower path"
         )
-    s = _path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]
-    q_rad = np.concatenate([path.q_rad[: at + 1], _spline(path)(np.minimum(s, path.duration_s))])
+    s = path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]
+    q_rad = np.concatenate([path.q_rad[: at + 1], spline(path)(np.minimum(s, path.duration_s))])
     return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad, _window(path.contact, start_s, s))
 
 
 def _durations(path: JointPath, at_s: Array, limits: JointLimits) -> Array:
     """(K,) path times -> (K,) shortest durations that keep the limits, inf where none does."""
-    spline = _spline(path)
+    spline = spline(path)
     shortest = np.full(len(at_s), np.inf)
     for duration_s in DURATIONS_S:
         open_ = ~np.isfinite(shortest)
         if not open_.any():
             break
-        s = np.clip(_path_time(at_s[open_], duration_s), 0.0, path.duration_s)
+        s = np.clip(path_time(at_s[open_], duration_s), 0.0, path.duration_s)
         shortest[open_] = np.where(_worst_ratio(np.swapaxes(spline(s), 0, 1), limits) <= 1.0, duration_s, np.inf)
     return shortest
 
 
-def _path_time(at_s: Array, duration_s: float) -> Array:
+def path_time(at_s: Array, duration_s: float) -> Array:
     """(K,) -> (K, M): path time every millisecond, from `_LEAD` samples before the brake until standstill."""
     steps = np.arange(-_LEAD, round(duration_s * PATH_RATE_HZ) + 1)
     u = np.clip(steps / (duration_s * PATH_RATE_HZ), 0.0, 1.0)
@@ -107,5 +107,5 @@ def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactW
     return ContactWindow(slowed(contact.start_s), slowed(contact.end_s), contact.depth_m, contact.force_N)
 
 
-def _spline(path: JointPath) -> CubicSpline:
+def spline(path: JointPath) -> CubicSpline:
     return CubicSpline(path.t_s, path.q_rad, bc_type="clamped")

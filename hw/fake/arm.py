@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw import limits
 from hw.collision import BARE_HAND, KeepOut, Tool
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.fake.clock import FakeClock
+from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Execution, JointPath, frozen_array
 
 
@@ -55,9 +55,7 @@ class FakeArm:
 
     def execute(self, path: JointPath) -> Execution:
         self._need_connection()
-        if self._fault is not None:
-            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
-        limits.require(path, self._model, self._q_rad, self._keep_out, self._tool)
+        refuse_unless_safe(path, self._model, self._q_rad, fault=self._fault, keep_out=self._keep_out, tool=self._tool)
         self.executed.append(path)
         fault = self._faults.get(len(self.executed))
         last = len(path.t_s) - 1 if fault is None else len(path.t_s) // 2

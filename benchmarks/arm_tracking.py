@@ -1,0 +1,152 @@
+"""The FR3's driver over its network protocol: tracking, late cycles, and from a released pedal to standstill.
+
+The arm is franky-sim's (MuJoCo), in a process of its own, at 1 kHz and without waiting for late commands; the pedal is
+a real serial line (a pseudo-terminal). Without a real-time kernel late cycles are those of this computer and its other
+work; tracking is that of franky-sim's controller, not of an arm. What they show is that the driver adds nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pty
+import sys
+import threading
+import time
+import tty
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "hw" / "franka"))
+from fr3_process import RELAXED, Fr3Process, arm_at, fr3
+
+from hw.collision import Tool
+from hw.errors import MotionRefused, StoppedByPedal
+from hw.kinematics import forward
+from hw.serial.enable_pedal import EnablePedal
+from hw.serial.pedal_protocol import PERIOD_S, line_for
+from hw.types import Array, JointPath
+from sim.panda.planning import home, trial_paths
+from sim.panda.tool import held
+from sim.tasks import get_task
+
+
+class Box:
+    """The pedal's box on a serial line: a line every 20 ms; released between two lines, like a foot does."""
+
+    def __init__(self) -> None:
+        self._device, self._program = pty.openpty()
+        for end in (self._device, self._program):
+            tty.setraw(end)
+        self.port = os.ttyname(self._program)
+        self.pressed, self.released_s = False, 0.0
+        self._ended = threading.Event()
+        threading.Thread(target=self._talk, daemon=True).start()
+
+    def _talk(self) -> None:
+        counter = 0
+        while not self._ended.wait(PERIOD_S):
+            os.write(self._device, line_for(counter, self.pressed))
+            counter += 1
+
+    def release(self) -> None:
+        self.pressed, self.released_s = False, time.monotonic()
+
+    def press(self, pedal: EnablePedal) -> None:
+        while not pedal.enabled():  # it has to be seen released first
+            self.pressed = False
+            time.sleep(2 * PERIOD_S)
+            self.pressed = True
+            time.sleep(2 * PERIOD_S)
+
+    def end(self) -> None:
+        self._ended.set()
+
+
+def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
+    task = get_task(name)
+    assert task.plan is not None
+    tool = held(task.X_FT, task.keep_clear)
+    motion = task.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
+    return trial_paths(motion, task.X_FT, "fr3", home(task.X_FT, "fr3", tool), tool=tool), task.X_FT, tool
+
+
+def track(server: Fr3Process, name: str) -> dict[str, object]:
+    """The task path of one trial: errors of joints and tool, cycles without an answer in time."""
+    (_, path, _), X_FT, tool = trial(name)
+    server.place(path.q_rad[0])
+    with arm_at(server, tool=tool) as arm:
+        played = arm.execute(path)
+    rows = server.received()
+    missing = [q is None for q in rows[1:]]  # none is due in the cycle that starts the motion
+    off_rad = np.abs(played.q_measured_rad - played.q_commanded_rad)
+    p_c, p_m = ((forward(q) @ X_FT)[:, :3, 3] for q in (played.q_commanded_rad, played.q_measured_rad))
+    off_m = np.linalg.norm(p_c - p_m, axis=1)
+    run = max((len(part) for part in "".join("x" if m else " " for m in missing).split()), default=0)
+    return {
+        "task": name,
+        "duration_s": path.duration_s,
+        "joint_error_mrad": {"p95": 1e3 * np.quantile(off_rad.max(axis=1), 0.95), "max": 1e3 * off_rad.max()},
+        "tool_error_mm": {"p95": 1e3 * np.quantile(off_m, 0.95), "max": 1e3 * off_m.max(), "end": 1e3 * off_m[-1]},
+        "cycles": len(missing),
+        "late_cycles": int(sum(missing)),
+        "longest_run_of_late_cycles": run,
+        "control_success_rate": played.control_success_rate,
+    }
+
+
+def stop(server: Fr3Process, name: str, trials: int) -> dict[str, object]:
+    """Release the pedal at moments spread over the task path."""
+    (_, path, _), _, tool = trial(name)
+    box, reports, to_brake_s, silent = Box(), [], [], 0
+    threading.Timer(0.1, lambda: setattr(box, "pressed", True)).start()
+    with EnablePedal(box.port) as pedal, arm_at(server, tool=tool, pedal=pedal) as arm:
+        moments_s = list(np.linspace(0.25, 0.75, trials) * path.duration_s)
+        while moments_s:
+            arm.recover()
+            server.place(path.q_rad[0])
+            server.at(float(moments_s[0]), box.release)
+            box.released_s = 0.0
+            box.press(pedal)
+            with suppress(StoppedByPedal, MotionRefused):
+                arm.execute(path)
+            report = arm.last_stop
+            if report is None or not 0.0 < box.released_s < report.braked_clock_s:
+                silent += 1  # this computer was too busy for a line every 20 ms: the pedal fell silent by itself
+                continue
+            moments_s.pop(0)
+            reports.append(report)
+            to_brake_s.append(report.braked_clock_s - box.released_s)
+    box.end()
+    to_still_s = [b - r.braking_after_s + r.still_after_s for b, r in zip(to_brake_s, reports, strict=True)]
+    return {
+        "task": name,
+        "releases": trials,
+        "fell_silent_instead": silent,
+        "release_to_braking_ms": spread(1e3 * np.array(to_brake_s)),
+        "release_to_standstill_ms": spread(1e3 * np.array(to_still_s)),
+        "way_of_the_flange_mm": spread(1e3 * np.array([r.way_m for r in reports])),
+    }
+
+
+def spread(values: Array) -> dict[str, float]:
+    return {"median": float(np.median(values)), "max": float(values.max())}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--releases", type=int, default=10, help="of the pedal, per task")
+    releases = parser.parse_args().releases
+    kernel = Path("/sys/kernel/realtime").exists()
+    print(f"real-time kernel: {kernel}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; relaxed: {RELAXED}")
+    with fr3(pace="exact") as server:
+        for name in ("pushing", "scooping"):
+            print(json.dumps(track(server, name), default=float))
+            print(json.dumps(stop(server, name, releases), default=float))
+
+
+if __name__ == "__main__":
+    main()

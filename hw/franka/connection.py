@@ -1,0 +1,89 @@
+"""A connected arm of either model: what both SDKs do alike. How a motion is driven differs (`fr3.py`, `panda.py`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hw.franka.driver import LOST, Failure, Reading, Step, error_names, failure, mode_name
+from hw.franka.settings import FrankaSettings
+
+Drive = Callable[[Any, Any, Step], None]
+"""(SDK module, its Robot, step): call `step` every millisecond until it says that its joints are the last."""
+
+
+RECOVERY_READINGS = 1000
+"""How many states, one a millisecond, an arm may need until it says that it has recovered."""
+
+
+class Connection:
+    """`hw.franka.driver.Driver` over an SDK's module. Connects and configures when it is made."""
+
+    def __init__(self, model: str, sdk: Any, drive: Drive, settings: FrankaSettings, *, realtime: bool) -> None:
+        """Raises Failure."""
+        self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
+        # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
+        self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
+        config = sdk.RealtimeConfig.kEnforce if realtime else sdk.RealtimeConfig.kIgnore
+        try:
+            self._robot = sdk.Robot(settings.host, config)
+            _configure(self._robot, settings)
+        except self._errors as error:
+            raise self._failure(error) from error
+
+    def reading(self) -> Reading:
+        try:
+            return _reading(self._robot.read_once())
+        except self._errors as error:
+            raise self._failure(error) from error
+
+    def drive(self, step: Step) -> None:
+        try:
+            self._drive(self._sdk, self._robot, step)
+        except self._errors as error:
+            raise self._stopped(error) from error
+
+    def recover(self) -> None:
+        try:
+            if _reading(self._robot.read_once()).mode != "Reflex":
+                return
+            self._robot.automatic_error_recovery()
+            for _ in range(RECOVERY_READINGS):
+                if _reading(self._robot.read_once()).mode not in ("Reflex", "AutomaticErrorRecovery"):
+                    return
+        except self._errors as error:
+            raise self._failure(error) from error
+
+    def _stopped(self, error: Exception) -> Failure:
+        said = self._failure(error)
+        if said.kind == LOST:
+            return said
+        try:
+            reasons = _reading(self._robot.read_once()).reasons
+        except self._errors:  # it does not answer any more: its last words are what there is
+            return said
+        return self._failure(error, reasons)
+
+    def _failure(self, error: Exception, reasons: tuple[str, ...] = ()) -> Failure:
+        return failure(error, self._model, self._host, reasons)
+
+
+def _configure(robot: Any, settings: FrankaSettings) -> None:
+    """Collision thresholds, joint impedance and payload; everything else of the arm stays as Desk has it."""
+    collision, load = settings.collision, settings.payload
+    robot.set_collision_behavior(
+        collision.torque_contact_Nm.tolist(),
+        collision.torque_collision_Nm.tolist(),
+        collision.force_contact_N.tolist(),
+        collision.force_collision_N.tolist(),
+    )
+    robot.set_joint_impedance(settings.joint_impedance_Nm_rad.tolist())
+    robot.set_load(load.mass_kg, load.com_F_m.tolist(), load.inertia_F_kg_m2.ravel(order="F").tolist())
+
+
+def _reading(state: Any) -> Reading:
+    mode = mode_name(state.robot_mode)
+    reasons = error_names(state.current_errors)
+    if not reasons and mode == "Reflex":
+        reasons = error_names(state.last_motion_errors)
+    return Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons)

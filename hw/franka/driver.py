@@ -1,0 +1,94 @@
+"""What the player asks of an arm's SDK, and how an SDK's exceptions become one of three failures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from hw.franka import reflexes, versions
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The arm at one moment."""
+
+    q_rad: tuple[float, ...]  # (7,) measured
+    q_held_rad: tuple[float, ...]  # (7,) what the arm's controller holds, where the next motion has to begin
+    dq_rad_s: tuple[float, ...]  # (7,)
+    mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
+    reasons: tuple[str, ...] = ()  # reflexes that are present, or that ended the last motion while the mode is Reflex
+
+
+class SdkState(Protocol):
+    """What a cycle reads of either SDK's RobotState."""
+
+    @property
+    def q(self) -> Sequence[float]: ...
+    @property
+    def dq(self) -> Sequence[float]: ...
+    @property
+    def control_command_success_rate(self) -> float: ...
+
+
+Step = Callable[[SdkState, float], tuple[list[float], bool]]
+"""One cycle: the state, the seconds since the cycle before -> joints to command (7,), and whether they are the last."""
+
+
+class Driver(Protocol):
+    """One connected arm, configured from its settings. Every method raises `Failure`."""
+
+    def reading(self) -> Reading: ...
+
+    def drive(self, step: Step) -> None:
+        """Call `step` every millisecond until it says that its joints are the last."""
+        ...
+
+    def recover(self) -> None:
+        """Clear reflexes. Never moves."""
+        ...
+
+
+FAULT, LOST, UNAVAILABLE = "fault", "lost", "unavailable"
+
+
+class Failure(Exception):
+    """`kind` is FAULT (the arm stopped or refused), LOST (it does not answer) or UNAVAILABLE (cannot connect)."""
+
+    def __init__(self, kind: str, text: str) -> None:
+        super().__init__(kind, text)
+        self.kind, self.text = kind, text
+
+
+_NETWORK = re.compile(r"UDP|TCP|Net Exception|closed connection|Connection|Protocol error", re.IGNORECASE)
+
+
+def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = ()) -> Failure:
+    """An SDK's exception in words. `reasons` are the reflexes that the arm reports, if it still answers."""
+    said = str(error).removeprefix("libfranka: ").strip() or type(error).__name__
+    mismatch = versions.explain_mismatch(model, said)
+    if mismatch:
+        return Failure(UNAVAILABLE, f"{model} at {host}: {mismatch}")
+    if "realtime" in said.lower():
+        return Failure(UNAVAILABLE, f"{model} at {host}: {said}; see the real-time set-up in docs/arms.md")
+    if reasons:
+        return Failure(FAULT, reflexes.in_words(reasons))
+    if type(error).__name__ == "NetworkException" or _NETWORK.search(said):
+        return Failure(
+            LOST,
+            f"{model} at {host} does not answer ({said}): check cable, address and power, unlock the joints and "
+            "activate FCI in Desk",
+        )
+    return Failure(FAULT, f"the arm says: {said}")
+
+
+def mode_name(mode: Any) -> str:
+    """RobotMode.Idle of one SDK and RobotMode.kIdle of the other -> Idle."""
+    name = str(mode.name)
+    return name[1:] if name[:1] == "k" and name[1:2].isupper() else name
+
+
+def error_names(errors: Any) -> tuple[str, ...]:
+    """The reflexes that an SDK's Errors holds."""
+    return tuple(n for n in dir(errors) if not n.startswith("_") and getattr(errors, n) is True)

@@ -1,0 +1,55 @@
+"""What the program and its player process say to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hw.franka.driver import Failure
+from hw.franka.playback import Motion, Played
+from hw.franka.settings import FrankaSettings
+
+ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
+WHY = {PEDAL: "pedal", REQUESTED: "request"}
+SILENT, ORPHANED = "silence", "orphaned"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How strict the player is with time. Everything but tests uses the defaults."""
+
+    realtime: bool = True  # demand a real-time kernel and priority
+    silence_s: float = 0.06  # longest silence of the program during a motion, as of the pedal
+    overrun_s: float = 5.0  # how long after its end a motion may still be unanswered
+
+
+@dataclass(frozen=True)
+class Connect:
+    model: str
+    settings: FrankaSettings
+    timing: Timing
+
+
+@dataclass(frozen=True)
+class Read:
+    pass
+
+
+@dataclass(frozen=True)
+class Play:
+    motion: Motion
+
+
+@dataclass(frozen=True)
+class Recover:
+    pass
+
+
+Request = Connect | Read | Play | Recover
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What came of a `Play`: the log, and the failure that ended it, if one did."""
+
+    played: Played
+    failure: Failure | None = None

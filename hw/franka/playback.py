@@ -1,0 +1,130 @@
+"""One motion, cycle by cycle: which joints to command next, when to brake, when it is over. No device in here.
+
+The path is followed on the arm's own clock: after a lost cycle the next sample is the one that is due, not the next
+in line. A stop bends the path's time as `hw.braking` does, from the next moment for which a stop within the limits was
+found beforehand. At the end the last sample is held until the arm stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.braking import path_time, spline, check_braking
+from hw.errors import MotionRefused
+from hw.franka.driver import SdkState
+from hw.types import PATH_RATE_HZ, Array, JointPath
+
+STOPS_EVERY_S = 0.01
+STILL_RAD_S = 0.01
+"""A joint slower than this stands still (as `hw.limits.REST_TOLERANCE_RAD_S`)."""
+
+STILL_CYCLES = 20
+HOLD_S = 0.5
+"""The longest wait for standstill after the last sample."""
+
+RATE_WINDOW = 100
+"""Cycles over which the arm computes its own success rate; it means nothing before (libfranka, `RobotState`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A checked path, and how long a stop takes from the moments at which one may begin."""
+
+    path: JointPath
+    stop_at: Array  # (K,) rising indices of samples
+    stop_s: Array  # (K,) duration of the time scaling
+
+
+def motion_of(path: JointPath, model: str) -> Motion:
+    """Raises MotionRefused if the path cannot be stopped within the limits every now and then."""
+    stops = check_braking(path, model, STOPS_EVERY_S)
+    known = np.isfinite(stops.duration_s)
+    at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
+    if not known[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
+        raise MotionRefused(
+            f"{model}: there are moments from which no stop along the path keeps the limits within "
+            f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
+        )
+    return Motion(path, at, stops.duration_s[known])
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What was commanded and measured, up to standstill or to whatever ended it."""
+
+    t_s: Array  # (M,) the arm's clock since its first cycle
+    clock_s: Array  # (M,) the computer's clock when each cycle was answered
+    q_commanded_rad: Array  # (M, 7)
+    q_measured_rad: Array  # (M, 7)
+    dq_measured_rad_s: Array  # (M, 7)
+    answered: float  # share of the arm's cycles that got an answer
+    reported: float  # mean of the arm's own success rate; 1 before it means anything
+    stop_wanted: str = ""  # why it braked; empty where it did not
+    wanted_at: int = -1  # row in which the stop was wanted
+    braked_at: int = -1  # row of the first sample off the path's own time
+
+    @property
+    def success_rate(self) -> float:
+        return min(self.answered, self.reported)
+
+
+class Playback:
+    """`step` is the arm's cycle; `wanted` says why to stop now, or nothing."""
+
+    def __init__(self, motion: Motion, wanted: Callable[[], str], clock: Callable[[], float]) -> None:
+        self._motion, self._wanted, self._clock = motion, wanted, clock
+        self.spline = spline(motion.path)
+        self._samples = motion.path.q_rad.tolist()  # what is commanded; the tail is replaced by a stop
+        longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
+        self._t, self._clock_s = np.zeros(longest), np.zeros(longest)
+        self._q_c, self._q, self._dq = (np.zeros((longest, 7)) for _ in range(3))
+        self._tick = self._rows = self._still = 0
+        self._rate_sum, self._rate_count = 0.0, 0
+        self._reason, self._wanted_at, self._braked_at, self._stop_tick = "", -1, -1, -1
+
+    def step(self, state: SdkState, dt_s: float) -> tuple[list[float], bool]:
+        """`hw.franka.driver.Step`."""
+        self._tick += round(dt_s * PATH_RATE_HZ)
+        tick, row = self._tick, self._rows
+        if not self._reason and tick < len(self._samples) - 1:
+            self._reason = self._wanted()
+            if self._reason:
+                self._wanted_at = row
+                self._brake(tick)
+        last = len(self._samples) - 1
+        q = self._samples[min(tick, last)]
+        if self._braked_at < 0 <= self._stop_tick < tick:
+            self._braked_at = row
+        self._t[row], self._clock_s[row], self._q_c[row] = tick / PATH_RATE_HZ, self._clock(), q
+        self._q[row], self._dq[row] = state.q, state.dq
+        self._rows = row + 1
+        if row >= RATE_WINDOW:
+            self._rate_sum += state.control_command_success_rate
+            self._rate_count += 1
+        return q, tick >= last and self._stands(row, tick - last)
+
+    def played(self) -> Played:
+        n = self._rows
+        elapsed = self._tick + 1 if n else 1
+        reported = self._rate_sum / self._rate_count if self._rate_count else 1.0
+        logs = (self._t[:n], self._clock_s[:n], self._q_c[:n], self._q[:n], self._dq[:n])
+        return Played(*logs, n / elapsed, reported, self._reason, self._wanted_at, self._braked_at)
+
+    def _brake(self, tick: int) -> None:
+        motion = self._motion
+        i = int(np.searchsorted(motion.stop_at, tick + 1))
+        if i == len(motion.stop_at):  # the end is nearer than the next moment to brake
+            return
+        at = int(motion.stop_at[i])
+        s = path_time(np.array([at / PATH_RATE_HZ]), float(motion.stop_s[i]))[0]
+        s = s[s.size - round(motion.stop_s[i] * PATH_RATE_HZ) :]
+        self._samples[at + 1 :] = self.spline(np.minimum(s, motion.path.duration_s)).tolist()
+        self._stop_tick = at
+
+    def _stands(self, row: int, held: int) -> bool:
+        still = max(map(abs, self._dq[row].tolist())) < STILL_RAD_S
+        self._still = self._still + 1 if still else 0
+        return self._still >= STILL_CYCLES or held >= HOLD_S * PATH_RATE_HZ

@@ -1,0 +1,132 @@
+"""The process that speaks to the arm, and does nothing else: `python -m hw.franka.player`.
+
+The SDKs hold Python's global lock while a motion runs, and the arm waits a millisecond for an answer. So the arm has a
+process of its own: it knows no camera, no policy and no screen. It is asked over a connection (`Request`s), and told
+over a pipe, while a motion runs, that the program is alive (ALIVE) or wants a stop. Silence on the pipe, or its end, is
+a stop too: a program that hangs or was killed lets go of the arm.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from hw.errors import DeviceUnavailable
+from hw.franka import connection, fr3, panda, realtime, versions
+from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
+from hw.franka.messages import ORPHANED, SILENT, WHY, Connect, Outcome, Play, Recover, Request
+from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, Motion, Playback
+
+REST_READINGS = 2000
+
+DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
+
+
+class Listener:
+    """The pipe from the program, read once a cycle without waiting."""
+
+    def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+        os.set_blocking(pipe, False)
+        self._pipe, self._silence_s, self._clock = pipe, silence_s, clock
+        self.orphaned = False
+        self._heard_s = clock()
+
+    def begin(self) -> None:
+        """Forget what was said before this motion: a program that still wants a stop says so again."""
+        self.wanted()
+        self._heard_s = self._clock()
+
+    def wanted(self) -> str:
+        """Why the motion shall stop, or an empty string."""
+        try:
+            said = os.read(self._pipe, 4096)
+        except BlockingIOError:
+            return SILENT if self._clock() - self._heard_s > self._silence_s else ""
+        if not said:
+            self.orphaned = True
+            return ORPHANED
+        self._heard_s = self._clock()
+        return next((why for letter, why in WHY.items() if letter in said), "")
+
+
+def play(driver: Driver, motion: Motion, listener: Listener) -> Outcome:
+    """Play `motion`. Failures are part of the outcome."""
+    playback = Playback(motion, listener.wanted, time.monotonic)
+    gc.collect()
+    gc.disable()  # no pause of several milliseconds while the arm waits
+    listener.begin()
+    try:
+        driver.drive(playback.step)
+    except Failure as failure:
+        if failure.kind == FAULT:
+            wait_for_rest(driver)
+        return Outcome(playback.played(), failure)
+    finally:
+        gc.enable()
+    return Outcome(playback.played())
+
+
+def wait_for_rest(driver: Driver) -> None:
+    """Read, a thousand times a second, until the arm that stopped by itself stands still or does not answer."""
+    still = 0
+    with suppress(Failure):
+        for _ in range(REST_READINGS):
+            moves = max(map(abs, driver.reading().dq_rad_s)) >= STILL_RAD_S
+            still = 0 if moves else still + 1
+            if still >= STILL_CYCLES:
+                return
+
+
+def serve(program: Connection, listener: Listener, connect: Callable[[Connect], Driver]) -> None:
+    """Answer requests, each with its result or a `Failure`, until the program is gone."""
+    driver: Driver | None = None
+    while not listener.orphaned:
+        try:
+            request: Request = program.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            if isinstance(request, Connect):
+                driver = connect(request)
+                answer: Any = driver.reading()
+            elif driver is None:
+                answer = Failure(UNAVAILABLE, "the arm is not connected")
+            elif isinstance(request, Play):
+                answer = play(driver, request.motion, listener)
+            else:
+                if isinstance(request, Recover):
+                    driver.recover()
+                answer = driver.reading()
+        except Failure as failure:
+            answer = failure
+        try:
+            program.send(answer)
+        except OSError:  # nobody is there any more
+            return
+
+
+def connect(request: Connect) -> Driver:
+    """The real thing: real-time priority, the SDK, the arm. Raises Failure."""
+    model, timing = request.model, request.timing
+    try:
+        if timing.realtime:
+            realtime.claim()
+        sdk = versions.load(versions.PACKAGES[model])
+    except DeviceUnavailable as error:
+        raise Failure(UNAVAILABLE, str(error)) from error
+    return connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
+
+
+def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:
+    with Connection(int(connection_fd)) as program:
+        serve(program, Listener(int(pipe_fd), float(silence_s)), connect)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,112 @@
+"""What a lab says of its Franka arm, checked once.
+
+Whether the real-time kernel is demanded is no setting: it always is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.types import Array, frozen_array
+
+HIGHEST_PAYLOAD_KG = 3.0
+"""What both arms may carry, hand included (the maker's data sheets)."""
+
+STIFFEST_NM_RAD = 14250.0
+"""Highest joint impedance that the arm takes (libfranka, `setJointImpedance`)."""
+
+MOST_TORQUE_NM = 100.0
+MOST_FORCE_N = 100.0
+"""Above these a collision threshold would never stop anything (the joints give 87 and 12 Nm)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """What the hand holds, in the flange frame F. The hand itself is set in the arm's own web page (Desk)."""
+
+    mass_kg: float = 0.0
+    com_F_m: Array = field(default_factory=lambda: np.zeros(3))  # (3,) centre of mass
+    inertia_F_kg_m2: Array = field(default_factory=lambda: np.zeros((3, 3)))  # (3, 3) about the centre of mass
+
+    def __post_init__(self) -> None:
+        """Raises ValueError: too heavy, or no inertia of a body."""
+        if not 0.0 <= self.mass_kg <= HIGHEST_PAYLOAD_KG:
+            raise ValueError(f"payload of {self.mass_kg:g} kg: the arms carry 0 to {HIGHEST_PAYLOAD_KG:g} kg")
+        object.__setattr__(self, "com_F_m", frozen_array(self.com_F_m, (3,), "centre of mass of the payload"))
+        inertia = frozen_array(self.inertia_F_kg_m2, (3, 3), "inertia of the payload")
+        if np.abs(inertia - inertia.T).max() > 1e-9 or np.linalg.eigvalsh(inertia).min() < -1e-12:
+            raise ValueError(
+                f"inertia of the payload {inertia.tolist()} kg m²: it must be symmetric and not negative; "
+                "take it from the drawing of the tool, about its centre of mass"
+            )
+        object.__setattr__(self, "inertia_F_kg_m2", inertia)
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionThresholds:
+    """From `contact` on the arm reports a contact, from `collision` on it stops with a reflex.
+
+    The same values hold while it accelerates. The defaults are the maker's example times one and times three; the
+    deepest contact that `hw.limits` lets through (60 N) loads joint 2 with 42 Nm at 0.7 m.
+    """
+
+    torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 16.0, 14.0, 12.0]))
+    torque_collision_Nm: Array = field(default_factory=lambda: np.array([60.0, 60.0, 54.0, 54.0, 48.0, 42.0, 36.0]))
+    force_contact_N: Array = field(default_factory=lambda: np.array([20.0, 20.0, 20.0, 25.0, 25.0, 25.0]))
+    force_collision_N: Array = field(default_factory=lambda: np.array([80.0, 80.0, 80.0, 40.0, 40.0, 40.0]))
+    # (6,): force along X, Y, Z in N and moment about them in Nm, on the tool
+
+    def __post_init__(self) -> None:
+        """Raises ValueError: not above 0, too high to stop anything, or contact above collision."""
+        for name, size, most in (
+            ("torque_contact_Nm", 7, MOST_TORQUE_NM),
+            ("torque_collision_Nm", 7, MOST_TORQUE_NM),
+            ("force_contact_N", 6, MOST_FORCE_N),
+            ("force_collision_N", 6, MOST_FORCE_N),
+        ):
+            _positive(self, name, size, most)
+        for kind, unit in (("torque", "Nm"), ("force", "N")):
+            contact, collision = getattr(self, f"{kind}_contact_{unit}"), getattr(self, f"{kind}_collision_{unit}")
+            if (contact > collision).any():
+                raise ValueError(
+                    f"{kind} thresholds: contact {contact.tolist()} is above collision {collision.tolist()} {unit}; "
+                    "a contact is reported before a collision stops the arm"
+                )
+
+    @property
+    def contact_force_limit_N(self) -> float:
+        """The force along any axis at which the arm stops."""
+        return float(self.force_collision_N[:3].min())
+
+
+@dataclass(frozen=True, eq=False)
+class FrankaSettings:
+    """One arm: where it answers, what it carries, when it stops by itself, how stiff it is."""
+
+    host: str
+    payload: Payload = field(default_factory=Payload)
+    collision: CollisionThresholds = field(default_factory=CollisionThresholds)
+    joint_impedance_Nm_rad: Array = field(
+        default_factory=lambda: np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
+    )
+    """(7,) the arm's own default."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError with what is wrong."""
+        if not self.host.strip() or any(c.isspace() or c in "/:" for c in self.host):
+            raise ValueError(
+                f"address of the arm {self.host!r}: give the name or IP address alone, without https:// or a port, "
+                "for example 172.16.0.2"
+            )
+        _positive(self, "joint_impedance_Nm_rad", 7, STIFFEST_NM_RAD)
+
+
+def _positive(owner: object, name: str, size: int, most: float) -> None:
+    value: ArrayLike = getattr(owner, name)
+    array = frozen_array(value, (size,), name)
+    if not ((array > 0.0) & (array <= most)).all():
+        raise ValueError(f"{name} {array.tolist()}: every value must be above 0 and at most {most:g}")
+    object.__setattr__(owner, name, array)

@@ -1,0 +1,122 @@
+"""The interface of an SDK's module as far as the drivers use it, with an arm inside that follows at once.
+
+`names` says whether modes and enumerations begin with k (panda_py.libfranka) or not (pylibfranka).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
+
+
+class Duration:
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+
+    def to_sec(self) -> float:
+        return self._seconds
+
+
+class JointPositions:
+    def __init__(self, q: list[float]) -> None:
+        self.q, self.motion_finished = q, False
+
+
+class NetworkException(RuntimeError):
+    pass
+
+
+class FrankaException(Exception):
+    pass
+
+
+@dataclass
+class FakeSdk:
+    """`calls` keeps what was asked of the robot; `fails` maps a method to what it raises."""
+
+    k: bool
+    fails: dict[str, Exception] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()
+    mode: str = "Idle"
+    calls: list[tuple[str, Any]] = field(default_factory=list)
+    lost_cycles: tuple[int, ...] = ()
+
+    JointPositions = JointPositions
+
+    def __post_init__(self) -> None:
+        names = ("kEnforce", "kIgnore")
+        self.RealtimeConfig = SimpleNamespace(**{name: name for name in names})
+        mode = "kJointImpedance" if self.k else "JointImpedance"
+        self.ControllerMode = SimpleNamespace(**{mode: mode})
+        if not self.k:
+            self.FrankaException = FrankaException
+
+    def Robot(self, host: str, realtime: str) -> FakeRobot:
+        robot = FakeRobot(self)
+        robot.did("Robot", (host, realtime))
+        return robot
+
+
+class FakeRobot:
+    def __init__(self, sdk: FakeSdk) -> None:
+        self.sdk = sdk
+        self._q = list(Q_RAD)
+        self._cycle = 0
+
+    def did(self, name: str, what: Any = None) -> None:
+        self.sdk.calls.append((name, what))
+        if name in self.sdk.fails:
+            raise self.sdk.fails[name]
+
+    def set_collision_behavior(self, *thresholds: list[float]) -> None:
+        self.did("set_collision_behavior", thresholds)
+
+    def set_joint_impedance(self, stiffness: list[float]) -> None:
+        self.did("set_joint_impedance", stiffness)
+
+    def set_load(self, *load: Any) -> None:
+        self.did("set_load", load)
+
+    def automatic_error_recovery(self) -> None:
+        self.did("automatic_error_recovery")
+        self.sdk.mode, self.sdk.reasons = "Idle", ()
+
+    def read_once(self) -> Any:
+        self.did("read_once")
+        errors = SimpleNamespace(**dict.fromkeys(self.sdk.reasons, True), power_limit_violation=False)
+        return SimpleNamespace(
+            q=self._q,
+            q_d=self._q,
+            dq=[0.0] * 7,
+            control_command_success_rate=0.9,
+            robot_mode=SimpleNamespace(name=("k" if self.sdk.k else "") + self.sdk.mode),
+            current_errors=errors,
+            last_motion_errors=errors,
+        )
+
+    def _since(self) -> Duration:
+        """0 at first, then a millisecond a cycle, or two where one was lost."""
+        self._cycle += 1
+        return Duration(0.0 if self._cycle == 1 else 0.002 if self._cycle in self.sdk.lost_cycles else 0.001)
+
+    def take(self, command: JointPositions) -> None:
+        self.did("command", (command.q, command.motion_finished))
+        self._q = list(command.q)
+
+    def start_joint_position_control(self, mode: str) -> Any:
+        assert not self.sdk.k, "panda_py has no such call"
+        self.did("start_joint_position_control", mode)
+        return SimpleNamespace(readOnce=lambda: (self.read_once(), self._since()), writeOnce=self.take)
+
+    def control_joint_position(self, callback: Callable[[Any, Duration], JointPositions], **options: Any) -> None:
+        assert self.sdk.k, "pylibfranka has no such call"
+        self.did("control_joint_position", options)
+        finished = False
+        while not finished:
+            command = callback(self.read_once(), self._since())
+            self.take(command)
+            finished = command.motion_finished

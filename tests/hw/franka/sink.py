@@ -1,0 +1,41 @@
+"""A player that drives no arm, and counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.franka.driver import Reading
+from hw.franka.messages import Outcome
+from hw.franka.playback import Motion, Played
+from hw.types import Array
+
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+
+
+@dataclass
+class Sink:
+    """A player that keeps what it is given and says that it was played."""
+
+    q_rad: Array = field(default_factory=lambda: READY)
+    held_off_rad: Array = field(default_factory=lambda: np.zeros(7))
+    mode: str = "Idle"
+    alive: bool = True
+    given: list[Motion] = field(default_factory=list)
+
+    def reading(self) -> Reading:
+        return Reading(tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode)
+
+    def recover(self) -> Reading:
+        return self.reading()
+
+    def play(self, motion: Motion, word: Callable[[], bytes]) -> Outcome:
+        self.given.append(motion)
+        q = motion.path.q_rad
+        self.q_rad, self.held_off_rad = q[-1], np.zeros(7)
+        return Outcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))
+
+    def close(self) -> None:
+        self.alive = False

@@ -1,0 +1,143 @@
+"""Random and adversarial paths against an arm that counts: none beyond a limit may reach its driver.
+
+What is beyond a limit is judged by the maker's numbers as written here and by plain differences, not by `hw.limits`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parent / "franka"))
+from sink import Sink
+
+from hw.errors import MotionRefused
+from hw.franka import FrankaArm, FrankaSettings
+from hw.types import Array, JointPath
+
+# q_min, q_max in rad, largest velocity, acceleration and jerk in rad/s, rad/s², rad/s³
+MAKERS = {
+    "panda": (
+        [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
+        [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973],
+        [2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61],
+        [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0],
+        [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0],
+    ),
+    "fr3": (
+        [-2.9007, -1.8361, -2.9007, -3.0770, -2.8763, 0.4398, -3.0508],
+        [2.9007, 1.8361, 2.9007, -0.1169, 2.8763, 4.6216, 3.0508],
+        [2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26],
+        [10.0] * 7,
+        [5000.0] * 7,
+    ),
+}
+FR3_SLOWER = ([0.6599, 0.2517, 0.2, 0.3533, 0.5757, 0.4878, 0.4628], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0])
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+HARMLESS = 1.0 + 1e-9
+
+
+def beyond(q: Array, q_arm: Array, model: str) -> str:
+    """What of the maker's limits the samples at 1 kHz (N, 7) break, begun at `q_arm` (7,) and ended at rest."""
+    q_min, q_max, dq_max, ddq_max, dddq_max = (np.array(v) for v in MAKERS[model])
+    at_rest = np.concatenate([[q[0]] * 3, q, [q[-1]] * 3])
+    dq = np.diff(at_rest, axis=0) * 1e3
+    up, down = dq_max, dq_max
+    if model == "fr3":  # slower towards the ends of the range
+        offset, braking = (np.array(v) for v in FR3_SLOWER)
+        room = np.maximum(np.stack([q_max - at_rest[1:], at_rest[1:] - q_min]), 0.0)
+        up, down = np.minimum(dq_max, np.maximum(np.sqrt(2.0 * braking * room) - offset, 0.0))
+    broken = {
+        "not finite": not np.isfinite(q).all(),
+        "start": np.abs(q[0] - q_arm).max() > 0.01,
+        "position": ((q < q_min) | (q > q_max)).any(),
+        "velocity": ((dq > up * HARMLESS) | (-dq > down * HARMLESS)).any(),
+        "acceleration": (np.abs(np.diff(dq, axis=0)) * 1e3 > ddq_max * HARMLESS).any(),
+        "jerk": (np.abs(np.diff(dq, 2, axis=0)) * 1e6 > dddq_max * HARMLESS).any(),
+    }
+    return ", ".join(what for what, is_broken in broken.items() if is_broken)
+
+
+def smooth(samples: int) -> Array:
+    u = np.linspace(0.0, 1.0, samples)[:, None]
+    return u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+
+
+def paths(rng: np.random.Generator, model: str) -> Iterator[tuple[str, Array, Array]]:
+    """(kind, samples (N, 7), where the arm is (7,)), without end: a fair motion, then what spoils it."""
+    q_min, q_max, _, ddq_max, _ = (np.array(v) for v in MAKERS[model])
+    while True:
+        start = READY + rng.uniform(-0.3, 0.3, 7)
+        samples = int(rng.integers(60, 260))
+        most = ddq_max * (samples / 1e3) ** 2 / 7.52  # peak acceleration of `smooth` is 7.513 of its travel per time²
+        travel = rng.uniform(-1.0, 1.0, 7) * np.minimum(most, 0.25)
+        fair = start + smooth(samples) * travel
+        row, joint, tiny = int(rng.integers(samples)), int(rng.integers(7)), 10.0 ** rng.uniform(-9.0, -2.0)
+        yield "fair", fair, start
+        yield "near the limit", start + smooth(samples) * np.sign(travel) * most * rng.uniform(0.95, 1.05), start
+        yield "fast", start + smooth(samples) * travel * rng.uniform(1.0, 20.0), start
+        yield "from elsewhere", fair, start + tiny * np.eye(7)[joint] * 10.0
+        yield "cut short", fair[: max(2, row)], start
+        yield "begun late", fair[min(row, samples - 2) :], fair[min(row, samples - 2)]
+        yield "spike", fair + tiny * np.eye(samples)[row][:, None] * np.eye(7)[joint], start
+        yield "step", fair + tiny * (np.arange(samples) >= max(row, 1))[:, None] * np.eye(7)[joint], start
+        shaking = np.sin(np.arange(samples) * rng.uniform(0.1, np.pi))[:, None] * np.sin(np.pi * smooth(samples)) ** 4
+        yield "shaking", fair + tiny * shaking * rng.uniform(-1.0, 1.0, 7), start
+        yield "held sample", np.insert(fair, row, fair[row], axis=0), start
+        yield "lost sample", np.delete(fair, row, axis=0), start
+        yield "backwards in the middle", np.concatenate([fair[: row + 1], fair[row::-1]]), start
+        edge = (q_min, q_max)[int(rng.integers(2))][joint]
+        over = start + (edge * rng.uniform(0.98, 1.02) - start[joint]) * np.eye(7)[joint]
+        yield "position", np.repeat(over[None], samples, axis=0), over
+        bad = fair.copy()
+        bad[row, joint] = rng.choice([np.nan, np.inf, -np.inf, 1e9])
+        yield "not a number", bad, start
+
+
+def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]:
+    """Offer `count` paths to an arm of `model`: how many of each kind reached its driver, how many were refused."""
+    reached: Counter[str] = Counter()
+    refused: Counter[str] = Counter()
+    sink = Sink()
+    with FrankaArm(model, FrankaSettings("172.16.0.2"), lambda: sink) as arm:
+        for _, (kind, q, q_arm) in zip(range(count), paths(np.random.default_rng(seed), model), strict=False):
+            sink.q_rad = q_arm
+            before = len(sink.given)
+            try:
+                arm.execute(JointPath(np.arange(len(q)) / 1e3, q))
+            except (MotionRefused, ValueError):
+                refused[kind] += 1
+                assert len(sink.given) == before, f"{kind} was refused and played"
+                continue
+            broken = beyond(sink.given.pop().path.q_rad, q_arm, model)
+            assert not broken, f"a path beyond the {model}'s limits reached the driver: {kind}, {broken}"
+            reached[kind] += 1
+    return reached, refused
+
+
+def check(model: str, count: int, seed: int) -> None:
+    reached, refused = hunt(model, count, seed)
+    assert reached.total() + refused.total() == count
+    assert reached["fair"] > 0.5 * (reached["fair"] + refused["fair"]), "an arm that refuses everything proves nothing"
+    assert reached["near the limit"] > 0
+    assert reached["spike"] > 0  # a nanoradian is nothing
+    for kind in ("near the limit", "fast", "from elsewhere", "cut short", "begun late", "spike", "step", "shaking"):
+        assert refused[kind] > 0, kind
+    assert reached["not a number"] == 0
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_none_of_5000_paths_beyond_a_limit_reaches_the_driver(model: str) -> None:
+    """10,000 over both arms."""
+    check(model, 5000, seed=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_none_of_100000_paths_beyond_a_limit_reaches_the_driver(model: str) -> None:
+    check(model, 100_000, seed=2)

@@ -16,13 +16,16 @@ from adaptsim_cli.commands import (
     calibrate,
     checkpoints,
     config,
+    doctor,
     lab,
     pretrain,
     preview,
     report,
+    retrack,
     rollout,
     run_iteration,
     sessions,
+    touch_off,
 )
 
 EXIT_CODES = (
@@ -43,7 +46,10 @@ app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
 app.command("rollout")(rollout.rollout)
 app.command("preview")(preview.preview)
+app.command("touch-off")(touch_off.touch_off)
 app.command("report")(report.report)
+app.command("doctor")(doctor.doctor)
+app.command("retrack")(retrack.retrack)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(sessions.app, name="sessions")
 app.add_typer(checkpoints.app, name="checkpoints")

@@ -21,8 +21,9 @@ from adaptsim_cli.errors import UsageError
 Hardware = Literal["fake", "panda", "fr3"]
 
 PROJECT_FILE = "adaptsim.toml"
+RIG_FILE = "rig.toml"
 _PREFIX = "ADAPTSIM_"
-_NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG"}
+_NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG", "ADAPTSIM_K4A_LIBRARY"}  # the last: hw/camera/k4a_library.py
 
 
 class _Values(BaseModel):
@@ -31,7 +32,7 @@ class _Values(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     hw: Annotated[Hardware, Field(description="which hardware moves: fake, panda or fr3")] = "fake"
-    host: Annotated[str, Field(description="network address of the real arm")] = ""
+    rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="which task, where a command has no --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
     method: Annotated[str, Field(description="how to adapt: adaptsim, udr")] = "adaptsim"
@@ -48,7 +49,7 @@ class Config:
     """All settings, checked."""
 
     hw: Hardware
-    host: str
+    rig: str
     task: str
     world: str
     method: str
@@ -67,6 +68,11 @@ class Places:
     data: Path
     user_file: Path
     project_file: Path
+
+    @property
+    def rig_files(self) -> tuple[Path, Path]:
+        """Where a rig file is looked for when no setting names one, first the project's."""
+        return self.project_file.with_name(RIG_FILE), self.user_file.with_name(RIG_FILE)
 
     @property
     def sessions(self) -> Path:
@@ -118,8 +124,13 @@ def load(
     )
     for source, layer in layers:
         checked = _checked(layer, source, strict=source not in ("environment", "flag"))
+        if checked.get("rig"):  # in a settings file it is relative to that file
+            folder = Path.cwd() if source in ("environment", "flag") else Path(source).parent
+            checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
         values |= checked
         sources |= {key: f"{_PREFIX}{key.upper()}" if source == "environment" else source for key in checked}
+    if not values["rig"]:
+        values["rig"] = next((str(file) for file in where.rig_files if file.is_file()), "")
     return Resolved(Config(**values), sources, where)
 
 

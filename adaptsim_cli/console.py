@@ -59,11 +59,15 @@ class Screen:
 
     def ask(self, question: str) -> str:
         """One line of answer, lower case and stripped. Raises StoppedByOperator at the end of input."""
+        return self.ask_text(question).lower()
+
+    def ask_text(self, question: str) -> str:
+        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
         self._console.print(Text(question, style="bold"), end=" ")
         answer = sys.stdin.readline()
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
-        return answer.strip().lower()
+        return answer.strip()
 
     @contextmanager
     def busy(self, what: str) -> Iterator[None]:
@@ -127,12 +131,12 @@ def error(message: str) -> None:
     console.print(Text.assemble(("Error: ", "bold red"), message), soft_wrap=True)
 
 
-def require_terminal() -> None:
-    """Raises UsageError where nobody can answer a question."""
+def require_terminal(
+    otherwise: str = "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended",
+) -> None:
+    """Raises UsageError, saying `otherwise`, where nobody can answer a question."""
     if not sys.stdin.isatty():
-        raise UsageError(
-            "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended"
-        )
+        raise UsageError(otherwise)
 
 
 @dataclass(frozen=True)

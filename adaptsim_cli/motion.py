@@ -12,6 +12,9 @@ from adaptsim_cli.errors import UsageError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.rigs.description import RigDescription
+    from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
     from sim.preview import Preview
@@ -83,28 +86,51 @@ class PlannedMotion:
 _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 
 
-def planned(task_name: str, arm: str, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
+@dataclass(frozen=True, eq=False)
+class Lab:
+    """What a motion is planned for: an arm, and the lab around it where there is a rig file."""
+
+    arm: str
+    rig: RigDescription | None = None
+    keep_out: tuple[KeepOut, ...] = ()  # on top of the rig's
+
+
+def lab_of(resolved: Resolved, arm: str | None) -> Lab:
+    """An `arm` by name as it ships; else the lab of the rig file where the settings name a real one; else a Panda.
+
+    Raises UsageError, SessionError for a calibration that cannot be read.
+    """
+    from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.wiring_calibration import camera_box, current_calibration
+    from hw.limits import LIMITS
+
+    config = resolved.config
+    if arm is not None or config.hw == "fake":
+        if arm not in (None, *LIMITS):
+            raise UsageError(f"--arm {arm}: it is one of {', '.join(LIMITS)}")
+        return Lab(arm or "panda")
+    known = current_calibration(config, resolved.places)
+    boxes = () if known is None else camera_box(known.hand_eye().X_BC)
+    return Lab(config.hw, rig_of(config, tasks_with_tools()), boxes)
+
+
+def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
     """The motion for values typed as name=value; what is not given is the middle of its range.
 
-    Raises UsageError for values or a task that cannot be planned, NotExecutable or MotionRefused (also where no
-    stop along the path keeps the limits) where the arm cannot do it.
+    Raises UsageError for values or a task that cannot be planned, NotExecutable or MotionRefused (also where no stop
+    along the path keeps the limits) where the arm cannot do it.
     """
     import numpy as np
 
-    from hw.limits import LIMITS, require
-    from sim.panda.planning import home, trial_paths
-    from sim.panda.tool import held
+    from adaptsim_cli.mounted import mounted
     from sim.tasks import get_task
 
     task = get_task(task_name)
-    if task.plan is None:
-        raise UsageError(f"the task {task.name} has no motion for a robot arm; it runs in simulation only")
-    if arm not in LIMITS:
-        raise UsageError(f"--arm {arm}: it is one of {', '.join(LIMITS)}")
+    there = mounted(task, lab.arm, lab.rig, lab.keep_out)
     where = values.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
     how = values.point(task.action, action, middle, "--action")
-    tool = held(task.X_FT, task.keep_clear)
-    paths = trial_paths(task.plan(where, how), task.X_FT, arm, home(task.X_FT, arm, tool), tool=tool)
-    approach, motion, back = (require(path, arm, None, (), tool) for path in paths)
-    return PlannedMotion(task, arm, where, how, paths, (approach, motion, back))
+    assert there.task.plan is not None  # `mounted` refuses a task without one
+    paths = there.paths(there.task.plan(where, how))
+    approach, motion, back = (there.check(path) for path in paths)
+    return PlannedMotion(there.task, lab.arm, where, how, paths, (approach, motion, back))

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
-import logging
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +23,6 @@ from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (
     Learner,
     Parts,
-    Paths,
     Planner,
     Prediction,
     Provenance,
@@ -35,32 +33,35 @@ from adaptsim_cli.session.target import Target
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from calib.types import HandEye
-from hw.collision import Tool
-from hw.errors import DeviceUnavailable, MotionRefused
-from hw.types import Array, JointPath
+from hw.errors import MotionRefused
+from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
 from sim.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
-from sim.types import ToolMotion
+
+if TYPE_CHECKING:
+    from adaptsim_cli.rigs.openers import Openers
 
 _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
 
 @contextmanager
-def open_parts(config: Config) -> Iterator[Parts]:
-    """Everything a session needs, with its devices connected. Raises SimError, DeviceUnavailable, UsageError."""
+def open_parts(config: Config, openers: Openers | None = None) -> Iterator[Parts]:
+    """Everything a session needs, with its devices connected. `openers`: how those of a real lab are opened.
+
+    Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
+    """
     from sim.tasks import get_task
 
-    logging.getLogger("drake").setLevel(logging.ERROR)  # its warnings are about features that no scene uses
     task = get_task(config.task)
-    with _open_target(config, task) as (target, executable, calibration):
+    with _open_target(config, task, openers) as (task, target, executable, calibration):
         learner, checkpoint, checkpoint_sha256 = _learner(config, task, executable)
         origin = Provenance(
             checkpoint=checkpoint,
             checkpoint_sha256=checkpoint_sha256,
-            world_sha256=_world_sha256(config.world),
+            world_sha256=_world_sha256(config.world) if config.hw == "fake" else "",
             calibration=calibration.source if calibration else "",
             calibration_sha256=_sha256(calibration.X_BC) if calibration else "",
             versions=versions(),
@@ -68,15 +69,25 @@ def open_parts(config: Config) -> Iterator[Parts]:
         yield Parts(task, target, learner, origin)
 
 
+_Opened = tuple[Task, Target, Executable | None, HandEye | None]
+
+
 @contextmanager
-def _open_target(config: Config, task: Task) -> Iterator[tuple[Target, Executable | None, HandEye | None]]:
-    """Where trials happen, what of it can be executed, and what the camera is calibrated with."""
+def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterator[_Opened]:
+    """The task as it is mounted there, where trials happen, what can be executed, the calibration."""
     if task.plan is None:
-        yield _simulated(config, task), None, None
-        return
-    tracker = tracker_of(task)
-    with _open_rig(config, task) as (rig, planner):
-        yield OnRig(task, rig, tracker, planner), _executable(task, planner, rig.arm.model), rig.hand_eye
+        yield task, _simulated(config, task), None, None
+    elif config.hw != "fake":
+        from adaptsim_cli.rigs.openers import real_devices
+        from adaptsim_cli.rigs.opening import open_real
+
+        with open_real(config, places(), task, openers or real_devices()) as real:
+            planner = real.on_rig.planner
+            yield real.mounted.task, real, _executable(task, planner, config.hw), real.on_rig.rig.hand_eye
+    else:
+        with _open_lab(config, task) as (rig, planner):
+            target = OnRig(task, rig, tracker_of(task), planner)
+            yield task, target, _executable(task, planner, rig.arm.model), rig.hand_eye
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
@@ -107,26 +118,19 @@ def versions() -> dict[str, str]:
 
 
 @contextmanager
-def _open_rig(config: Config, task: Task) -> Iterator[tuple[Rig, Planner]]:
-    if config.hw != "fake":
-        raise DeviceUnavailable(
-            f"hw = {config.hw}: the driver of this arm is not part of this version yet, so nothing has moved. "
-            "Use --hw fake for the simulated lab"
-        )
+def _open_lab(config: Config, task: Task) -> Iterator[tuple[Rig, Planner]]:
+    from adaptsim_cli.mounted import mounted
     from sim.lab import SimulatedLab
-    from sim.panda.planning import home
-    from sim.panda.tool import held
     from sim.world import load_world
 
-    world, tool = load_world(config.world, task), held(task.X_FT, task.keep_clear)
-    home_rad = home(task.X_FT, "panda", tool)
+    world, there = load_world(config.world, task), mounted(task, "panda")
     nominal = SimulatedLab(task, world, config.seed).nominal_calibration()
     shipped = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
     eye, zeros_rad = calibration_of(config, places(), shipped)
-    with SimulatedLab(task, world, config.seed, home_q_rad=home_rad - zeros_rad, tool=tool) as lab:
+    with SimulatedLab(task, world, config.seed, home_q_rad=there.home_rad - zeros_rad, tool=there.tool) as lab:
         title, days = f"simulated lab, world {world.name}", config.calibration_days
         rig = Rig("fake", title, lab.arm, lab.camera, lab.bench, eye, days)
-        yield rig, _planner(task, rig.arm.model, home_rad, tool, zeros_rad)
+        yield rig, there.planner(zeros_rad)
 
 
 def _world_sha256(name_or_path: str) -> str:
@@ -134,28 +138,6 @@ def _world_sha256(name_or_path: str) -> str:
     path = Path(name_or_path).expanduser()
     content = path.read_bytes() if path.is_file() else repr(name_or_path).encode()
     return hashlib.sha256(content).hexdigest()
-
-
-def _planner(task: Task, model: str, home_rad: Array, tool: Tool, zeros_rad: Array) -> Planner:
-    """`zeros_rad` (7,): true joints are those reported plus these, as calibration found; all others here are true."""
-    from hw.kinematics import forward
-    from hw.limits import require
-    from sim.panda.planning import trial_paths
-
-    planned: dict[bytes, Paths] = {}  # asked for by the policy, by its prediction, and by the trial itself
-
-    def paths(motion: ToolMotion) -> Paths:
-        key = motion.X_BT.tobytes()
-        if key not in planned:
-            way = trial_paths(motion, task.X_FT, model, home_rad, tool=tool)
-            there, through, back = (replace(path, q_rad=path.q_rad - zeros_rad) for path in way)
-            planned[key] = there, through, back
-        return planned[key]
-
-    def check(path: JointPath, arm: str) -> None:
-        require(path, arm, tool=tool)
-
-    return Planner(paths, check, lambda q_rad: forward(q_rad + zeros_rad))
 
 
 @dataclass(frozen=True, eq=False)

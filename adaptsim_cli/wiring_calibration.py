@@ -3,39 +3,42 @@
 from __future__ import annotations
 
 import hashlib
-import logging
 import re
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.calibration.store import CalibrationStore
 from adaptsim_cli.config import Config, Places
+from adaptsim_cli.rigs.reading import BOARD, rig_of
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
+from hw import collision
 from hw.collision import KeepOut, Tool
-from hw.errors import DeviceUnavailable
 from hw.types import Array
 from perception.board_types import Board
 
-CAMERA_ROOM_M = 0.12
-"""Half the edge of the box around the camera that the arm keeps out of."""
+if TYPE_CHECKING:
+    from adaptsim_cli.rigs.openers import Openers
+    from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
 """Where the arm stands with the board: drawn back, the board between it and the camera."""
 
 
 def calibration_key(config: Config) -> str:
-    """The folder of a rig's calibrations: of the simulated lab one a task, world and seed, else one an arm.
+    """The folder of a rig's calibrations: of the simulated lab one a task, world and seed, else one a lab.
 
-    The content of an own world file counts, not only its name.
+    The content of an own world file counts, not only its name. Raises UsageError where a real lab has no rig file.
     """
     if config.hw != "fake":
-        return _plain(f"{config.hw}-{config.host or 'arm'}")
+        return _plain(f"{config.hw}-{rig_of(config).name}")
     path = Path(config.world).expanduser()
     own = f"-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}" if path.is_file() else ""
     return _plain(f"lab-{config.task}-{path.stem}{own}-seed{config.seed}")
@@ -68,27 +71,28 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
 
 
 @contextmanager
-def open_calibration_rig(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
-    """The devices, connected, with the board in the gripper. Raises SimError, DeviceUnavailable.
+def open_calibration_rig(
+    config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None = None
+) -> Iterator[CalibrationRig]:
+    """The devices, connected, with the board in the gripper. Raises SimError, DeviceUnavailable, UsageError.
 
-    `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone.
+    `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone. `openers`: how the
+    devices of a real lab are opened.
     """
-    if config.hw != "fake":
-        raise DeviceUnavailable(
-            f"hw = {config.hw}: the driver of this arm is not part of this version yet, so nothing has moved. "
-            "Use --hw fake for the simulated lab, or `adaptsim calibrate solve` for views recorded elsewhere"
-        )
+    opened = _lab(config, board, rough) if config.hw == "fake" else _real(config, board, rough, openers)
+    with opened as rig:
+        yield rig
+
+
+@contextmanager
+def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
     from hw.kinematics import forward
-    from perception.board import draw
-    from sim.lab.board import HeldBoard
     from sim.lab.calibrating import CalibrationLab
     from sim.tasks import get_task
     from sim.world import load_world
 
-    logging.getLogger("drake").setLevel(logging.ERROR)  # its warnings are about features that no scene uses
     task = get_task(config.task)
-    world = load_world(config.world, task)
-    held = HeldBoard(draw(board, square_px=112), board.size_m)
+    world, held = load_world(config.world, task), _held(board)
     home_rad = np.array(BOARD_HOME_RAD)
     lab = CalibrationLab(task, world, config.seed, held, home_q_rad=home_rad)
     nominal = lab.nominal_calibration().X_BC
@@ -106,7 +110,49 @@ def open_calibration_rig(config: Config, board: Board, rough: SavedCalibration |
             ways=ways(held.tool(), lab.arm.model, home_rad, camera_box(rough_X_BC)),
             flange=forward,
             pause=lambda _: None,
+            hands=lab.hands,
         )
+
+
+@contextmanager
+def _real(
+    config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None
+) -> Iterator[CalibrationRig]:
+    """Without an earlier calibration nothing is planned: the arm is guided by hand."""
+    from adaptsim_cli.console import Screen, require_terminal
+    from adaptsim_cli.rigs.openers import real_devices
+    from adaptsim_cli.rigs.opening import open_arm
+    from hw.kinematics import forward
+
+    rig, held, devices = rig_of(config), _held(board), openers or real_devices()
+    require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
+    rough_X_BC = None if rough is None else np.array(rough.X_AC)
+    boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
+    with ExitStack() as stack:
+        arm = open_arm(rig, BOARD, held.tool(), boxes, devices, Screen(as_json=True), stack)
+        camera = stack.enter_context(devices.camera(rig.camera, infrared=True))
+        stack.enter_context(arm)
+        yield CalibrationRig(
+            name=config.hw,
+            title=f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}",
+            key=calibration_key(config),
+            arm=arm,
+            camera=camera,
+            board=board,
+            X_FM=held.X_FM,
+            rough_X_BC=rough_X_BC,
+            ways=ways(held.tool(), arm.model, np.array(BOARD_HOME_RAD), boxes),
+            flange=forward,
+            pause=time.sleep,
+        )
+
+
+def _held(board: Board) -> HeldBoard:
+    """The board in the gripper as docs/calibrate.md shows it."""
+    from perception.board import draw
+    from sim.lab.board import HeldBoard
+
+    return HeldBoard(draw(board, square_px=112), board.size_m)
 
 
 def ways(tool: Tool, model: str, home_rad: Array, keep_out: tuple[KeepOut, ...]) -> Ways:
@@ -120,8 +166,7 @@ def ways(tool: Tool, model: str, home_rad: Array, keep_out: tuple[KeepOut, ...])
 
 
 def camera_box(X_BC: Array) -> tuple[KeepOut, ...]:
-    at = np.asarray(X_BC)[:3, 3]
-    return (KeepOut("camera", at - CAMERA_ROOM_M, at + CAMERA_ROOM_M),)
+    return (collision.camera_box(X_BC),)
 
 
 def _plain(name: str) -> str:

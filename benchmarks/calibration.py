@@ -18,8 +18,10 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
+from kept import Kept
 
 from calib.bundle import motion_of
 from calib.closed_form import opencv_methods
@@ -254,6 +256,7 @@ def main() -> int:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--rendered", action="store_true", help="what calibration_rendered.py does")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     parser.add_argument("--rows", action="store_true", help="with --json: every single calibration as well")
     parser.add_argument("--case", type=int, action="append", choices=range(len(CASES)), help="only these, from 0")
     options, rest = parser.parse_known_args()
@@ -261,18 +264,20 @@ def main() -> int:
         import calibration_rendered  # noqa: PLC0415 - drake and open3d, only where asked for
 
         count = [] if options.seeds is None else ["--seeds", str(options.seeds)]
+        count += [] if options.keep is None else ["--keep", str(options.keep)]
         sys.argv = [calibration_rendered.__file__, *count, *rest]
         calibration_rendered.main()
         return 0
     if rest:
         parser.error(f"unknown: {' '.join(rest)}")
     seeds = range(options.first_seed, options.first_seed + (options.seeds or 200))
+    kept = Kept(options.keep)
     out = []
     for case in [CASES[i] for i in options.case or range(len(CASES))]:
         rows = []
         for seed in seeds:
             try:
-                rows.append(one(seed, case))
+                rows.append(Row(**kept.row(case.name, seed, lambda s=seed, c=case: asdict(one(s, c)))))
             except CalibrationError as error:
                 print(f"{case.name}, seed {seed}: {error}", file=sys.stderr)
         found = summary(case, rows)

@@ -16,10 +16,11 @@ import io
 import json
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from kept import Kept
 from rich.console import Console
 
 from adaptsim_cli.calibration import flow, solving, visits
@@ -80,11 +81,12 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
     with lab:
         rig = CalibrationRig(
             "fake", "lab", "lab", lab.arm, lab.camera, board, print_of.X_FM, rough,
-            ways(print_of.tool(), "panda", np.array(BOARD_HOME_RAD), camera_box(rough)), forward, lambda _: None,
+            ways(print_of.tool(), "panda", np.array(BOARD_HOME_RAD), camera_box(rough)),
+            forward, lambda _: None, lab.hands,
         )  # fmt: skip
         screen = Screen(console=Console(file=io.StringIO()))
         going = visits.Automatic(rig, screen, visits.plan(rig, 25), np.array(BOARD_HOME_RAD), unattended=True)
-        options = flow.Options(fresh=True, created="2024-01-01T00:00:00+00:00", versions={})
+        options = flow.Options(fresh=True, unattended=True, created="2024-01-01T00:00:00+00:00", versions={})
         try:
             record = flow.calibrate(rig, CalibrationStore(folder), going, screen, options)[0].record
         except CalibrationRejected:
@@ -158,11 +160,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     parser.add_argument("--case", choices=list(CASES), default="noise")
     args = parser.parse_args()
+    kept = Kept(args.keep)
     rows = []
     for seed in range(args.first, args.first + args.seeds):
-        row = one(args.case, seed)
+        row = Row(**kept.row(args.case, seed, lambda s=seed: asdict(one(args.case, s))))
         rows.append(row)
         print(f"seed {seed}: {told(row)}", flush=True)
     p95 = {name: float(np.percentile([getattr(r, name) for r in rows], 95)) for name in ("mm", "deg", "held_out_px")}

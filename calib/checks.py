@@ -31,6 +31,8 @@ TABLE_LIMIT_MM, TABLE_LIMIT_DEG = 3.0, 0.3
 DEPTH_LIMIT_MM = 5.0
 ALIGNMENT_LIMIT_PX = 2.0
 TOUCH_LIMIT_MM = 3.0
+WARM_LIMIT_C = 2.0
+"""Ours: no maker states by how much its intrinsics move with the temperature."""
 
 
 def square_size(solution: Solution) -> Check:
@@ -77,6 +79,32 @@ def variety(solution: Solution) -> Check:
     return Check(
         "variety of views", Verdict.SUSPECT, f"{message}: add views tilted left, right, up and down", value, limit, "°"
     )
+
+
+def mirror_poses(solution: Solution) -> Check:
+    """Views in which a flat board's mirror pose fits the picture better, and the arm had to say which is meant."""
+    names = [view.name for view in solution.views if view.mirrored]
+    if not names:
+        return Check("mirror poses", Verdict.GOOD, "the arm and the pictures agree on every tilt of the board")
+    return Check(
+        "mirror poses",
+        Verdict.GOOD,
+        f"in view {', '.join(names)} the mirrored tilt fits the picture better; the arm's motion says the other, which"
+        " was taken: hold the board nearer or tilt it more",
+    )
+
+
+def warm_up(readings_C: Sequence[float]) -> Check:
+    """The camera's temperature from view to view: one that still warms up drifts while it is being calibrated."""
+    if len(readings_C) < 3:
+        return Check("camera temperature", Verdict.NOT_MEASURED, "the camera does not tell its temperature")
+    third = max(1, len(readings_C) // 3)
+    value = float(np.mean(readings_C[-third:]) - np.mean(readings_C[:third]))
+    message = f"{np.median(readings_C):.1f} °C, {value:+.1f} °C from the first views to the last"
+    if abs(value) <= WARM_LIMIT_C:
+        return Check("camera temperature", Verdict.GOOD, message, value, WARM_LIMIT_C, "°C")
+    advice = f" (limit {WARM_LIMIT_C:g} °C): let it run for 40 minutes, then calibrate with --fresh"
+    return Check("camera temperature", Verdict.SUSPECT, message + advice, value, WARM_LIMIT_C, "°C")
 
 
 def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:

@@ -18,12 +18,12 @@ import tomli_w
 from numpy.typing import NDArray
 
 from calib.errors import ViewFolderError
-from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, ViewRecord, read
+from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.types import Mounting, Setup
 from hw.types import Array, CameraModel, Frame, Intrinsics
 from perception.board_types import Board
 
-SETUP = "setup.toml"
+SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
 PREFIX = "view-"
 
 
@@ -56,8 +56,8 @@ class Folder:
     damaged: tuple[str, ...]  # sentences: which view cannot be used, and why
 
 
-def setup_record(model: CameraModel, board: Board, arm: str) -> SetupRecord:
-    """Of a fixed RGB-D camera and an arm whose joints are known."""
+def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None = None) -> SetupRecord:
+    """Of a fixed RGB-D camera and an arm whose joints are known; `X_FM` (4, 4) is how the board is meant to be held."""
     return SetupRecord.model_validate(
         {
             "camera": "fixed",
@@ -67,6 +67,7 @@ def setup_record(model: CameraModel, board: Board, arm: str) -> SetupRecord:
             "colour": IntrinsicsRecord.of(model.colour),
             "depth": IntrinsicsRecord.of(model.depth),
             "X_CD": tuple(tuple(map(float, row)) for row in model.X_CD),
+            "X_HM": None if X_FM is None else tuple(tuple(map(float, row)) for row in X_FM),
         }
     )
 
@@ -90,7 +91,14 @@ def depth_intrinsics(record: SetupRecord) -> Intrinsics | None:
     return record.depth.intrinsics() if record.depth else None
 
 
-def view_files(name: str, frame: Frame, q_rad: Array, t_arm_s: float, pose: int | None) -> Mapping[str, bytes]:
+def view_files(
+    name: str,
+    frame: Frame,
+    q_rad: Array,
+    t_arm_s: float,
+    pose: int | None,
+    temperatures_C: Mapping[str, float] | None = None,
+) -> Mapping[str, bytes]:
     """File name -> content of one view, in the order in which they must be written."""
     stem = f"{PREFIX}{name}"
     files = {f"{stem}.png": _png(frame.colour[..., ::-1]), f"{stem}.depth.png": _png(frame.depth_mm)}
@@ -104,10 +112,35 @@ def view_files(name: str, frame: Frame, q_rad: Array, t_arm_s: float, pose: int 
         t_camera_s=frame.t_s,
         t_arm_s=t_arm_s,
         pose=pose,
+        temperatures_C=dict(temperatures_C or {}),
         sha256={file: hashlib.sha256(content).hexdigest() for file, content in files.items()},
     )
     content = json.dumps(record.model_dump(exclude_none=True), indent=1) + "\n"
     return {**files, f"{stem}.json": content.encode()}
+
+
+def touch_files(colour: NDArray[np.uint8], corner: int, q_rad: Array) -> Mapping[str, bytes]:
+    """File name -> content of a touched corner, in the order in which they must be written; `q_rad` (N, 7)."""
+    image = _png(colour[..., ::-1])
+    rows = tuple(tuple(float(q) for q in row) for row in q_rad)
+    record = TouchRecord(
+        image=TOUCH_IMAGE, corner=corner, q_rad=rows, sha256={TOUCH_IMAGE: hashlib.sha256(image).hexdigest()}
+    )
+    content = json.dumps(record.model_dump(exclude_none=True), indent=1) + "\n"
+    return {TOUCH_IMAGE: image, TOUCH: content.encode()}
+
+
+def read_touch(folder: Path) -> tuple[TouchRecord, NDArray[np.uint8]] | None:
+    """The touched corner of a folder and its colour image (H, W, 3) RGB; None where none was touched.
+
+    Raises ViewFolderError.
+    """
+    path = folder / TOUCH
+    if not path.exists():
+        return None
+    record = read(TouchRecord, path)
+    colour = _image(path, record.sha256, record.image, cv2.IMREAD_COLOR)
+    return record, np.ascontiguousarray(colour[..., ::-1], dtype=np.uint8)
 
 
 def read_folder(folder: Path) -> Folder:
@@ -137,7 +170,7 @@ def _read_view(path: Path, setup: SetupRecord) -> StoredView:
         raise ViewFolderError(f"{path} gives joints of an unknown arm: give X_BF, or name the arm in {SETUP}")
     if record.q_rad is not None and len(record.q_rad) != 7:
         raise ViewFolderError(f"{path} gives {len(record.q_rad)} joints; the {setup.arm} has 7")
-    colour = _image(path, record, record.image, cv2.IMREAD_COLOR)
+    colour = _image(path, record.sha256, record.image, cv2.IMREAD_COLOR)
     size = (setup.colour.width, setup.colour.height)
     if (colour.shape[1], colour.shape[0]) != size:
         raise ViewFolderError(
@@ -157,19 +190,19 @@ def _read_view(path: Path, setup: SetupRecord) -> StoredView:
 def _sensor_image(path: Path, record: ViewRecord, name: str | None) -> NDArray[np.uint16] | None:
     if name is None:
         return None
-    image = _image(path, record, name, cv2.IMREAD_UNCHANGED)
+    image = _image(path, record.sha256, name, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2:
         raise ViewFolderError(f"{path.parent / name} is not a grey image")
     return np.asarray(image, dtype=np.uint16)
 
 
-def _image(path: Path, record: ViewRecord, name: str, flags: int) -> NDArray[np.generic]:
+def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDArray[np.generic]:
     file = path.parent / name
     try:
         data = file.read_bytes()
     except OSError as error:
         raise ViewFolderError(f"{file}, named by {path.name}, cannot be read ({error.strerror})") from error
-    wanted = record.sha256.get(name)
+    wanted = sha256.get(name)
     if wanted is not None and hashlib.sha256(data).hexdigest() != wanted:
         raise ViewFolderError(f"{file} is not what {path.name} says: truncated or changed since it was taken")
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION) if data else None

@@ -100,6 +100,7 @@ class SetupRecord(Record):
     colour: IntrinsicsRecord
     depth: IntrinsicsRecord | None = None  # of depth and infrared images
     X_CD: Matrix | None = None  # 4 rows: the depth camera in the colour camera
+    X_HM: Matrix | None = None  # 4 rows: the board as it is meant to be held, for saying so where it is not
 
 
 class ViewRecord(Record):
@@ -116,6 +117,7 @@ class ViewRecord(Record):
     t_camera_s: float | None = None
     t_arm_s: float | None = None
     pose: int | None = None  # number of the planned pose, to continue after an interruption
+    temperatures_C: dict[str, float] = {}  # of those devices that tell theirs: "arm", "camera"
     sha256: dict[str, str] = {}  # file -> hash
 
     @model_validator(mode="after")
@@ -152,6 +154,36 @@ class ViewRecord(Record):
         u, _, vt = np.linalg.svd(X[:3, :3])
         X[:3, :3] = u @ vt
         return X
+
+
+class TouchRecord(Record):
+    """touch.json: one corner of the board, lying still in view, touched with the tip from several directions."""
+
+    format: int = FORMAT
+    image: str  # colour image of the board as it lies, beside this file
+    corner: int = Field(ge=0)  # id of the inner corner: along X first, from 0
+    q_rad: Matrix | None = None  # a row a touch, as the arm reports it
+    X_BF: tuple[Matrix, ...] | None = None  # four rows of four a touch, where joints are not known
+    sha256: dict[str, str] = {}
+
+    @model_validator(mode="after")
+    def _one_pose(self) -> Self:
+        if (self.q_rad is None) == (self.X_BF is None):
+            raise ValueError("give exactly one of q_rad and X_BF, one entry a touch")
+        if "/" in self.image or self.image.startswith("."):
+            raise ValueError("the image is named without a folder: it lies beside this file")
+        for q in self.q_rad or ():
+            ViewRecord(image=self.image, q_rad=q)  # its own checks: rad, metres, a rotation
+        for X in self.X_BF or ():
+            ViewRecord(image=self.image, X_BF=X)
+        return self
+
+    def flanges(self) -> Array | None:
+        """(N, 4, 4) X_BF where given."""
+        if self.X_BF is None:
+            return None
+        found = [ViewRecord(image=self.image, X_BF=X).flange() for X in self.X_BF]
+        return np.stack([X for X in found if X is not None])
 
 
 def _vector(values: Numbers) -> Array:

@@ -28,7 +28,7 @@ def reject(
     moved: Motion, candidates: Array, information: Array, start: State, model: Model
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
     """Candidate poses (2, N, 4, 4) and information (2, N, 6, 6) -> kept (N,), chosen candidate (N,), the fit, and the
-    squared distance of every view from a fit without it (N,)."""
+    squared distance of both candidates of every view from a fit without it (2, N)."""
     n = candidates.shape[1]
     rows = np.arange(n)
     side = np.zeros(n, dtype=np.int64)
@@ -56,7 +56,7 @@ def reject(
         if (again == kept).all():
             break
         kept = again
-    return kept, side, now, both[side, rows]
+    return kept, side, now, both
 
 
 def _score(moved: Motion, X_CM: Array, information: Array, state: State, joint_rad: float) -> Array:

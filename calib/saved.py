@@ -32,6 +32,7 @@ class ViewOutcome(Record):
     off_deg: float | None
     held_out: bool
     held_out_px: float | None
+    mirrored: bool = False  # the other of a flat board's two poses fitted this picture better; the arm says this one
 
 
 class CheckRecord(Record):
@@ -106,7 +107,7 @@ class SavedCalibration(Record):
     arm: str
     camera: str  # serial
     board: BoardRecord
-    temperatures_C: dict[str, float] = Field(default_factory=dict)  # where devices tell
+    temperatures_C: dict[str, float | None] = Field(default_factory=dict)  # median over the views; null: not told
     versions: dict[str, str]
 
     def hand_eye(self) -> HandEye:
@@ -140,6 +141,7 @@ class Origin:
     created: str
     source: str
     versions: Mapping[str, str]
+    temperatures_C: Mapping[str, float | None]  # by device
 
 
 def saved(
@@ -197,6 +199,7 @@ def saved(
                 off_deg=finite(v.off_deg),
                 held_out=v.held_out,
                 held_out_px=finite(v.held_out_px),
+                mirrored=v.mirrored,
             )
             for v in solution.views
         ),
@@ -215,6 +218,7 @@ def saved(
         arm=origin.arm,
         camera=origin.camera,
         board=board,
+        temperatures_C=dict(origin.temperatures_C),
         versions=dict(origin.versions),
     )
 

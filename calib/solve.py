@@ -56,6 +56,7 @@ class _Data:
     information: Array  # (N, 6, 6)
     distance2: Array  # (N,) of each view from a fit without it
     kept: Rows  # rows of views that agree
+    mirrored: NDArray[np.bool_]  # (N,) the pose that fits the picture better contradicts the arm; the other was taken
 
     def fit(self, rows: Rows, start: State, model: Model) -> Fit:
         return fit(self.moved.take(rows), self.X_CM[rows], self.information[rows], start, model)
@@ -90,7 +91,8 @@ def _sorted(views: Sequence[View]) -> list[View]:
 def _data(views: Sequence[View], setup: Setup, forward: Forward | None) -> _Data:
     sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
     moved = motion_of(views, setup.mounting, forward)
-    return _Data(sight, moved, sight.X_CM[0], sight.information[0], np.zeros(len(views)), np.arange(len(views)))
+    none = np.zeros(len(views), dtype=bool)
+    return _Data(sight, moved, sight.X_CM[0], sight.information[0], np.zeros(len(views)), np.arange(len(views)), none)
 
 
 def _agreeing(data: _Data) -> tuple[_Data, State]:
@@ -98,7 +100,7 @@ def _agreeing(data: _Data) -> tuple[_Data, State]:
     n = data.moved.joints
     _demand_variety(data.X_CM)
     X_AC, X_HM = robust_start(data.moved.X_AH(np.zeros(n)), data.X_CM)
-    kept, side, now, distance2 = reject(
+    kept, side, now, both = reject(
         data.moved,
         data.sight.X_CM,
         data.sight.information,
@@ -110,8 +112,9 @@ def _agreeing(data: _Data) -> tuple[_Data, State]:
         data,
         X_CM=data.sight.X_CM[side, every],
         information=data.sight.information[side, every],
-        distance2=distance2,
+        distance2=both[side, every],
         kept=rows,
+        mirrored=(side == 1) & (both[0] > MARGIN * LIMIT),
     )
     if len(rows) < max(MIN_VIEWS - 1, (len(kept) + 1) // 2):
         raise TooFewViews(
@@ -235,6 +238,7 @@ def _view_fits(
             off_deg=float(off_deg[i]),
             held_out=i in out,
             held_out_px=float(out.get(i, np.nan)),
+            mirrored=i in kept and bool(data.mirrored[i]),
         )
         for i, view in enumerate(views)
     )

@@ -119,6 +119,7 @@ class ViewFit:
     off_deg: float
     held_out: bool  # one of every fifth, predicted by a fit without them
     held_out_px: float  # its error in that prediction, nan where not held out or not used
+    mirrored: bool  # the other pose of a flat board fits the picture better; the arm's motion says this one
 
 
 @dataclass(frozen=True, eq=False)

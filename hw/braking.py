@@ -63,13 +63,13 @@ def brake(path: JointPath, at_s: float, model: str) -> JointPath:
             "plan a slower path"
         )
     s = path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]
-    q_rad = np.concatenate([path.q_rad[: at + 1], spline(path)(np.minimum(s, path.duration_s))])
+    q_rad = np.concatenate([path.q_rad[: at + 1], joint_spline(path)(np.minimum(s, path.duration_s))])
     return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad, _window(path.contact, start_s, s))
 
 
 def _durations(path: JointPath, at_s: Array, limits: JointLimits) -> Array:
     """(K,) path times -> (K,) shortest durations that keep the limits, inf where none does."""
-    spline = spline(path)
+    spline = joint_spline(path)
     shortest = np.full(len(at_s), np.inf)
     for duration_s in DURATIONS_S:
         open_ = ~np.isfinite(shortest)
@@ -107,5 +107,5 @@ def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactW
     return ContactWindow(slowed(contact.start_s), slowed(contact.end_s), contact.depth_m, contact.force_N)
 
 
-def spline(path: JointPath) -> CubicSpline:
+def joint_spline(path: JointPath) -> CubicSpline:
     return CubicSpline(path.t_s, path.q_rad, bc_type="clamped")

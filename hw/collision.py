@@ -6,12 +6,19 @@ The capsules are those of the maker's coarse collision model (robot description,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import numpy as np
 
 from hw.kinematics import FLANGE
 from hw.types import Array, frozen_array
+
+Side = Literal["left", "right", "front", "back"]
+"""Seen from the base along its X axis."""
+
+_CLOSEST_M = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +49,42 @@ class KeepOut:
         object.__setattr__(self, "high_m", frozen_array(self.high_m, (3,), f"upper corner of {self.name}"))
         if (self.low_m >= self.high_m).any():
             raise ValueError(f"keep-out box {self.name}: the lower corner {self.low_m} is not below {self.high_m}")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The plane of the table top in the base frame: z = height + slope_x x + slope_y y."""
+
+    height_m: float = 0.0
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.height_m, self.slope_x, self.slope_y)
+        if not all(math.isfinite(v) for v in values) or max(abs(self.slope_x), abs(self.slope_y)) > MOST_SLOPE:
+            raise ValueError(f"table {values}: height and slopes are finite, and slopes at most {MOST_SLOPE:g}")
+
+    def height_at(self, p_m: Array) -> Array:
+        """Points (..., 3) or (..., 2) in m -> height (...) of the table top there."""
+        return np.asarray(self.height_m + self.slope_x * p_m[..., 0] + self.slope_y * p_m[..., 1])
+
+    @property
+    def X_BW(self) -> Array:
+        """(4, 4) the table's own frame W in the base: over the base's origin, Z along the normal, X forward."""
+        normal = np.array([-self.slope_x, -self.slope_y, 1.0])
+        z = normal / np.linalg.norm(normal)
+        x = np.array([1.0, 0.0, self.slope_x]) / np.hypot(1.0, self.slope_x)
+        X = np.eye(4)
+        X[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+        X[2, 3] = self.height_m
+        return X
+
+
+MOST_SLOPE = 0.1
+"""About 6 degrees: a table that leans more is none."""
+
+LEVEL = Table()
+"""The table top at z = 0, as the base frame has it unless a touch-off says otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,27 +195,63 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
 
 
 def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[str, ...]]:
-    """Link poses (..., 9, 4, 4) -> clearances (..., C) in metres between a box and every moving capsule, and names."""
-    capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 1)
+    """Link poses (..., 9, 4, 4) -> clearances (..., C) in metres between a box and all that moves, and names.
+
+    All that moves: the capsules of arm and tool, and the tool's points that may touch the table.
+    """
+    points = tuple(Capsule(f"tip of {tool.name}", FLANGE, p, p, 0.0) for p in tool.points_F_m)
+    capsules = (*(c for c in (*ARM, *tool.capsules) if c.link >= 1), *points)
     radii = np.array([c.radius_m for c in capsules])
     clearance = box_distance(segments(poses, capsules), box.low_m, box.high_m) - radii
     return clearance, tuple(f"{c.name} and {box.name}" for c in capsules)
 
 
-def table_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
+def table_clearance(poses: Array, tool: Tool, table: Table = LEVEL) -> tuple[Array, tuple[str, ...]]:
     """Link poses (..., 9, 4, 4) -> heights (..., C) in metres above the table of what must never touch it, and names.
 
     Links 0 and 1 stand on the table.
     """
     capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 2)
     radii = np.array([c.radius_m for c in capsules])
-    return segments(poses, capsules)[..., 2].min(axis=-1) - radii, tuple(f"{c.name} and table" for c in capsules)
+    ends = segments(poses, capsules)
+    return (ends[..., 2] - table.height_at(ends)).min(axis=-1) - radii, tuple(f"{c.name} and table" for c in capsules)
 
 
-def point_heights(poses: Array, tool: Tool) -> Array:
+def point_heights(poses: Array, tool: Tool, table: Table = LEVEL) -> Array:
     """Link poses (..., 9, 4, 4) -> (..., P): heights above the table of the tool's points that may touch it."""
     flange = poses[..., FLANGE, :, :]
-    return np.asarray(tool.points_F_m @ flange[..., 2, :3, None])[..., 0] + flange[..., 2, 3, None]
+    points = np.einsum("...ij,pj->...pi", flange[..., :3, :3], tool.points_F_m) + flange[..., None, :3, 3]
+    return np.asarray(points[..., 2] - table.height_at(points))
+
+
+CAMERA_ROOM_M = 0.12
+"""Half the edge of the box around a camera that the arm keeps out of."""
+
+_FAR_M, _DEEP_M, _TALL_M = 2.0, -0.5, 2.0
+
+
+def camera_box(X_BC: Array) -> KeepOut:
+    """The room of a camera at X_BC (4, 4), its stand not included."""
+    at = np.asarray(X_BC)[:3, 3]
+    return KeepOut("the camera", at - CAMERA_ROOM_M, at + CAMERA_ROOM_M)
+
+
+def persons_side(side: Side, from_m: float) -> KeepOut:
+    """All that lies on the operator's side of the base, farther than `from_m` from the base's axis.
+
+    Raises ValueError for a side that is none, or one that begins inside of the base.
+    """
+    if side not in get_args(Side):
+        raise ValueError(f"the person stands at {side!r}: one of {', '.join(get_args(Side))}")
+    if not _CLOSEST_M <= from_m < _FAR_M:
+        raise ValueError(f"the person's side begins {from_m:g} m from the base: {_CLOSEST_M:g} to {_FAR_M:g} m")
+    low, high = np.array([-_FAR_M, -_FAR_M, _DEEP_M]), np.array([_FAR_M, _FAR_M, _TALL_M])
+    axis = 0 if side in ("front", "back") else 1
+    if side in ("front", "left"):
+        low[axis] = from_m
+    else:
+        high[axis] = -from_m
+    return KeepOut(f"the person's side ({side})", low, high)
 
 
 def _chain(capsule: Capsule) -> int:

@@ -4,6 +4,8 @@ HardwareError
 ├── MotionRefused        before a motion: nothing has moved
 ├── ArmFault             during a motion: the arm has stopped
 │   └── StoppedByPedal   because the operator let go of the enabling pedal
+├── NoContact            a guarded motion touched nothing: the arm is back at its start
+├── HandError            the hand did not do what was asked
 ├── CameraError          no frame, or not in time
 ├── BalanceError         the balance gives no stable mass
 └── DeviceUnavailable    a device is not there or not answering
@@ -24,6 +26,14 @@ class ArmFault(HardwareError):
 
 class StoppedByPedal(ArmFault):
     """The operator released the enabling pedal; the arm has braked along its path."""
+
+
+class NoContact(HardwareError):
+    """A guarded motion came to its end in the air; the arm is back at its start."""
+
+
+class HandError(HardwareError):
+    """The hand did not do what was asked: not homed, nothing between the fingers, or something lost."""
 
 
 class CameraError(HardwareError):

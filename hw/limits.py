@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.braking import brake, check_braking
-from hw.collision import BARE_HAND, KeepOut, Tool, box_clearance, point_heights, self_clearance, table_clearance
+from hw.collision import (
+    BARE_HAND,
+    LEVEL,
+    KeepOut,
+    Table,
+    Tool,
+    box_clearance,
+    point_heights,
+    self_clearance,
+    table_clearance,
+)
 from hw.errors import MotionRefused
 from hw.joint_limits import DT_S, LIMITS, JointLimits, derivatives
 from hw.kinematics import JOINTS, link_poses
@@ -22,6 +32,7 @@ __all__ = [
     "JointLimits",
     "KeepOut",
     "LimitReport",
+    "Table",
     "Tool",
     "Worst",
     "brake",
@@ -40,6 +51,8 @@ TOUCH_TOLERANCE_M = 0.0005
 CONTACT_DEPTH_M = 0.006
 """The deepest window that a path may declare: deeper is a reflex on a real arm."""
 CONTACT_FORCE_N = 60.0
+COLLISION_SHARE = 0.8
+"""Share of an arm's own collision threshold that a predicted contact may use."""
 GEOMETRY_STEP_S = 0.01
 
 
@@ -92,11 +105,15 @@ def check_path(
     q_now_rad: ArrayLike | None = None,
     keep_out: tuple[KeepOut, ...] = (),
     tool: Tool = BARE_HAND,
+    table: Table = LEVEL,
+    collision_N: float | None = None,
 ) -> LimitReport:
     """Check everything an arm refuses: joint limits, rest at both ends, start, self-collision, boxes, table.
 
     Derivatives are differences of the 1 kHz samples, with rest before and after the path, as the arm sees it.
-    `q_now_rad` (7,) is where the arm is now; without it the start is not checked. The table top is z = 0.
+    `q_now_rad` (7,) is where the arm is now; without it the start is not checked. `table` is where the table top
+    is, `collision_N` the force along the vertical at which this arm stops by itself, where it is known: a planned
+    contact keeps to `COLLISION_SHARE` of it.
     """
     limits = LIMITS[model]
     checks = [*_joint_checks(path, limits), _rest(path)]
@@ -105,7 +122,8 @@ def check_path(
         checks.append(
             _worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
         )
-    return LimitReport(model, (*checks, *_geometry_checks(path, keep_out, tool)))
+    geometry = _geometry_checks(path, keep_out, tool, table)
+    return LimitReport(model, (*checks, *geometry, *_contact_checks(path, tool, collision_N)))
 
 
 def require(
@@ -114,9 +132,11 @@ def require(
     q_now_rad: ArrayLike | None = None,
     keep_out: tuple[KeepOut, ...] = (),
     tool: Tool = BARE_HAND,
+    table: Table = LEVEL,
+    collision_N: float | None = None,
 ) -> LimitReport:
     """`check_path` and a stop along the path at any time. Raises MotionRefused with every broken limit."""
-    report = check_path(path, model, q_now_rad, keep_out, tool)
+    report = check_path(path, model, q_now_rad, keep_out, tool, table, collision_N)
     if not report.ok:
         broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
         raise MotionRefused(f"{model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path")
@@ -149,30 +169,36 @@ def _rest(path: JointPath) -> Worst:
     return _worst(("end velocity", "rad/s"), np.abs(ends) / REST_TOLERANCE_RAD_S, ends, REST_TOLERANCE_RAD_S, t_s)
 
 
-def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool) -> list[Worst]:
+def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table) -> list[Worst]:
     every = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ))
     chosen = np.unique(np.append(np.arange(0, len(path.t_s), every), len(path.t_s) - 1))
     poses, t_s = link_poses(path.q_rad[chosen]), path.t_s[chosen]
     checks = [_clearance("self-collision", *self_clearance(poses, tool), SELF_CLEARANCE_M, t_s)]
-    checks.append(_clearance("table", *table_clearance(poses, tool), TABLE_CLEARANCE_M, t_s))
+    checks.append(_clearance("table", *table_clearance(poses, tool, table), TABLE_CLEARANCE_M, t_s))
     checks += [_clearance("keep-out", *box_clearance(poses, tool, box), KEEP_OUT_CLEARANCE_M, t_s) for box in keep_out]
     if len(tool.points_F_m):
-        checks.append(_contact(path, tool))
-    if path.contact is not None:
-        window = path.contact
-        checks += [
-            Worst(what, value / limit, tool.name, window.start_s, value, limit, unit)
-            for what, value, limit, unit in (
-                ("declared contact depth", window.depth_m, CONTACT_DEPTH_M, "m"),
-                ("predicted contact force", window.force_N, CONTACT_FORCE_N, "N"),
-            )
-        ]
+        checks.append(_depth(path, tool, table))
     return checks
 
 
-def _contact(path: JointPath, tool: Tool) -> Worst:
+def _contact_checks(path: JointPath, tool: Tool, collision_N: float | None) -> list[Worst]:
+    """What the path declares of its contact, against what any arm, and this one, takes."""
+    if path.contact is None:
+        return []
+    window = path.contact
+    most_N = CONTACT_FORCE_N if collision_N is None else min(CONTACT_FORCE_N, COLLISION_SHARE * collision_N)
+    return [
+        Worst(what, value / limit, tool.name, window.start_s, value, limit, unit)
+        for what, value, limit, unit in (
+            ("declared contact depth", window.depth_m, CONTACT_DEPTH_M, "m"),
+            ("predicted contact force", window.force_N, most_N, "N"),
+        )
+    ]
+
+
+def _depth(path: JointPath, tool: Tool, table: Table) -> Worst:
     """How deep the tool's lowest point is commanded, against the window's depth inside and none outside."""
-    depth = -point_heights(link_poses(path.q_rad), tool).min(axis=1)
+    depth = -point_heights(link_poses(path.q_rad), tool, table).min(axis=1)
     allowed = np.full(len(depth), TOUCH_TOLERANCE_M)
     if path.contact is not None:
         inside = (path.t_s >= path.contact.start_s - 1e-9) & (path.t_s <= path.contact.end_s + 1e-9)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, Self
 
-from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath
+from hw.types import ArmState, Array, CameraModel, Contact, Execution, Frame, Guard, HandState, JointPath
 
 
 class Arm(Protocol):
@@ -32,6 +32,45 @@ class Arm(Protocol):
 
     def recover(self) -> None:
         """Clear a fault. Never resumes a motion."""
+        ...
+
+
+class GuardedArm(Arm, Protocol):
+    """An arm that feels external forces in its joints, and can stop at the first touch."""
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """Play `path` until the guard's force, brake along it, and go back to its start the way it came.
+
+        The path is one that `hw.guarding.require_guarded` lets through. On return the arm rests at the path's start,
+        away from what it touched. Raises NoContact where the path ends in the air (the arm is back at its start),
+        MotionRefused (nothing moved) or ArmFault (stopped where it is).
+        """
+        ...
+
+
+class Hand(Protocol):
+    """A parallel gripper with two fingers."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exc: object) -> None: ...
+
+    def state(self) -> HandState:
+        """The present state. Raises DeviceUnavailable."""
+        ...
+
+    def home(self) -> None:
+        """Find the fingers' ends of travel; the hand must be empty. Raises HandError."""
+        ...
+
+    def move(self, width_m: float) -> None:
+        """Bring the fingers, slowly and with next to no force, to `width_m`. Raises HandError."""
+        ...
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        """Close on something about `width_m` wide and hold it with `force_N`.
+
+        Raises HandError where nothing of that width is between the fingers.
+        """
         ...
 
 

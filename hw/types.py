@@ -121,3 +121,46 @@ class Execution:
     q_commanded_rad: Array  # (M, 7)
     q_measured_rad: Array  # (M, 7)
     control_success_rate: float  # share of 1 kHz cycles that were answered in time
+
+
+@dataclass(frozen=True, eq=False)
+class Guard:
+    """When a slow motion has touched: the vertical force on one point of the tool reaches `force_N`."""
+
+    force_N: float
+    p_F_m: Array  # (3,) where the tool is expected to touch, in the flange
+    tare_s: float = 0.2  # the mean of this first stretch, in the air, counts as no force
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_F_m", frozen_array(self.p_F_m, (3,), "p_F_m"))
+        if not self.force_N > 0.0 or not self.tare_s > 0.0:
+            raise ValueError(f"guard of {self.force_N:g} N, tare {self.tare_s:g} s: both must be above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A guarded motion that touched: when, where, how hard, and what the arm felt on the way there."""
+
+    t_s: float  # path time at which the guard's force was reached
+    q_rad: Array  # (7,) measured then
+    force_N: float  # largest vertical force until standstill
+    felt_t_s: Array  # (M,) path times, every 1 ms, until the force was reached
+    felt_commanded_rad: Array  # (M, 7)
+    felt_measured_rad: Array  # (M, 7)
+    felt_torque_Nm: Array  # (M, 7) the arm's estimate of the torque that external forces put on its joints
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "q_rad", frozen_array(self.q_rad, (7,), "q_rad"))
+        felt_t_s = frozen_array(self.felt_t_s, (None,), "felt_t_s")
+        object.__setattr__(self, "felt_t_s", felt_t_s)
+        for name in ("felt_commanded_rad", "felt_measured_rad", "felt_torque_Nm"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(felt_t_s), 7), name))
+
+
+@dataclass(frozen=True)
+class HandState:
+    """What the hand reports of itself."""
+
+    width_m: float  # between the fingers
+    holds: bool  # something was grasped, and is still there
+    homed: bool  # since it was switched on

@@ -140,7 +140,9 @@ class Emulator:
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
         succeeded = rng.random(n) < self._probability(raw[:, -1])
         nothing = np.zeros(n)
-        return Prediction(observation, np.zeros_like(observation), succeeded.astype(np.float64), nothing, raw[:, size:-1])
+        return Prediction(
+            observation, np.zeros_like(observation), succeeded.astype(np.float64), nothing, raw[:, size:-1]
+        )
 
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)

@@ -3,6 +3,7 @@
 SimError
 ├── UnknownName          no such task, world, method; the message lists what there is
 ├── WorldError           a world file is malformed; the message names the key
+├── ObjectError          the file of an own object is malformed, or its ranges cannot be; the message names the key
 ├── OutOfRange           a value lies outside of its space; the message names value and range
 ├── NotExecutable        no joint path within the limits does this action
 ├── SolverFailed         the simulation did not converge
@@ -26,6 +27,10 @@ class UnknownName(SimError):
 
 class WorldError(SimError):
     """A world file is malformed."""
+
+
+class ObjectError(SimError):
+    """The file of an own object is malformed, or its ranges cannot be."""
 
 
 class OutOfRange(SimError):

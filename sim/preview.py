@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +13,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array, JointPath
+from sim import drake_log
 from sim.drake_types import vector
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
@@ -35,7 +35,7 @@ class Preview:
         parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
         bodies = task.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), task.X_FT, parameters, nuisance, None)
         plant.Finalize()
-        logging.getLogger("drake").setLevel(logging.ERROR)  # it announces its address by itself
+        drake_log.silence()  # it announces its address by itself
         self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
         shown = (*visuals(), *bodies.visuals)
         for i, visual in enumerate(shown):

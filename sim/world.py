@@ -1,7 +1,7 @@
 """Worlds of the simulated lab: hidden parameters, unmodelled effects, sensing and faults, as TOML.
 
 A world file has the keys `task` and `description` and the tables `[params]` (every parameter of the
-task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]` and `[faults]`. Only `[params]` is
+task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]`, `[mount]` and `[faults]`. Only `[params]` is
 required; what else is left out is nominal.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
@@ -42,6 +42,17 @@ class Sensing:
 
 
 @dataclass(frozen=True)
+class Mount:
+    """How far table and tool are from where the arm takes them to be; only a touch-off finds out."""
+
+    table_height_mm: float = 0.0  # of the table top over z = 0 of the arm's base frame, at the base
+    table_tilt_mrad: tuple[float, float] = (0.0, 0.0)  # rise along X and along Y
+    tool_height_mm: float = 0.0  # of the tool along its own Z
+    tool_roll_mrad: float = 0.0  # of the tool about its own X
+    grip_Nm_per_N: float = 1.0  # torque across the fingers that the grip holds per newton of grasp force; 1: any
+
+
+@dataclass(frozen=True)
 class Faults:
     """Faults by trial number (from 1)."""
 
@@ -62,6 +73,7 @@ class World:
     unmodelled: Any  # an instance of the task's `unmodelled`
     sensing: Sensing
     faults: Faults
+    mount: Mount = Mount()
 
 
 def list_worlds(task: Task) -> tuple[str, ...]:
@@ -103,6 +115,9 @@ class _Strict(BaseModel):
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
+_Tilt = Annotated[float, Field(ge=-50, le=50)]
+
+
 class _Sensing(_Strict):
     depth_noise_scale: float = Field(1.0, ge=0, le=20)
     extrinsic_error_mm: float = Field(1.0, ge=0, le=100)
@@ -113,6 +128,14 @@ class _Sensing(_Strict):
     joint_offset_mrad: float = Field(0.0, ge=0, le=50)
     clock_offset_ms: float = Field(0.0, ge=-500, le=500)
     board_scale: float = Field(1.0, ge=0.5, le=2)
+
+
+class _Mount(_Strict):
+    table_height_mm: float = Field(0.0, ge=-50, le=50)
+    table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)
+    tool_height_mm: float = Field(0.0, ge=-30, le=30)
+    tool_roll_mrad: float = Field(0.0, ge=-100, le=100)
+    grip_Nm_per_N: float = Field(1.0, gt=0, le=1)
 
 
 class _Faults(_Strict):
@@ -128,6 +151,7 @@ class _File(_Strict):
     nuisance: dict[str, Any] = {}
     unmodelled: dict[str, Any] = {}
     sensing: dict[str, Any] = {}
+    mount: dict[str, Any] = {}
     faults: dict[str, Any] = {}
 
 
@@ -148,6 +172,7 @@ def _parse(data: bytes, name: str, source: str, task: Task) -> World:
         unmodelled=_unmodelled(file.unmodelled, task.unmodelled, source),
         sensing=Sensing(**_check(_Sensing, file.sensing, source, "sensing").model_dump()),
         faults=_faults(file.faults, source),
+        mount=Mount(**_check(_Mount, file.mount, source, "mount").model_dump()),
     )
 
 

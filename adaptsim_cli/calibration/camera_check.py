@@ -21,11 +21,12 @@ def before(frame: Frame, model: CameraModel) -> tuple[Check, ...]:
     return (_intrinsics(frame, model.colour), _exposure(frame))
 
 
-def warm(real: bool) -> Check:
+def warm(real: bool, temperature_C: float | None) -> Check:
     """Cameras do not tell since when they are on, so this reminds and never fails."""
     if not real:
         return Check("warm-up", True, "a simulated camera needs none")
-    return Check("warm-up", True, f"cannot be measured: the depth is stable {WARM_UP_MIN} minutes after switching on")
+    now = "it does not tell its temperature" if temperature_C is None else f"{temperature_C:.1f} °C now"
+    return Check("warm-up", True, f"{now}; its depth is stable {WARM_UP_MIN} minutes after switching on")
 
 
 def at_board(frame: Frame, corners: Corners, board: Board) -> tuple[Check, ...]:

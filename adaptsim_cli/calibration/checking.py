@@ -11,13 +11,15 @@ import cv2
 import numpy as np
 
 from calib import checks as of
-from calib import files
+from calib import files, touch
 from calib.errors import ViewFolderError
 from calib.geometry import inverse
 from calib.timing import time_offset
 from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
 from hw.types import Array, Intrinsics
+from perception.board import detect
 from perception.board_types import Corners
+from perception.errors import BoardNotFound
 
 MOTION = "motion.json"
 TABLE_X_M, TABLE_Y_M = (0.45, 1.0), (-0.35, 0.35)
@@ -35,11 +37,18 @@ def checks(
     predicted = of.board_poses(solution, good, setup, forward)
     poses = dict(zip([view.name for view in good], predicted, strict=True))
     X_CD, alignment = of.infrared_board(solution, views, setup, forward)
-    found = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution)]
+    found = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution), of.mirror_poses(solution)]
+    if stored.setup.X_HM is not None:
+        found += [of.mounting_of_board(solution, np.array(stored.setup.X_HM))]
     found += [_depth(stored, setup, poses, X_CD), alignment, _table(stored, setup, solution, X_CD)]
-    found += [_timing(folder, setup, solution, forward)]
-    touched = "no point was touched: it needs an operator, and a tip of known length in the gripper"
-    return [*found, Check("touched point", Verdict.NOT_MEASURED, touched)]
+    found += [_timing(folder, setup, solution, forward), _touched(folder, setup, solution, forward)]
+    return [*found, of.warm_up(readings(stored, "camera"))]
+
+
+def readings(stored: files.Folder, device: str) -> list[float]:
+    """What the device told of its temperature, in the order of the views that have it."""
+    found = (view.record.temperatures_C.get(device) for view in stored.views)
+    return [value for value in found if value is not None]
 
 
 def _depth(stored: files.Folder, setup: Setup, poses: dict[str, Array], X_CD: Array | None) -> Check:
@@ -79,6 +88,28 @@ def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
     p = points @ X_BD[:3, :3].T + X_BD[:3, 3]
     near = (np.abs(p[:, 2]) < TABLE_NEAR_M) & (p[:, 0] > TABLE_X_M[0]) & (p[:, 0] < TABLE_X_M[1])
     return np.asarray(p[near & (p[:, 1] > TABLE_Y_M[0]) & (p[:, 1] < TABLE_Y_M[1])])
+
+
+def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
+    stored = files.read_touch(folder)
+    if stored is None or setup.mounting is not Mounting.FIXED:
+        return Check(touch.NAME, Verdict.NOT_MEASURED, "no point was touched: it needs a person, or the simulated lab")
+    record, colour = stored
+    if record.corner >= setup.board.corners:
+        raise ViewFolderError(
+            f"{folder / files.TOUCH}: corner {record.corner}; this board has 0 to {setup.board.corners - 1}"
+        )
+    X_BF = record.flanges()
+    if record.q_rad is not None:
+        if forward is None:
+            raise ViewFolderError(f"{folder / files.TOUCH} gives joints of an unknown arm: give X_BF")
+        offsets = 0.0 if solution.joints is None else solution.joints.offsets_rad
+        X_BF = forward(np.array(record.q_rad) + offsets)
+    assert X_BF is not None  # the record has one of the two
+    try:
+        return touch.check(solution, setup, detect(colour, setup.board, setup.colour), record.corner, X_BF)
+    except BoardNotFound as error:
+        return Check(touch.NAME, Verdict.NOT_MEASURED, f"{record.image}: {error}")
 
 
 def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:

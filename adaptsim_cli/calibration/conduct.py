@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,12 +18,12 @@ from adaptsim_cli.calibration.store import REPORT
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.console import Screen
-from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
+from adaptsim_cli.continuing import how_to_continue
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report import calibration as report
 from adaptsim_cli.session import durable
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
-from hw.errors import HardwareError
 from perception.board_types import Board
 
 CHECK_PLACES = 6
@@ -49,13 +48,14 @@ def calibrate(resolved: Resolved, request: Request) -> None:
     store = wiring_calibration.calibrations(config, resolved.places)
     board = _board(resolved, screen, request)
     with (
-        _how_to_continue("adaptsim calibrate"),
+        store.locked(),
+        _continued("adaptsim calibrate"),
         wiring_calibration.open_calibration_rig(config, board, store.current()) as rig,
     ):
         with screen.busy("Choosing where to hold the board"):
             visits = _visits(rig, screen, request)
         screen.show(shows.explanation(rig, None if request.guide else request.views))
-        options = flow.Options(request.fresh, _now(), wiring.versions())
+        options = flow.Options(request.fresh, _unattended(resolved, request), _now(), wiring.versions())
         solved, folder = flow.calibrate(rig, store, visits, screen, options)
     if request.as_json:
         screen.data(summary(solved.record) | {"folder": str(folder)})
@@ -70,7 +70,8 @@ def check(resolved: Resolved, request: Request) -> None:
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
     board = known.board.board()
     with (
-        _how_to_continue("adaptsim calibrate check"),
+        wiring_calibration.calibrations(config, resolved.places).locked(),
+        _continued("adaptsim calibrate check"),
         wiring_calibration.open_calibration_rig(config, board, known) as rig,
     ):
         screen.show(views.badge(rig.name, rig.title))
@@ -144,6 +145,7 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
         "views_used": [view.name for view in record.views if view.used],
         "views_rejected": {view.name: view.reason for view in record.views if not view.used},
         "joint_offsets_mrad": [1e3 * float(q) for q in record.offsets_rad()],
+        "temperatures_C": record.temperatures_C,
         "uncertainty": u.model_dump(),
         "checks": [c.model_dump() for c in record.checks],
         "gates": [c.model_dump() for c in record.gates],
@@ -179,8 +181,12 @@ def _visits(rig: CalibrationRig, screen: Screen, request: Request) -> Visits:
     return Automatic(rig, screen, plan(rig, request.views), home_rad, request.yes)
 
 
+def _unattended(resolved: Resolved, request: Request) -> bool:
+    return resolved.config.hw == "fake" and request.yes and not request.guide
+
+
 def _need_terminal(resolved: Resolved, request: Request) -> None:
-    if resolved.config.hw != "fake" or not request.yes or request.guide:
+    if not _unattended(resolved, request):
         console.require_terminal()
 
 
@@ -188,15 +194,5 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-@contextmanager
-def _how_to_continue(command: str) -> Iterator[None]:
-    hint = f"Every view so far is stored. Continue with: {command}"
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        stopped = Interrupted("interrupted")
-        stopped.add_note(hint)
-        raise stopped from error
-    except (StoppedByOperator, DiskFull, HardwareError) as error:
-        error.add_note(hint)
-        raise
+def _continued(command: str) -> AbstractContextManager[None]:
+    return how_to_continue(f"Every view so far is stored. Continue with: {command}", "interrupted")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from adaptsim_cli.calibration import camera_check, overlay, shows
+from adaptsim_cli.calibration import camera_check, overlay, shows, touching
 from adaptsim_cli.calibration.motion_record import record_motion
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, solve_folder
@@ -21,9 +21,10 @@ from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.report import calibration as report
 from adaptsim_cli.session import durable
 from adaptsim_cli.session.preflight import Check, failures
-from calib import files
+from calib import files, touch
 from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews
+from calib.types import Verdict
 from hw.types import Array
 from perception.board_types import Corners
 from perception.errors import BoardNotFound
@@ -36,6 +37,7 @@ class Options:
     """What the operator asked for."""
 
     fresh: bool  # begin anew, whatever is there
+    unattended: bool  # nobody is there to ask
     created: str  # ISO 8601, when this run began
     versions: dict[str, str]
 
@@ -62,13 +64,15 @@ def calibrate(
 
     Raises PreflightFailed, HardwareError, PerceptionError, StoppedByOperator, CalibrationError, SessionError.
     """
-    series, begun = store.series(files.setup_record(rig.camera.model(), rig.board, rig.arm.model), fresh=options.fresh)
+    setup = files.setup_record(rig.camera.model(), rig.board, rig.arm.model, rig.X_FM)
+    series, begun = store.series(setup, fresh=options.fresh)
     screen.plain(f"  Views: {series.folder}")
     sights = _seen_before(series, rig, screen) if begun else Sights()
     _ready(rig, screen)
     sights = visit_all(rig, series, visits, screen, sights)
     if not sights.names:
         raise TooFewViews("no view shows the board: is it in the gripper, its print towards the camera, well lit?")
+    touching.offer(rig, series, screen, unattended=options.unattended)
     with screen.busy("Solving"):
         solved = solve_folder(series.folder, hw=rig.name, created=options.created, versions=options.versions)
     return solved, conclude(solved, store, series.folder, screen)
@@ -94,10 +98,14 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
 def _ready(rig: CalibrationRig, screen: Screen) -> None:
     state = rig.arm.state()
     healthy = Check("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
-    checks = (healthy, *camera_check.before(rig.camera.snapshot(), rig.camera.model()), camera_check.warm(rig.is_real))
+    checks = (healthy, *camera_check.before(rig.camera.snapshot(), rig.camera.model()), _warm(rig))
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
+
+
+def _warm(rig: CalibrationRig) -> Check:
+    return camera_check.warm(rig.is_real, rig.temperatures_C().get("camera"))
 
 
 def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Screen, sights: Sights) -> Sights:
@@ -136,7 +144,7 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         screen.checks(checks)
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
-    series.add(files.view_files(name, seen.frame, seen.q_rad, seen.t_arm_s, number))
+    series.add(files.view_files(name, seen.frame, seen.q_rad, seen.t_arm_s, number, rig.temperatures_C()))
     picture = overlay.draw(seen.frame.colour, corners, pose.X_VM, sights.corners, rig.board, camera)
     path = series.picture(f"{name}.corners.jpg", picture)
     series.picture("latest.jpg", picture)
@@ -163,9 +171,11 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     screen.show(shows.calibration(solved.record))
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
-        raise rejected(
-            solved, views / REPORT, "What was in use before stays in use. --fresh begins a new series of views"
-        )
+        advice = "What was in use before stays in use. --fresh begins a new series of views"
+        if any(check.name == touch.NAME and check.verdict == Verdict.BAD for check in solved.record.checks):
+            Series(views).set_aside_touch()
+            advice += "; without it the same views are used, and the corner is touched again"
+        raise rejected(solved, views / REPORT, advice)
     folder = store.save(solved.record, page)
     screen.plain(f"Report: {folder / REPORT}")
     return folder

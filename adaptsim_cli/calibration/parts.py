@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from hw.ports import Arm, Camera
 from hw.types import Array, JointPath
@@ -22,6 +23,28 @@ class Ways:
     """From one posture (7,) to another. Raises NotExecutable."""
 
 
+@runtime_checkable
+class Thermometer(Protocol):
+    """A device that tells how warm it is. A device need not be one."""
+
+    @property
+    def temperature_C(self) -> float | None:
+        """None where it cannot tell at present."""
+        ...
+
+
+class Hands(Protocol):
+    """Who lays the board on the table and guides the tip by hand, where it is not a person: the simulated lab."""
+
+    def lay_board(self) -> None:
+        """Take the board out of the gripper and lay it in view, face up; put a pointed tip into the gripper."""
+        ...
+
+    def touch(self, p_M_m: Array, number: int) -> None:
+        """Bring the tip to that point (3,) of the board, leaning to another side for each `number` from 0."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class CalibrationRig:
     """The connected devices of one bench, the board in the gripper."""
@@ -37,7 +60,17 @@ class CalibrationRig:
     ways: Ways
     flange: Callable[[Array], Array]  # joints (..., 7) -> X_BF (..., 4, 4)
     pause: Callable[[float], None]  # seconds; the simulated lab does not wait
+    hands: Hands | None = None  # None: a person at the terminal
 
     @property
     def is_real(self) -> bool:
         return self.name != "fake"
+
+    def temperatures_C(self) -> dict[str, float]:
+        """Of those of "arm" and "camera" that tell it now."""
+        told = {
+            name: device.temperature_C
+            for name, device in (("arm", self.arm), ("camera", self.camera))
+            if isinstance(device, Thermometer)
+        }
+        return {name: value for name, value in told.items() if value is not None}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 
 from adaptsim_cli.calibration import checking
 from calib import files
@@ -14,6 +15,9 @@ from calib.saved import Origin, SavedCalibration, saved
 from calib.types import Forward, Setup, View
 from perception.board_types import Corners
 from perception.errors import BoardNotFound
+
+DEVICES = ("arm", "camera")
+"""Whose temperatures are kept with a calibration, where they tell them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         created=created,
         source=_source(stored.setup, hw, created),
         versions=versions,
+        temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
     record = saved(solution, setup.p_AP_m, stored.setup.board, checks, judge(solution, setup, checks), origin)
     images = {view.name: folder / view.record.image for view in stored.views}
@@ -79,6 +84,10 @@ def detected(stored: files.Folder, setup: Setup) -> tuple[tuple[View, ...], tupl
     if not views:
         raise TooFewViews(f"none of {len(stored.views)} views shows the board: {without[0]}")
     return tuple(views), tuple(without)
+
+
+def _median(values: list[float]) -> float | None:
+    return median(values) if values else None
 
 
 def kinematics(setup: SetupRecord) -> Forward | None:

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import durable
+from adaptsim_cli.session.locking import locked
 from calib import files
 from calib.errors import ViewFolderError
 from calib.records import SetupRecord, read
@@ -60,6 +62,19 @@ class Series:
         durable.replace_file(path, jpeg)
         return path
 
+    @property
+    def has_touch(self) -> bool:
+        return (self.folder / files.TOUCH).exists()
+
+    def write_touch(self, touch_files: Mapping[str, bytes]) -> None:
+        """Image first: the record makes it count."""
+        for name, data in touch_files.items():
+            durable.replace_file(self.folder / name, data)
+
+    def set_aside_touch(self) -> None:
+        """Keep it for looking at; the next run asks for another one."""
+        (self.folder / files.TOUCH).replace(self.folder / f"{files.TOUCH}.refused")
+
     def write_motion(self, content: Mapping[str, Any]) -> None:
         durable.replace_file(self.folder / MOTION, json.dumps(content).encode())
 
@@ -69,6 +84,17 @@ class CalibrationStore:
     """All calibrations of one rig."""
 
     folder: Path
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep every other calibration and check away from this rig. Raises UsageError where one runs already."""
+        durable.make_folder(self.folder)
+        taken = (
+            f"another calibration of this rig ({self.folder.name}) is running; wait until it has ended, or stop it: "
+            "its views are kept"
+        )
+        with locked(self.folder, taken):
+            yield
 
     def series(self, setup: SetupRecord, *, fresh: bool) -> tuple[Series, bool]:
         """The series to go on with, and whether it had been begun. A new one if `fresh`, if the last one has led to

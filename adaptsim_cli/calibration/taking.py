@@ -34,7 +34,7 @@ class Look:
 
 def look(rig: CalibrationRig) -> Look:
     """Wait for rest and take one picture. Raises ViewRefused where the arm does not stay at rest, and CameraError."""
-    before = _at_rest(rig)
+    before = at_rest(rig)
     frame = rig.camera.snapshot()
     after = _state(rig)
     crept = float(np.abs(after.q_rad - before.q_rad).max())
@@ -53,7 +53,7 @@ def look(rig: CalibrationRig) -> Look:
     return Look(frame, (before.q_rad + after.q_rad) / 2, t_arm_s)
 
 
-def _at_rest(rig: CalibrationRig) -> ArmState:
+def at_rest(rig: CalibrationRig) -> ArmState:
     """Two readings in a row at rest. Raises ViewRefused after `WAIT_S`."""
     last, still = _state(rig), False
     for _ in range(round(WAIT_S / POLL_S)):

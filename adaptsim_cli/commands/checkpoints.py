@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -32,17 +33,60 @@ def list_checkpoints(as_json: _Json = False) -> None:
 def verify(
     checkpoint: Annotated[str, typer.Argument(help="Folder of the checkpoint; empty: the shipped one.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
+    own: Annotated[Path | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
+    rollouts: Annotated[
+        int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of the draws.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: none but this.")] = None,
     as_json: _Json = False,
 ) -> None:
-    """Read every file of a checkpoint and check it against its card. Exit code 8 when it is corrupt or foreign.
+    """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
+
+    A figure holds unless it is worse than the card's by more than three standard errors of the two together. Exit code
+    8 when a figure does not hold, or when the checkpoint is corrupt or foreign.
 
     Example: adaptsim checkpoints verify --task scooping
     """
-    from adaptsim_cli import config, console, wiring
+    from adaptsim_cli import config, console, views, wiring_checkpoints
+    from adaptsim_cli.errors import UsageError
+    from sim.errors import CheckpointError
 
-    card = wiring.verify_checkpoint(config.load({"task": task, "checkpoint": checkpoint or None}).config)
+    if quick and rollouts is not None:
+        raise UsageError("--quick and --rollouts contradict each other: give one of them")
+    flags = {"task": task, "checkpoint": checkpoint or None, "seed": seed, "workers": workers}
+    settings = config.load(flags).config
+    wanted = rollouts if rollouts is not None else wiring_checkpoints.ROLLOUTS
     screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress:
+        found = wiring_checkpoints.reevaluate(
+            settings,
+            own,
+            wiring_checkpoints.QUICK if quick else wanted,
+            lambda done, total: progress("rollouts", done, total),
+        )
+    screen.plain(f"{found['folder']} is intact: task {found['task']}, sha256 {found['sha256'][:12]}")
+    if found["figures"]:
+        columns = ("", "figure", "card", "now", "may be worse by")
+        body = [
+            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
+            for f in found["figures"]
+        ]
+        screen.show(views.rows(columns, body))
+    elif wanted:
+        screen.note("Its task policies are trained anew in every session: there is no figure to compare with rollouts.")
     if as_json:
-        screen.data(card)
-    else:
-        screen.plain(f"{card['folder']} is intact: task {card['task']}, sha256 {card['sha256'][:12]}")
+        screen.data(found)
+    if not found["holds"]:
+        worse = ", ".join(f["name"] for f in found["figures"] if not f["holds"])
+        raise CheckpointError(
+            f"the card of {found['folder']} does not hold: {worse}. The simulation has changed since it was made, or "
+            "it was not made as it says: try another --seed with more --rollouts, then `adaptsim pretrain` again"
+        )
+
+
+def _numbers(figure: dict[str, Any]) -> tuple[float, float, float]:
+    return figure["card"], figure["found"], figure["tolerance"]

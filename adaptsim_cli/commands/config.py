@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,22 +14,29 @@ _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 @app.command()
 def show(as_json: _Json = False) -> None:
-    """Every setting with its value and where it comes from.
+    """Every setting with its value and where it comes from, and what the rig file says.
 
     Example: adaptsim config show
     """
     from dataclasses import asdict
 
     from adaptsim_cli import config, console, views
+    from adaptsim_cli.rigs import reading
 
     resolved = config.load()
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in asdict(resolved.config).items()}
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data(settings)
-    else:
-        body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
+    body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
+    if not as_json:
         screen.show(views.rows(("setting", "value", "from"), body))
+    rig = asdict(reading.read(Path(resolved.config.rig))) if resolved.config.rig else None
+    if as_json:
+        screen.data(settings | {"rig_file": rig})
+    elif rig is not None:
+        screen.plain("")
+        screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
+    else:
+        screen.plain("No rig file, so no real arm: adaptsim config init writes one.")
 
 
 @app.command()
@@ -52,25 +60,23 @@ def path(as_json: _Json = False) -> None:
 
 @app.command()
 def init(
-    project: Annotated[bool, typer.Option("--project", help="Write ./adaptsim.toml instead of the user's.")] = False,
+    project: Annotated[bool, typer.Option("--project", help="Write into this folder, not for the user.")] = False,
+    arm: Annotated[str | None, typer.Option("--arm", help="fr3, panda, or none for the simulated lab alone.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a rig file without asking.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take every default, ask nothing.")] = False,
     as_json: _Json = False,
 ) -> None:
-    """Write a settings file with every setting in it as a comment. Never overwrites one.
+    """Ask what the lab consists of and write its rig file, and a settings file with every setting as a comment.
 
-    Example: adaptsim config init --project
+    A settings file that is there stays as it is. A rig file that is there is replaced only where you say so.
+
+    Example: adaptsim config init --arm fr3
     """
     from adaptsim_cli import config, console
-    from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.session import durable
+    from adaptsim_cli.rigs import writing
 
-    places = config.places()
-    path = places.project_file if project else places.user_file
-    if path.exists():
-        raise UsageError(f"{path} exists already and is left as it is; edit it, or move it away first")
-    durable.make_folder(path.parent)
-    durable.write_file(path, config.template().encode())
     screen = console.Screen(as_json=as_json)
+    request = writing.Request(project=project, arm=arm, overwrite=overwrite, yes=yes)
+    written = writing.init(config.places(), request, screen)
     if as_json:
-        screen.data({"written": str(path)})
-    else:
-        screen.plain(f"Written: {path}")
+        screen.data(written.as_json())

@@ -19,6 +19,10 @@ def pretrain(
     ] = "processes",
     scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
     out: Annotated[Path | None, typer.Option("--out", help="Where to work; resumes what is there.")] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Show by true rollouts what it is worth: a document with figures.")
+    ] = False,
+    docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: beside it.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, train the adaptation policy, write a checkpoint.
@@ -27,15 +31,30 @@ def pretrain(
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
-    Example: adaptsim pretrain --task scooping --budget small
-    """
-    from adaptsim_cli import config, console, wiring
+    With --report some 3,600 further rollouts (minutes) tell what emulator and policies are worth; a second report
+    needs none. A finished folder given with --out is reported on as it is.
 
+    Example: adaptsim pretrain --task scooping --budget small --report
+    """
+    from adaptsim_cli import config, console, wiring, wiring_proof
+    from adaptsim_cli.errors import UsageError
+
+    if docs is not None and not report:
+        raise UsageError("--docs says where the report goes: add --report")
     resolved = config.load({"task": task, "seed": seed, "workers": workers})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, wiring.open_executor(resolved.config, executor, scheduler) as crew:
-        folder = wiring.pretrain(resolved, out, budget, rollouts, crew, progress)
+        if report and out is not None and wiring_proof.is_finished(out):
+            folder = out / "checkpoint"
+        else:
+            folder = wiring.pretrain(resolved, out, budget, rollouts, crew, progress)
+        document = None
+        if report:
+            document = wiring_proof.write_report(resolved.config.task, None, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     screen.plain(f"Use it: adaptsim run-iteration, with ADAPTSIM_CHECKPOINT={folder}")
+    if document is not None:
+        screen.plain(f"Report: {document}")
     if as_json:
-        screen.data({"checkpoint": str(folder), "card": wiring.checkpoint_card(resolved.config.task, folder)})
+        told = {"report": str(document)} if document else {}
+        screen.data({**told, "checkpoint": str(folder), "card": wiring.checkpoint_card(resolved.config.task, folder)})

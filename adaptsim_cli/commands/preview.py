@@ -10,7 +10,8 @@ import typer
 
 def preview(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
-    arm: Annotated[str, typer.Option("--arm", help="Whose limits: panda or fr3.")] = "panda",
+    arm: Annotated[str | None, typer.Option("--arm", help="Whose limits: panda or fr3, as it ships.")] = None,
+    hw: Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")] = None,
     context: Annotated[
         list[str] | None, typer.Option("--context", help="Where, as name=value; may be repeated.")
     ] = None,
@@ -18,18 +19,19 @@ def preview(
     html: Annotated[Path | None, typer.Option("--html", help="Write the page here and serve nothing.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; serves nothing.")] = False,
 ) -> None:
-    """Plan one motion, show every limit that it uses, and play it in the browser. Nothing moves.
+    """Plan one motion, show every limit that it uses, and play it in the browser. Nothing moves, no device is needed.
 
-    What is not given is the middle of its range.
+    What is not given is the middle of its range. With --hw tool, table and boxes are those of the rig file.
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
     from adaptsim_cli import config, console, motion
 
-    resolved = config.load({"task": task})
+    resolved = config.load({"task": task, "hw": hw})
     screen = console.Screen(as_json=as_json)
     with screen.busy("Planning the motion"):
-        planned = motion.planned(resolved.config.task, arm, context or [], action or [])
+        lab = motion.lab_of(resolved, arm)
+        planned = motion.planned(resolved.config.task, lab, context or [], action or [])
     if as_json:
         screen.data(planned.as_json())
     else:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,8 @@ import numpy as np
 from adaptsim_cli import console
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.console import Attended, Screen, Unattended
-from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.continuing import how_to_continue
+from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures, preflight
@@ -22,9 +23,6 @@ from adaptsim_cli.session.records import Facts, Start, as_records, as_row
 from adaptsim_cli.session.runner import Session, run_iteration
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
-from hw.errors import HardwareError
-from perception.errors import PerceptionError
-from sim.errors import NotExecutable
 
 OpenParts = Callable[[Config], AbstractContextManager[Parts]]
 
@@ -65,7 +63,7 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)
         session = Session(store, parts, Unattended(screen) if unattended else Attended(screen), screen)
         stack.enter_context(store.locked())
-        stack.enter_context(_how_to_continue(name))
+        stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         for _ in range(request.iterations):
             summary = run_iteration(session)
@@ -165,18 +163,3 @@ def _ready(session: Session, config: Config) -> None:
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
-
-
-@contextmanager
-def _how_to_continue(name: str) -> Iterator[None]:
-    """Add to whatever stops a session how to go on with it."""
-    hint = f"Continue with: adaptsim run-iteration --session {name}"
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        stopped = Interrupted("interrupted; everything completed is stored")
-        stopped.add_note(hint)
-        raise stopped from error
-    except (StoppedByOperator, PreflightFailed, DiskFull, HardwareError, PerceptionError, NotExecutable) as error:
-        error.add_note(hint)
-        raise

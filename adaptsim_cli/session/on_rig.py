@@ -13,6 +13,7 @@ from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.parts import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.preflight import Check, rig_checks
+from adaptsim_cli.session.records import RigFacts, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence
 from hw.types import Array, Execution, Frame
@@ -30,6 +31,8 @@ class OnRig:
     rig: Rig
     tracker: Tracker
     planner: Planner
+    facts: Callable[[], RigFacts] | None = None
+    """What a real rig says of itself after a trial; None: nothing is kept."""
 
     @property
     def title(self) -> str:
@@ -157,11 +160,14 @@ class Recorded:
         """Recording, overlay and the frames of the key moments."""
         rig, found, played = self.found.target.rig, self.found, self.played
         model, X_BC = rig.camera.model(), rig.hand_eye.X_BC
-        wanted = moments.moments(self.motion.t_s[-1], self.motion.contact)
+        wanted = moments.moments(self.motion.t_s[-1], self.motion.contact, float(track.t_s[-1]))
         seen_m = np.array([[*found.detection.xy_m, 0.0], *track.state[:, :3]])
-        kept, images = moments.key_frames(self.frames, model, X_BC, seen_m, played.t_start_s, wanted)
+        fallen = track.outcome is Outcome.TIPPED
+        kept, images = moments.key_frames(self.frames, model, X_BC, seen_m, played.t_start_s, wanted, fallen=fallen)
         mcap = recording.encode(found.frame, self.frames, model, X_BC, played, self._tool_pose(), track)
-        files = {recording.FILE: mcap, "overlay.jpg": found.overlay, **images}
+        facts = found.target.facts
+        told = {} if facts is None else {"rig.json": to_json(facts())}
+        files = {recording.FILE: mcap, "overlay.jpg": found.overlay, **images, **told}
         return Evidence(files, kept, played.control_success_rate)
 
     def _tool_pose(self) -> Callable[[float], Array]:

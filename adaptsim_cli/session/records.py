@@ -149,6 +149,14 @@ class TrialRecord(Record):
     files: dict[str, int]  # name -> size in bytes of what lies beside
 
 
+class RigFacts(Record):
+    """rig.json beside a trial on a real rig: the object's mass, and what the camera says of itself."""
+
+    object_mass_kg: float | None = None
+    weighed: str | None = None  # ISO 8601
+    camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
+
+
 class BestRecord(Record):
     params: dict[str, float]
     mean_reward: float

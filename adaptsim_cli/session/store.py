@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +11,7 @@ from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import durable, records
+from adaptsim_cli.session.locking import locked
 from adaptsim_cli.session.records import Facts, Note, ResultRecord, Start, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 
@@ -169,20 +168,9 @@ class SessionStore:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep every other process from writing to this session. Raises UsageError when one does already."""
-        descriptor = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            self._lock(descriptor)
+        taken = f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
+        with locked(self.folder, taken):
             yield
-        finally:
-            os.close(descriptor)
-
-    def _lock(self, descriptor: int) -> None:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise UsageError(
-                f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
-            ) from error
 
 
 def folder_of(root: Path, name: str) -> Path:

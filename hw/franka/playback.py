@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.braking import path_time, spline, check_braking
+from hw.braking import check_braking, joint_spline, path_time
 from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
 from hw.types import PATH_RATE_HZ, Array, JointPath
@@ -76,7 +76,7 @@ class Playback:
 
     def __init__(self, motion: Motion, wanted: Callable[[], str], clock: Callable[[], float]) -> None:
         self._motion, self._wanted, self._clock = motion, wanted, clock
-        self.spline = spline(motion.path)
+        self.spline = joint_spline(motion.path)
         self._samples = motion.path.q_rad.tolist()  # what is commanded; the tail is replaced by a stop
         longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
         self._t, self._clock_s = np.zeros(longest), np.zeros(longest)

@@ -51,7 +51,7 @@ def wall_times_s(folder: Path) -> dict[str, float]:
         return {}
     try:
         return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, AttributeError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error
 
 

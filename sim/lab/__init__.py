@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from hw.collision import KeepOut, Tool
+from hw.collision import LEVEL, KeepOut, Table, Tool
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, Frame, frozen_array
 from sim.kinect import default_X_BC
@@ -45,9 +45,10 @@ class SimulatedLab:
         home_q_rad: Array = READY_RAD,
         keep_out: tuple[KeepOut, ...] = (),
         tool: Tool | None = None,
+        table: Table = LEVEL,
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands whenever the object is placed; `keep_out` and `tool` (else the
-        hand with the task's tool) go to `hw.limits`. Builds nothing yet.
+        """`home_q_rad` (7,) is where the arm stands whenever the object is placed; `keep_out`, `tool` (else the
+        hand with the task's tool) and where the table is taken to be go to `hw.limits`. Builds nothing yet.
 
         Raises ValueError for a task without a scene, or another task's world.
         """
@@ -58,7 +59,7 @@ class SimulatedLab:
         self._task, self._world, self._seed = task, world, seed
         self._X_BC = default_X_BC()
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
-        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT, task.keep_clear))
+        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT, task.keep_clear), table)
         self._camera = LabCamera(self._room, self._X_BC)
         self._bench = LabBench(self._room)
 
@@ -112,6 +113,7 @@ class SimulatedLab:
             "nuisance": dict(zip(task.nuisance.names, world.nuisance.tolist(), strict=True)),
             "unmodelled": asdict(world.unmodelled),
             "sensing": asdict(world.sensing),
+            "mount": asdict(world.mount),
             "faults": asdict(world.faults),
             "X_BC": self._X_BC.tolist(),
             "joint_zeros_rad": self._room.zeros_rad.tolist(),

@@ -7,8 +7,9 @@ from typing import Self
 import numpy as np
 
 from hw import limits
-from hw.collision import KeepOut, Tool
+from hw.collision import LEVEL, KeepOut, Table, Tool
 from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
+from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Array, Execution, JointPath
 from sim.lab.motion import DivergedError
 from sim.lab.room import Room
@@ -17,8 +18,8 @@ from sim.lab.room import Room
 class LabArm:
     """A Panda under joint impedance. Refuses what `hw.limits` refuses, and fails when the world says so."""
 
-    def __init__(self, room: Room, keep_out: tuple[KeepOut, ...], tool: Tool) -> None:
-        self._room, self._keep_out, self._tool = room, keep_out, tool
+    def __init__(self, room: Room, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table = LEVEL) -> None:
+        self._room, self._keep_out, self._tool, self._table = room, keep_out, tool, table
         self._connected = False
         self._fault: str | None = None
 
@@ -39,9 +40,16 @@ class LabArm:
 
     def execute(self, path: JointPath) -> Execution:
         self._need_connection()
-        if self._fault is not None:
-            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
-        limits.require(path, self.model, self._room.q_rad, self._keep_out, self._tool)
+        room = self._room
+        refuse_unless_safe(
+            path,
+            self.model,
+            room.q_rad,
+            fault=self._fault,
+            keep_out=self._keep_out,
+            tool=self._tool,
+            table=self._table,
+        )
         if not self._room.needs_physics(path):
             return self._room.carry(path)
         stop_s = self._room.chance.stop_fraction * path.duration_s

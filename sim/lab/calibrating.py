@@ -19,12 +19,14 @@ from hw.errors import ArmFault, CameraError, DeviceUnavailable
 from hw.kinematics import link_poses
 from hw.ports import Arm, Camera
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
+from sim.errors import SimError
 from sim.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.calibration import NominalCalibration, nominal_calibration
 from sim.lab.camera import SLICES
 from sim.lab.cell import Cell
 from sim.lab.chance import joint_zeros, of_calibration, of_camera, of_view
+from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD
 from sim.tasks.task import Task, Visual
@@ -33,9 +35,12 @@ from sim.world import World
 FRAME_RATE_HZ = 15.0
 """The camera's slower mode: enough for one swing of the board, and half the pictures."""
 SETTLE_S = 0.5
+TOUCH_S = 15.0
+"""How long a person takes to guide the tip to a corner."""
 LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
 """Of a Kinect's colour stream; the pictures of a trial go without, where a corner's tenth of a pixel is of no use."""
 
+_LAID, _TOUCHED = 3, 4  # streams of `of_view`, beside those of the pictures
 _HAND = "panda_hand"
 _LINKS = {f"panda_link{i}": i for i in range(8)}
 _HAND_TURN = -np.pi / 4
@@ -57,8 +62,10 @@ class CalibrationLab:
         """`home_q_rad` (7,) is where the arm stands at first, `keep_out` goes to `hw.limits`. Builds nothing yet."""
         self._world, self._seed, self._X_BC = world, seed, default_X_BC()
         self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
+        printed = board.scaled(world.sensing.board_scale)
         self._arm = _BoardArm(self._state, board, keep_out)
-        self._camera = _BoardCamera(self._state, self._X_BC, board.scaled(world.sensing.board_scale), task)
+        self._camera = _BoardCamera(self._state, self._X_BC, printed, task)
+        self._hands = _LabHands(self._state, printed)
 
     def __enter__(self) -> Self:
         self._state.connected = True
@@ -74,6 +81,11 @@ class CalibrationLab:
     @property
     def camera(self) -> Camera:
         return self._camera
+
+    @property
+    def hands(self) -> _LabHands:
+        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
+        return self._hands
 
     def nominal_calibration(self) -> NominalCalibration:
         """That of `SimulatedLab`."""
@@ -98,6 +110,7 @@ class _State:
         self.t_s = 0.0
         self.q_rad = q_rad  # as reported
         self.rests = 0
+        self.X_BM_laid: Array | None = None  # (4, 4) the board on the table; None: in the gripper
         self.shots: list[tuple[float, JointPath]] | None = None  # of the recording that runs
 
     @property
@@ -160,6 +173,30 @@ class _BoardArm:
         self._fault = None
 
 
+class _LabHands:
+    """The person of the lab: sees where the board lies, and guides the tip there as well as a hand can."""
+
+    def __init__(self, state: _State, board: HeldBoard) -> None:
+        self._state, self._board = state, board
+
+    def lay_board(self) -> None:
+        """From the gripper onto the table, in view of the camera; the same place every time."""
+        self._state.need_connection()
+        self._state.X_BM_laid = laid_board(self._board, of_view(self._state.seed, 0, _LAID))
+
+    def touch(self, p_M_m: Array, number: int) -> None:
+        """Guide the tip to a point (3,) of the board as stated, leaning to another side for each `number` from 0."""
+        state, laid = self._state, self._state.X_BM_laid
+        state.need_connection()
+        if laid is None:
+            raise SimError("the board is still in the gripper: lay it on the table first")
+        p_B_m = laid[:3, :3] @ (state.world.sensing.board_scale * np.asarray(p_M_m)) + laid[:3, 3]
+        rng = of_view(state.seed, number, _TOUCHED)
+        encoder_rad = 1e-3 * state.world.sensing.encoder_noise_mrad * rng.standard_normal(7)
+        state.q_rad = touching_q_rad(p_B_m, number, rng) - state.offset_rad - encoder_rad
+        state.t_s += TOUCH_S
+
+
 class _BoardCamera:
     """The lab's camera with its lens blur and compression, and its infrared image."""
 
@@ -208,10 +245,17 @@ class _BoardCamera:
     def _frame(self, t_s: float, q_rad: Array, *, infrared: bool) -> Frame:
         """At joints (S, 7), the true ones."""
         moment = round(1e6 * t_s) % 2**31
-        poses, noise = _poses(q_rad), self._noise
+        poses, noise = self._poses(q_rad), self._noise
         colour, depth_mm = self._renderer.render(poses, noise, of_view(self._state.seed, moment, 1))
         dark = self._renderer.render_infrared(poses, noise, of_view(self._state.seed, moment, 2)) if infrared else None
         return Frame(t_s + 1e-3 * self._state.world.sensing.clock_offset_ms, colour, depth_mm, dark)
+
+    def _poses(self, q_rad: Array) -> dict[str, Array]:
+        """Joints (S, 7) -> poses (S, 4, 4) of all that moves, the board where it is."""
+        poses, laid = _poses(q_rad), self._state.X_BM_laid
+        if laid is not None:
+            poses[BODY] = np.broadcast_to(laid @ np.linalg.inv(self._board.X_FM), poses[BODY].shape)
+        return poses
 
     @cached_property
     def _renderer(self) -> Renderer:

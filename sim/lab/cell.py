@@ -21,9 +21,11 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
+from sim.lab import mounting
 from sim.lab.motion import DivergedError, Motion
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
+from sim.tasks.contact import keep_apart
 from sim.tasks.task import Task
 from sim.world import World
 
@@ -47,15 +49,21 @@ class Cell:
         dt_s = task.time_step_s(world.unmodelled)
         config = MultibodyPlantConfig(time_step=dt_s, use_sampled_output_ports=False)
         self._plant, scene_graph = AddMultibodyPlant(config, builder)
-        arm = add_panda(self._plant)
+        arm = add_panda(self._plant, X_WB=mounting.X_WB(world.mount))
         flange = self._plant.GetFrameByName(FLANGE_NAME)
         self.bodies = task.build_scene(
-            self._plant, flange, task.X_FT, world.parameters, world.nuisance, world.unmodelled
+            self._plant,
+            flange,
+            mounting.X_FT(task.X_FT, world.mount),
+            world.parameters,
+            world.nuisance,
+            world.unmodelled,
         )
+        keep_apart(scene_graph, self.bodies.apart)
         self.visuals = (*visuals(), *self.bodies.visuals)
-        _make_position_controlled(self._plant, arm)
+        make_position_controlled(self._plant, arm)
         self._plant.Finalize()
-        self._reference = TrajectorySource(_hold(np.zeros(7)), 1)
+        self._reference = TrajectorySource(hold(np.zeros(7)), 1)
         builder.AddSystem(self._reference)
         builder.Connect(self._reference.get_output_port(), self._plant.get_desired_state_input_port(arm))
         self._log = LogVectorOutput(self._plant.get_state_output_port(), builder, publish_period=dt_s)
@@ -180,12 +188,13 @@ class Cell:
         return Motion(np.array(log.sample_times()), positions, positions[:, self._joints])
 
 
-def _make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+def make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+    """Springs and dampers in the joints pull the arm along what its desired state port is given."""
     for name, p, d in zip(JOINT_NAMES, STIFFNESS_NM_RAD, DAMPING_NMS_RAD, strict=True):
         plant.GetJointActuatorByName(name, arm).set_controller_gains(PdControllerGains(p=p, d=d))
     plant.set_gravity_enabled(arm, False)  # the controller knows the arm and carries its weight
 
 
-def _hold(q_rad: Array) -> PiecewisePolynomial:
+def hold(q_rad: Array) -> PiecewisePolynomial:
     held: PiecewisePolynomial = PiecewisePolynomial.ZeroOrderHold([0.0, 1.0], np.column_stack([q_rad, q_rad]))
     return held

@@ -18,7 +18,7 @@ PLACING_STD_M = 0.002
 REPEATABILITY_RAD = 1e-4
 """Joint error that stays through a trial; about 0.1 mm at the tool, the maker's repeatability."""
 
-_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW = range(7)
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH = range(8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +72,11 @@ def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
 def of_view(seed: int, rest: int, picture: int) -> np.random.Generator:
     """The stream of one picture of the calibration board (from 1) at one rest of the arm; picture 0: of the rest."""
     return _stream(seed, _VIEW, rest, picture)
+
+
+def of_touch(seed: int, number: int) -> np.random.Generator:
+    """The stream of one guarded motion (from 1); 0: what is particular to the arm's torque sensors."""
+    return _stream(seed, _TOUCH, number)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

@@ -19,6 +19,7 @@ import numpy as np
 
 from hw.kinematics import A4_M, A7_M, D1_M, D3_M, D5_M, FLANGE_M
 from hw.limits import LIMITS
+from hw.types import Array
 from sim.panda.shapes import PRIMITIVES, Primitive
 
 if TYPE_CHECKING:
@@ -107,15 +108,19 @@ _JOINTS = (
 )
 
 
-def add_panda(plant: drake_plant.MultibodyPlant, model: str = "panda") -> drake_tree.ModelInstanceIndex:
-    """Add the arm with its hand, welded to the world at the base; weld tools to the frame `panda_flange`.
+def add_panda(
+    plant: drake_plant.MultibodyPlant, model: str = "panda", X_WB: Array | None = None
+) -> drake_tree.ModelInstanceIndex:
+    """Add the arm with its hand, the base welded at `X_WB` (4, 4) in the world; weld tools to the frame `panda_flange`.
 
     The plant's positions of the returned instance are the seven joints in order.
     """
+    from pydrake.math import RigidTransform  # noqa: PLC0415
     from pydrake.multibody.parsing import Parser  # noqa: PLC0415
 
     instance: drake_tree.ModelInstanceIndex = Parser(plant).AddModelsFromString(urdf(model), "urdf")[0]
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("panda_link0", instance))
+    base = RigidTransform() if X_WB is None else RigidTransform(X_WB)
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("panda_link0", instance), base)
     return instance
 
 

@@ -7,17 +7,19 @@ the arm away from its limits (`sim.panda.redundancy`). Everything is checked by 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import KeepOut, Tool, point_heights
+from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
 from hw.joint_limits import DT_S
 from hw.kinematics import forward, link_poses
 from hw.limits import LIMITS, LimitReport, check_path
 from hw.types import Array, JointPath, frozen_array
 from sim.errors import NotExecutable
+from sim.panda.detours import free_path
 from sim.panda.inverse import inverse
 from sim.panda.moves import joined, move_path, timed
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
@@ -95,21 +97,23 @@ def trial_paths(
     *,
     keep_out: tuple[KeepOut, ...] = (),
     tool: Tool | None = None,
+    table: Table = LEVEL,
 ) -> tuple[JointPath, JointPath, JointPath]:
     """Approach (home, above the start, straight down), task, and retreat (straight up, home), each checked.
 
     The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The
-    tool stays `CLEAR_M` above the table except on the vertical stretches. Raises NotExecutable.
+    tool stays `CLEAR_M` above the table, which is where `table` says, except on the vertical stretches. Where the
+    direct way home is not free, it goes around what is in the way. Raises NotExecutable.
     """
     tool = tool or held(X_FT)
     home_rad = frozen_array(q_home, (7,), "q_home")
     best: tuple[float, tuple[JointPath, JointPath, JointPath]] | None = None
     refused: NotExecutable | None = None
-    for ratio, task in _task_paths(motion, X_FT, model, home_rad, keep_out=keep_out, tool=tool):
+    for ratio, task in _task_paths(motion, X_FT, model, home_rad, keep_out=keep_out, tool=tool, table=table):
         if best is not None and ratio >= best[0]:
             continue
         try:
-            away, back = (_homeward(task.q_rad[end], home_rad, model, keep_out, tool) for end in (0, -1))
+            away, back = (_homeward(task.q_rad[end], home_rad, model, keep_out, tool, table) for end in (0, -1))
         except NotExecutable as error:
             refused = error
             continue
@@ -122,7 +126,14 @@ def trial_paths(
 
 
 def _task_paths(
-    motion: ToolMotion, X_FT: Array, model: str, seed: Array | None, *, keep_out: tuple[KeepOut, ...], tool: Tool
+    motion: ToolMotion,
+    X_FT: Array,
+    model: str,
+    seed: Array | None,
+    *,
+    keep_out: tuple[KeepOut, ...],
+    tool: Tool,
+    table: Table = LEVEL,
 ) -> Iterator[tuple[float, JointPath]]:
     """Acceptable joint paths, lazily, with the ratio to rank them by. Raises NotExecutable where there is none."""
     X_BF = motion.X_BT @ np.linalg.inv(X_FT)
@@ -133,7 +144,7 @@ def _task_paths(
         if not np.isfinite(q_rad).all():
             continue
         path = JointPath(motion.t_s, q_rad, motion.contact)
-        report = check_path(path, model, None, keep_out, tool)
+        report = check_path(path, model, None, keep_out, tool, table)
         if report.ok and report.joint_ratio <= ALLOWED:
             accepted = True
             yield profile.ratio, path
@@ -177,7 +188,9 @@ def vertical(q_from: ArrayLike, rise_m: float, model: str, speed_m_s: float = VE
     return timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, model)
 
 
-def _homeward(q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool) -> JointPath:
+def _homeward(
+    q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
+) -> JointPath:
     """Straight up, then home in joint space; higher up if that comes near anything. Safe in both directions."""
     refused = "nothing was tried"
     for rise_m in LIFTS_M:
@@ -186,11 +199,11 @@ def _homeward(q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[Keep
         except NotExecutable as error:
             refused = str(error)
             break
-        for over in _ways(up.q_rad[-1], q_home, model):
+        for over in _ways(up.q_rad[-1], q_home, model, keep_out, tool, table):
             path = joined(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
-            reports = [check_path(way, model, None, keep_out, tool) for way in both_ways]
-            low_m = float(point_heights(link_poses(over.q_rad[::10]), tool).min()) if len(tool.points_F_m) else CLEAR_M
+            reports = [check_path(way, model, None, keep_out, tool, table) for way in both_ways]
+            low_m = _lowest_m(over, tool, table)
             if all(report.ok for report in reports) and low_m >= CLEAR_M:
                 return path
             worst = max((report.worst for report in reports), key=lambda check: check.ratio)
@@ -198,12 +211,24 @@ def _homeward(q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[Keep
     raise NotExecutable(f"{model}: no way between the task and home: {refused}; choose another home posture")
 
 
-def _ways(q_from: Array, q_home: Array, model: str) -> Iterator[JointPath]:
-    """Home in joint space: straight, else drawn back, turned, and let down again."""
+def _lowest_m(path: JointPath, tool: Tool, table: Table) -> float:
+    """The least height of the tool's points over the table; `CLEAR_M` of a tool without any."""
+    if not len(tool.points_F_m):
+        return CLEAR_M
+    return float(point_heights(link_poses(path.q_rad[::10]), tool, table).min())
+
+
+def _ways(
+    q_from: Array, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
+) -> Iterator[JointPath]:
+    """Home in joint space: straight, else drawn back, turned, and let down again, else around what is in the way."""
     yield move_path(q_from, q_home, model, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:
         stops = [q_from, _drawn_back(q_from, tucked_rad), _drawn_back(q_home, tucked_rad), q_home]
         yield joined(*(move_path(a, b, model, MOVE_SPEED) for a, b in pairwise(stops)))
+    if keep_out:
+        with suppress(NotExecutable):
+            yield free_path(q_from, q_home, model, tool, keep_out, table, MOVE_SPEED)
 
 
 def _drawn_back(q_rad: Array, tucked_rad: tuple[float, float]) -> Array:

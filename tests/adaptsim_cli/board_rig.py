@@ -29,6 +29,7 @@ from perception.board_types import Board
 from sim.errors import NotExecutable
 from sim.kinect import default_X_BC
 from sim.lab.board import HeldBoard
+from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.panda.visits import nearest_first, postures
 
 BOARD = Board()
@@ -67,6 +68,8 @@ class ToyBench:
     motions: int = 0
     recording: list[JointPath] | None = None
     model_name: str = "panda"
+    X_BM_laid: Array | None = None  # the board on the table
+    warmth_C: Callable[[int], float | None] = lambda picture: None  # of the camera at the picture of that number
 
     @property
     def model(self) -> str:
@@ -113,6 +116,10 @@ class ToyCamera:
             hook(bench, bench.pictures)
         return frame
 
+    @property
+    def temperature_C(self) -> float | None:
+        return self.bench.warmth_C(self.bench.pictures)
+
     def start_recording(self) -> None:
         self.bench.recording = []
 
@@ -128,9 +135,28 @@ class ToyCamera:
         return frames
 
     def _frame(self, t_s: float, q_rad: Array) -> Frame:
-        X_CM = np.linalg.inv(self.bench.X_BC) @ forward(q_rad) @ self.bench.X_FM
+        laid = self.bench.X_BM_laid
+        X_BM = forward(q_rad) @ self.bench.X_FM if laid is None else laid
+        X_CM = np.linalg.inv(self.bench.X_BC) @ X_BM
         image = picture(X_CM, self.bench.printed, seed=round(1e3 * t_s))
         return Frame(t_s, self.bench.paint(image), np.zeros((32, 32), np.uint16))
+
+
+@dataclass
+class ToyHands:
+    """Lays the board flat before the camera and guides a tip to it; `slip_m` is how far the tip misses at a touch."""
+
+    bench: ToyBench
+    slip_m: Callable[[int], float] = lambda number: 0.0
+
+    def lay_board(self) -> None:
+        self.bench.X_BM_laid = laid_board(_HELD, np.random.default_rng(0))
+
+    def touch(self, p_M_m: Array, number: int) -> None:
+        laid = self.bench.X_BM_laid
+        assert laid is not None
+        p_B_m = laid[:3, :3] @ p_M_m + laid[:3, 3] + np.array([0.0, self.slip_m(number), 0.0])
+        self.bench.q_rad = touching_q_rad(p_B_m, number, np.random.default_rng(number))
 
 
 def straight(q_from: Array, q_to: Array) -> JointPath:
@@ -140,7 +166,9 @@ def straight(q_from: Array, q_to: Array) -> JointPath:
     return JointPath(t_s, q_from + smooth[:, None] * (q_to - q_from))
 
 
-def rig(bench: ToyBench, name: str = "fake", board: Board = BOARD, way: Any = straight) -> CalibrationRig:
+def rig(
+    bench: ToyBench, name: str = "fake", board: Board = BOARD, way: Any = straight, hands: ToyHands | None = None
+) -> CalibrationRig:
     return CalibrationRig(
         name=name,
         title="toy bench",
@@ -153,6 +181,7 @@ def rig(bench: ToyBench, name: str = "fake", board: Board = BOARD, way: Any = st
         ways=Ways(lambda X_BF: [None] * len(X_BF), nearest_first, way),
         flange=forward,
         pause=lambda _: None,
+        hands=hands,
     )
 
 
@@ -168,11 +197,14 @@ def said(screen: Screen) -> str:
 def run(
     tmp_path: Path, bench: ToyBench, q_rad: Array | None = None, screen: Screen | None = None, **options: Any
 ) -> tuple[flow.Solved, Path]:
-    """A whole calibration of the bench, unattended."""
+    """A whole calibration of the bench, unattended unless `unattended` says otherwise."""
+    unattended = options.pop("unattended", True)
     the_rig, screen = rig(bench, **options), screen or quiet()
     q = places(COUNT) if q_rad is None else q_rad
     going = visits.Automatic(the_rig, screen, q, np.array(NEAR_RAD), unattended=True)
-    made = flow.Options(fresh=False, created="2024-05-01T10:00:00+00:00", versions={"adaptsim": "0"})
+    made = flow.Options(
+        fresh=False, unattended=unattended, created="2024-05-01T10:00:00+00:00", versions={"adaptsim": "0"}
+    )
     return flow.calibrate(the_rig, store(tmp_path), going, screen, made)
 
 

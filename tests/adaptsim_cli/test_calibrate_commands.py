@@ -116,6 +116,20 @@ def test_what_stops_it_has_its_code_and_says_how_to_continue(
     assert "measure the print" in told(capfd)
 
 
+def test_two_calibrations_of_one_rig_never_run_at_once(bench: ToyBench, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(RUN) == 0
+    capfd.readouterr()
+    resolved = config.load({"world": "wd", "seed": 0}, {"ADAPTSIM_HOME": os.environ["ADAPTSIM_HOME"]})
+    moved = bench.motions
+    with wiring_calibration.calibrations(resolved.config, resolved.places).locked():
+        for command in (RUN, ["calibrate", "check", *RUN[1:]]):
+            assert app.run(command) == 2
+            assert "another calibration of this rig (lab-scooping-wd-seed0) is running" in told(capfd)
+        assert app.run([*RUN[:-2], "1", "--yes"]) == 0, "another rig is free"
+    assert bench.motions > moved
+    assert app.run(["calibrate", "check", *RUN[1:]]) == 0
+
+
 def test_nothing_to_check_and_no_terminal_are_said(
     bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,6 +141,7 @@ def test_nothing_to_check_and_no_terminal_are_said(
 
 
 def test_a_real_arm_needs_its_driver_and_a_calibration(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (place / "rig.toml").write_text('name = "lab"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n')
     resolved = config.load({"hw": "panda"})
     with pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"):
         wiring_calibration.calibration_of(resolved.config, resolved.places, None)

@@ -224,13 +224,16 @@ def test_a_mirrored_picture_is_named(tmp_path: Path) -> None:
         run(tmp_path, ToyBench(paint=lambda image: np.ascontiguousarray(image[:, ::-1])))
 
 
-def test_a_board_held_upside_down_does_no_harm(tmp_path: Path) -> None:
+def test_a_board_held_upside_down_is_named_and_does_no_harm(tmp_path: Path) -> None:
     width, height = BOARD.size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
     turned[:2, 3] = width, height
     solved, _ = run(tmp_path, ToyBench(X_FM=ToyBench().X_FM @ turned))
     assert solved.record.accepted
     assert off_mm(solved.record.X_AC) < 1.5
+    mounting = next(check for check in solved.record.checks if check.name == "board's mounting")
+    assert mounting.verdict == "suspect"
+    assert "the board is upside down: 180° from the expected pose" in mounting.message
 
 
 def test_a_print_that_is_too_small_is_refused_and_the_last_good_one_stays(done: Done, tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("sead = 1", r"adaptsim.toml: unknown key 'sead', did you mean 'seed'\? Known keys: hw, host"),
+        ("sead = 1", r"adaptsim.toml: unknown key 'sead', did you mean 'seed'\? Known keys: hw, rig"),
         ("seed = -1", r"seed = -1: input should be greater than or equal to 0"),
         ("seed = '0'", r"seed = '0': input should be a valid integer"),
         ("min_free_mb = '1 GB'", r"min_free_mb = '1 GB': .*free disk space that a session needs, MB"),

@@ -9,6 +9,7 @@ import pytest
 import rig
 from scipy.optimize import least_squares
 
+from calib.checks import mirror_poses
 from calib.closed_form import opencv_methods, robust_start
 from calib.condense import condense
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
@@ -166,6 +167,11 @@ def test_a_mirror_pose_that_fits_better_is_not_believed() -> None:
     found = solve(views, rig.SETUP, forward)
     assert len(found.used) >= 22
     assert distance_mm(found.X_AC, true.X_AC) < 12.0
+    flipped = {view.name for view, is_wrong in zip(views, wrong, strict=True) if is_wrong} & set(found.used)
+    assert {view.name for view in found.views if view.mirrored} == flipped
+    named = mirror_poses(found).message
+    assert all(name in named for name in flipped)
+    assert "the mirrored tilt fits the picture better" in named
 
 
 def test_views_that_are_all_alike_are_refused() -> None:

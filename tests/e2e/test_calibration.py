@@ -65,6 +65,10 @@ def test_the_command_finds_what_the_world_hides(world: str, capfd: pytest.Captur
     timing = next(check for check in found["checks"] if check["name"] == "time offset")
     assert timing["value"] == pytest.approx(12.0, abs=5.0)
     assert timing["verdict"] == "suspect"
+    touched = next(check for check in found["checks"] if check["name"] == "touched point")
+    assert touched["verdict"] == "good"
+    assert touched["value"] < 1.5
+    assert found["temperatures_C"] == {"arm": None, "camera": None}
 
     nominal = SimulatedLab(get_task("scooping"), load_world(world, get_task("scooping")), 1).nominal_calibration()
     before_mm, after_mm = found_off_mm(world, nominal.X_BC), found_off_mm(world, X)

@@ -9,11 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.touch import pivot
 from hw.errors import ArmFault, CameraError
 from hw.kinematics import forward
 from hw.types import Array, Frame, Intrinsics
-from perception.board import detect, draw
+from perception.board import detect, draw, locate
 from perception.board_types import Board
+from sim.errors import SimError
 from sim.kinect import default_X_BC
 from sim.lab import SimulatedLab
 from sim.lab.board import HeldBoard
@@ -117,6 +119,29 @@ def test_encoder_noise_belongs_to_the_posture() -> None:
     assert np.abs(bench.error_rad - first).max() > 1e-4
     bench.q_rad = q_rad()
     assert np.array_equal(bench.error_rad, first)
+
+
+def test_the_person_of_the_lab_touches_what_the_camera_sees() -> None:
+    p_M_m = BOARD.p_MK_m[14]
+    with lab(world(joint_offset_mrad=2.0), 5) as bench:
+        zeros_rad = np.array(bench.truth()["joint_offset_rad"])
+        with pytest.raises(SimError, match="still in the gripper"):
+            bench.hands.touch(p_M_m, 0)
+        bench.hands.lay_board()
+        camera = bench.camera.model().colour
+        seen = detect(bench.camera.snapshot().colour, BOARD, camera)
+        touches = []
+        for number in range(4):
+            bench.hands.touch(p_M_m, number)
+            touches.append(bench.arm.state().q_rad)
+    assert len(seen) == BOARD.corners
+    p_B_m = (default_X_BC() @ locate(seen, BOARD, camera).X_VM @ [*p_M_m, 1.0])[:3]
+    off_mm = {
+        name: 1e3 * np.linalg.norm(pivot(forward(np.array(touches) + extra_rad)).p_AT_m - p_B_m)
+        for name, extra_rad in (("known", zeros_rad), ("unknown", 0.0))
+    }
+    assert off_mm["known"] < 1.0
+    assert off_mm["unknown"] > off_mm["known"] + 0.5
 
 
 def test_the_arm_refuses_to_put_the_board_into_the_table() -> None:

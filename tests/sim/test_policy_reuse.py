@@ -1,6 +1,9 @@
-import numpy as np
+from dataclasses import replace
 
-from sim.policy_reuse import ReuseRules, plan_training
+import numpy as np
+import pytest
+
+from sim.policy_reuse import PAPER_RULES, ReuseRules, features, plan_training
 
 RULES = ReuseRules(distance=0.16, first_budget=1200, least_budget=300, max_budget=4000, discount=0.9)
 
@@ -53,3 +56,29 @@ def test_the_budget_never_falls_below_the_least():
         plan = plan_training(plan.record, np.zeros(1), rules)
         budgets.append(plan.budget)
     assert budgets == [600, 600, 600]
+
+
+def test_distributions_differ_by_their_means_and_their_widths():
+    narrow, near = features(np.array([[0.5, 0.5]])), features(np.array([[0.5, 0.6]]))
+    wide = features(np.array([[0.0, 0.5], [1.0, 0.5]]))
+    assert np.linalg.norm(narrow - near) == pytest.approx(0.1)
+    assert np.linalg.norm(narrow - wide) == pytest.approx(0.5)
+
+
+def test_the_least_budget_of_the_papers_numbers_never_binds():
+    for rules in PAPER_RULES.values():
+        plan = plan_training((), np.zeros(1), rules)
+        budgets = [plan.budget]
+        while plan.budget:
+            plan = plan_training(plan.record, np.zeros(1), rules)
+            budgets.append(plan.budget)
+        assert sum(budgets) == rules.max_budget
+        assert min(budgets[:-2]) > rules.least_budget
+
+
+def test_contradicting_rules_are_refused():
+    with pytest.raises(ValueError, match="M_min <= M <= M_max"):
+        replace(RULES, least_budget=1500)
+    with pytest.raises(ValueError, match="alpha = 1"):
+        replace(RULES, discount=1.0)
+    assert RULES.scaled(0.1) == ReuseRules(0.16, first_budget=120, least_budget=30, max_budget=400, discount=0.9)

@@ -1,0 +1,32 @@
+"""`adaptsim doctor`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def doctor(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
+    hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The checklist as one JSON object on stdout.")] = False,
+) -> None:
+    """Is everything there that an iteration needs? Each thing that is missing comes with what mends it. Nothing moves.
+
+    Exit code 3 when something is missing.
+
+    Example: adaptsim doctor --hw fr3
+    """
+    from adaptsim_cli import config, console
+    from adaptsim_cli.doctor import examination, shown
+
+    resolved = config.load({"task": task, "world": world, "hw": hw})
+    screen = console.Screen(as_json=as_json)
+    with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
+        found = tuple(examination.examine(resolved))
+    shown.show(found, resolved.config, screen)
+    if as_json:
+        screen.data(shown.as_json(found, resolved.config))
+    shown.require(found)

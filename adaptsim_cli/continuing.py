@@ -1,0 +1,25 @@
+"""Whatever stops a run says how to go on with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator
+from hw.errors import HardwareError
+from perception.errors import PerceptionError
+from sim.errors import NotExecutable
+
+
+@contextmanager
+def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
+    """Add `hint` to what stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted(interrupted)
+        stopped.add_note(hint)
+        raise stopped from error
+    except (StoppedByOperator, PreflightFailed, DiskFull, HardwareError, PerceptionError, NotExecutable) as error:
+        error.add_note(hint)
+        raise

@@ -1,0 +1,170 @@
+"""The whole checklist, in the order in which it is shown."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shutil
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from adaptsim_cli import wiring_calibration
+from adaptsim_cli.config import Config, Places, Resolved
+from adaptsim_cli.doctor import lab, machine, program, readings
+from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.rigs.description import RigDescription
+from adaptsim_cli.rigs.found import serial_ports
+from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+from calib.errors import CalibrationError
+from hw.errors import BalanceError, DeviceUnavailable, MotionRefused
+from sim.errors import SimError
+
+LOOK_S = 5.0
+"""How long libk4a may take to list its cameras."""
+
+
+def examine(resolved: Resolved) -> Iterator[Finding]:
+    """Everything that an iteration with these settings needs. Raises nothing for what is not there."""
+    config, places = resolved.config, resolved.places
+    yield from _program(config)
+    yield from _machine(config, places)
+    if config.hw == "fake":
+        yield ok(lab.DEVICES, "arm, camera, bench", "the simulated lab has its own")
+        yield from lab.not_needed(("driver", "rig file", "real-time kernel", "network", "pedal", "balance", "camera"))
+        yield from _task(config)
+        return
+    try:
+        rig = rig_of(config, tasks_with_tools())
+    except UsageError as error:
+        fix = f"adaptsim config init --arm {config.hw}, or mend the file"
+        yield missing(lab.DEVICES, "rig file", str(error), fix)
+        yield skipped(lab.DEVICES, "all devices", "not looked at: without a rig file it is not known what they are")
+        yield from _task(config)
+        return
+    yield from _devices(config, places, rig)
+    yield from _task(config)
+    yield _motion(config, rig)
+
+
+def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Finding]:
+    yield ok(lab.DEVICES, "rig file", f"{config.rig}: {rig.name}, {rig.arm.model} at {rig.arm.address}")
+    yield machine.network(rig.arm.address, readings.round_trips(rig.arm.address))
+    yield _camera(rig)
+    yield _calibration(config, places)
+    yield from _pedal(rig)
+    yield from _balance(rig)
+
+
+def _program(config: Config) -> Iterator[Finding]:
+    about = importlib.metadata.metadata("adaptsim")
+    yield program.python(platform.python_version(), about["Requires-Python"])
+    yield program.packages(importlib.metadata.requires("adaptsim") or (), readings.installed)
+    yield program.libraries(readings.loads)
+    if config.hw != "fake":
+        yield program.driver(config.hw, readings.installed)
+
+
+def _machine(config: Config, places: Places) -> Iterator[Finding]:
+    folder = readings.existing(places.data)
+    yield machine.disk(str(folder), shutil.disk_usage(folder).free // 1_000_000, config.min_free_mb)
+    yield machine.disk_speed(str(folder), readings.write_speed(folder))
+    if config.hw != "fake":
+        from hw.franka.realtime import kernel_is_real_time
+
+        yield machine.realtime_kernel(os.uname().release, kernel_is_real_time())
+        yield machine.priorities(readings.limits())
+        yield machine.governor(readings.governors())
+
+
+def _task(config: Config) -> Iterator[Finding]:
+    from sim.checkpoint import load_checkpoint
+    from sim.tasks import get_task
+    from sim.world import load_world
+
+    def checkpoint() -> str:
+        found = load_checkpoint(get_task(config.task), config.checkpoint or "default")
+        return f"{config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}"
+
+    def world() -> str:
+        return f"{load_world(config.world, get_task(config.task)).name} of {config.task}"
+
+    wrong = (SimError, OSError)
+    yield lab.attempt(
+        "checkpoint", checkpoint, wrong, f"adaptsim pretrain --task {config.task}, or leave checkpoint out"
+    )
+    if config.hw == "fake":
+        yield lab.attempt("world", world, wrong, f"adaptsim lab list --task {config.task}")
+
+
+def _camera(rig: RigDescription) -> Finding:
+    from hw.camera.probe import probe_k4a
+
+    return lab.camera(probe_k4a(patience_s=LOOK_S), rig.camera.serial)
+
+
+def _calibration(config: Config, places: Places) -> Finding:
+    try:
+        known = wiring_calibration.current_calibration(config, places)
+    except (SessionError, CalibrationError) as error:
+        return missing(lab.DEVICES, "calibration", str(error), f"adaptsim calibrate --hw {config.hw}")
+    return lab.calibration(known, config.calibration_days, datetime.now(UTC), config.hw)
+
+
+def _pedal(rig: RigDescription) -> Iterator[Finding]:
+    if rig.pedal is None:
+        yield lab.no_pedal()
+        return
+    from hw.serial.enable_pedal import EnablePedal
+    from hw.serial.pedal_protocol import VERSION
+
+    port = rig.pedal.port
+    found = machine.serial_port("pedal", port, readings.port(Path(port)), serial_ports(Path("/dev")))
+    yield found
+    if found.fix:
+        return
+
+    def greeting() -> str:
+        with EnablePedal(port) as pedal:
+            return f"answers, protocol version {VERSION}; {'held' if pedal.enabled() else pedal.why_not()}"
+
+    yield lab.answers("pedal", greeting, (DeviceUnavailable,), "docs/enable-pedal.md: cable, board, sketch")
+
+
+def _balance(rig: RigDescription) -> Iterator[Finding]:
+    if rig.balance is None:
+        yield skipped(lab.DEVICES, "balance", "the rig file names none: the object's mass is not recorded")
+        return
+    from hw.serial.balance import Balance
+
+    part = rig.balance
+    found = machine.serial_port("balance", part.port, readings.port(Path(part.port)), serial_ports(Path("/dev")))
+    yield found
+    if found.fix:
+        return
+
+    def weigh() -> str:
+        with Balance(part.port, part.protocol) as balance:
+            try:
+                return f"answers, {balance.mass_kg():.4f} kg on it"
+            except BalanceError as error:
+                return f"answers: {error}"
+
+    yield lab.answers("balance", weigh, (DeviceUnavailable,), "switch it on; [balance] protocol in the rig file")
+
+
+def _motion(config: Config, rig: RigDescription) -> Finding:
+    """Whether the task can be done with this tool, this table and these boxes: the middle action at the reference."""
+    from adaptsim_cli.motion import Lab, planned
+
+    def plan() -> str:
+        made = planned(config.task, Lab(config.hw, rig), (), ())
+        worst = max((report.worst for report in made.reports), key=lambda check: check.ratio)
+        return (
+            f"{config.task} can be done with this tool and these boxes, {100 * worst.ratio:.0f} % of the tightest limit"
+        )
+
+    wrong = (SimError, MotionRefused, UsageError)
+    return lab.attempt("motion", plan, wrong, "[tools], [table], [person] and [[keep_out]] of the rig file")

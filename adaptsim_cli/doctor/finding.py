@@ -1,0 +1,40 @@
+"""What one check found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Verdict(Enum):
+    OK = "ok"
+    ADVICE = "advice"  # it works, but better not like this
+    MISSING = "missing"  # an iteration cannot run
+    SKIPPED = "skipped"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the checklist. `fix` says what mends it, as a command where there is one."""
+
+    group: str
+    name: str
+    verdict: Verdict
+    detail: str
+    fix: str = ""
+
+
+def ok(group: str, name: str, detail: str) -> Finding:
+    return Finding(group, name, Verdict.OK, detail)
+
+
+def advice(group: str, name: str, detail: str, fix: str) -> Finding:
+    return Finding(group, name, Verdict.ADVICE, detail, fix)
+
+
+def missing(group: str, name: str, detail: str, fix: str) -> Finding:
+    return Finding(group, name, Verdict.MISSING, detail, fix)
+
+
+def skipped(group: str, name: str, why: str) -> Finding:
+    return Finding(group, name, Verdict.SKIPPED, why)

@@ -1,0 +1,146 @@
+"""What the checks want to know of this machine, read from it. Nothing here judges."""
+
+from __future__ import annotations
+
+import ctypes
+import grp
+import importlib.metadata
+import os
+import resource
+import socket
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+_BLOCK, _BLOCKS = bytes(1 << 20), 16
+_SMALL = bytes(4096)
+_TRIES, _PATIENCE_S, _DESK_PORT = 20, 0.5, 443
+
+
+def installed(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class WriteSpeed:
+    """Of a folder; `mb_s` is None where it cannot be written to."""
+
+    mb_s: float | None
+    flush_s: float = 0.0
+    problem: str = ""
+
+
+def write_speed(folder: Path) -> WriteSpeed:
+    """16 MB, and a small file, each until the disk has them. Leaves nothing behind."""
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".adaptsim-doctor-") as file:
+            began = time.perf_counter()
+            for _ in range(_BLOCKS):
+                file.write(_BLOCK)
+            file.flush()
+            os.fsync(file.fileno())
+            written = time.perf_counter()
+            file.write(_SMALL)
+            file.flush()
+            os.fsync(file.fileno())
+            return WriteSpeed(_BLOCKS * 1.048576 / (written - began), time.perf_counter() - written)
+    except OSError as error:
+        return WriteSpeed(None, problem=error.strerror or str(error))
+
+
+def existing(folder: Path) -> Path:
+    """`folder`, or the nearest above it that is there."""
+    return folder if folder.is_dir() or folder == folder.parent else existing(folder.parent)
+
+
+@dataclass(frozen=True)
+class RoundTrips:
+    """Times of single round trips; `lost` tries had no answer, `problem` says why the last of them."""
+
+    times_ms: tuple[float, ...]
+    lost: int
+    problem: str = ""
+
+
+def round_trips(
+    address: str, port: int = _DESK_PORT, tries: int = _TRIES, patience_s: float = _PATIENCE_S
+) -> RoundTrips:
+    """Open a connection to the arm's web page time and again: the system answers, no program of the arm is disturbed.
+
+    A refusal is an answer too. Gives up when the first two get none.
+    """
+    times_ms: list[float] = []
+    lost, problem = 0, ""
+    try:
+        where = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+    except OSError as error:
+        return RoundTrips((), tries, f"no such address ({error.strerror})")
+    for _ in range(tries):
+        with socket.socket(where[0], socket.SOCK_STREAM) as line:
+            line.settimeout(patience_s)
+            began = time.perf_counter()
+            try:
+                line.connect(where[4])
+            except ConnectionRefusedError:
+                pass
+            except OSError as error:
+                lost, problem = lost + 1, error.strerror or "nothing came back"
+                if lost == 2 and not times_ms:
+                    break
+                continue
+            times_ms.append(1e3 * (time.perf_counter() - began))
+    return RoundTrips(tuple(times_ms), lost, problem)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What this user may ask of the scheduler."""
+
+    rtprio: float
+    memlock_bytes: float
+    privileged: bool
+
+
+def limits() -> Limits:
+    def soft(kind: int) -> float:
+        value = resource.getrlimit(kind)[0]
+        return float("inf") if value == resource.RLIM_INFINITY else float(value)
+
+    return Limits(soft(resource.RLIMIT_RTPRIO), soft(resource.RLIMIT_MEMLOCK), os.geteuid() == 0)
+
+
+def governors(cpus: Path = Path("/sys/devices/system/cpu")) -> tuple[str, ...]:
+    """Of every core that has one."""
+    return tuple(file.read_text().strip() for file in sorted(cpus.glob("cpu[0-9]*/cpufreq/scaling_governor")))
+
+
+@dataclass(frozen=True)
+class Port:
+    """A serial port as the file system shows it."""
+
+    exists: bool
+    may: bool
+    group: str  # that owns it; "dialout" where it is not there
+
+
+def port(path: Path) -> Port:
+    if not path.exists():
+        return Port(False, False, "dialout")
+    owner = path.stat().st_gid
+    try:
+        group = grp.getgrgid(owner).gr_name
+    except KeyError:
+        group = str(owner)
+    return Port(True, os.access(path, os.R_OK | os.W_OK), group)

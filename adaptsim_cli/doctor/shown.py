@@ -1,0 +1,64 @@
+"""The checklist as a person and as a program reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from adaptsim_cli.config import Config
+from adaptsim_cli.console import Screen
+from adaptsim_cli.doctor.finding import Finding, Verdict
+from adaptsim_cli.errors import PreflightFailed
+
+_MARKS = {
+    Verdict.OK: ("✓", "green"),
+    Verdict.ADVICE: ("!", "yellow"),
+    Verdict.MISSING: ("✗", "bold red"),
+    Verdict.SKIPPED: ("–", "dim"),
+}
+
+
+def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
+    """The table, then the remedies on lines of their own, unbroken, so that they can be copied."""
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
+    table.add_column(width=1)
+    table.add_column(min_width=17)
+    table.add_column(overflow="fold")
+    for group, findings in groupby(found, key=lambda finding: finding.group):
+        table.add_row("", Text(group, style="bold"), "")
+        for finding in findings:
+            table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
+    screen.show(table)
+    for verdict, head in ((Verdict.MISSING, "Missing:"), (Verdict.ADVICE, "Better:")):
+        remedies = [finding for finding in found if finding.verdict is verdict]
+        if remedies:
+            screen.show(Text(f"\n{head}", style="bold"))
+        for finding in remedies:
+            screen.plain(f"  {finding.name}: {finding.fix}")
+    if not _missing(found):
+        screen.plain(f"\nReady: adaptsim run-iteration --task {config.task} --hw {config.hw}")
+
+
+def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
+    checks = [
+        {"group": f.group, "name": f.name, "verdict": f.verdict.value, "detail": f.detail, "fix": f.fix} for f in found
+    ]
+    return {"ready": not _missing(found), "hw": config.hw, "task": config.task, "checks": checks}
+
+
+def require(found: Sequence[Finding]) -> None:
+    """Raises PreflightFailed naming what is missing."""
+    if names := _missing(found):
+        raise PreflightFailed(f'not ready: {", ".join(names)}. What mends each is listed above, with "fix" in --json')
+
+
+def _missing(found: Sequence[Finding]) -> list[str]:
+    return [finding.name for finding in found if finding.verdict is Verdict.MISSING]
+
+
+def _style(finding: Finding) -> str:
+    return "dim" if finding.verdict is Verdict.SKIPPED else ""

@@ -1,0 +1,139 @@
+"""What a pretraining is worth -> a section of a markdown document and its figures."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from adaptsim_cli.report import phase1_figures
+from sim.adaptation.evaluation import LEAST_GAP
+from sim.adaptation.proof import Proof
+from sim.adaptation.proof_statistics import RankCorrelation
+from sim.files import whole_file
+from sim.tasks import TASKS
+
+DOCUMENT = "phase1.md"
+BAR = 0.9
+"""Of the noise ceiling that the rank correlation is to reach."""
+
+PREAMBLE = """# Phase 1: what the pretrained checkpoints are worth
+
+Made by `adaptsim pretrain --task T --report`: a section a task, each from the folder of its pretraining and from true
+rollouts of the simulator. Nothing here is typed by hand. How Phase 1 works stands in `docs/decisions/0006-learning.md`.
+"""
+
+MEMORIES = {
+    "iteration": "the last iteration (the paper's)",
+    "history": "the whole session",
+    "state": "the last iteration, end states only",
+}
+
+
+def write(proof: Proof, folder: Path, command: str) -> Path:
+    """Put the section of this task into `phase1.md` of `folder`, its figures into `figures/` -> the document.
+
+    Sections of other tasks stay as they are.
+    """
+    name = section_name(proof)
+    pictures = phase1_figures.draw_all(proof, folder / "figures", name)
+    document = folder / DOCUMENT
+    before = document.read_text(encoding="utf-8") if document.exists() else PREAMBLE
+    with whole_file(document) as temporary:
+        temporary.write_text(merged(before, name, section(proof, pictures, command)), encoding="utf-8")
+    return document
+
+
+def section_name(proof: Proof) -> str:
+    """The task, and its targets where they are not those of the paper."""
+    return proof.pretrained.task.name + ("-wide" if proof.pretrained.wide else "")
+
+
+def merged(document: str, name: str, content: str) -> str:
+    """`document` with the section `name` replaced or added; sections stand in the order of the tasks."""
+    found = dict(re.findall(r"<!-- begin (\S+) -->\n(.*?)<!-- end \1 -->\n", document, flags=re.DOTALL))
+    found[name] = content.strip() + "\n\n"
+    known = list(TASKS)
+    order = sorted(found, key=lambda n: (known.index(n.split("-")[0]) if n.split("-")[0] in known else len(known), n))
+    parts = (f"<!-- begin {n} -->\n{found[n]}<!-- end {n} -->\n" for n in order)
+    return PREAMBLE + "\n" + "\n".join(parts)
+
+
+def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
+    """The section as markdown."""
+    from jinja2 import Environment, StrictUndefined
+
+    made, pairs = proof.pretrained, proof.pairs
+    environment = Environment(autoescape=False, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(signed=_signed, share=_share, thousands=_thousands, duration=_duration)
+    folder = resources.files("adaptsim_cli.report")
+    template = environment.from_string((folder / "phase1.md.j2").read_text(encoding="utf-8"))
+    held = proof.held_out
+    inside = [("inside Ω", held.inside)] if held and held.inside else []
+    r = held.reliability if held else None
+    targets = "in Ω and the margin around it" if made.wide else "in Ω, as in the paper"
+    text = template.render(
+        heading=made.task.title + (", targets beyond Ω" if made.wide else ""),
+        plan=made.plan,
+        command=command,
+        simulations=sum(s.simulations for s in proof.stages),
+        held=held,
+        rows=[("Ω and the margin around it", held.everywhere), *inside] if held else [],
+        bins=list(zip(r.predicted, r.observed, r.low, r.high, r.count, strict=True)) if r else [],
+        pairs=pairs,
+        own=[_own(pairs.emulated), _own(pairs.drake)] if pairs else [],
+        ranks=list(zip(pairs.ranks.observed, pairs.ranks.ceiling, strict=True)) if pairs else [],
+        rank_verdict=rank_verdict(pairs.ranks) if pairs else "",
+        replays=proof.replays,
+        memories=MEMORIES,
+        evaluation=made.evaluation,
+        targets_from=targets,
+        least_gap=LEAST_GAP,
+        stages=proof.stages,
+        report_rollouts=proof.rollouts,
+        pictures={Path(p).stem.rsplit("-", 1)[-1]: p for p in pictures},
+    )
+    return re.sub(r"\n{3,}", "\n\n", text)
+
+
+def rank_verdict(ranks: RankCorrelation) -> str:
+    """Whether the emulator orders policies as well as the rollouts can tell."""
+    if math.isnan(ranks.ratio):
+        return (
+            f"The policies of different E earn nearly the same in these targets (chance alone makes such differences "
+            f"with a probability of {ranks.chance:.2f}), so there is nothing to rank."
+        )
+    reached = "reached" if ranks.ratio >= BAR else "missed"
+    note = ""
+    if ranks.ratio < BAR and ranks.mean >= ranks.perfect.low:
+        note = " A perfect predictor lies this low by chance too."
+    return f"That is {ranks.ratio:.2f} of the ceiling: the bar of {BAR:g} is {reached}.{note}"
+
+
+def _own(rewards: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    """Mean of (n, t, r) where the policy runs in the parameters that it was made for."""
+    return float(np.diagonal(rewards.mean(axis=2)).mean())
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{value:+.{digits}f}".replace("-", "−")
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.1f} %"
+
+
+def _thousands(value: float) -> str:
+    return f"{int(value):,}"
+
+
+def _duration(seconds: float | None) -> str:
+    if seconds is None:
+        return "not measured"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

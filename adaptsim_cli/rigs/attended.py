@@ -1,0 +1,123 @@
+"""A real rig with a person beside it: what is asked and done around the trials that `session.on_rig` makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.mounted import MountedTask
+from adaptsim_cli.rigs.confirmed import ConfirmedArm
+from adaptsim_cli.rigs.openers import Balance
+from adaptsim_cli.session.on_rig import Found, OnRig
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.preflight import Check
+from adaptsim_cli.session.records import RigFacts
+from adaptsim_cli.session.stages import RunTrial, TrialKey
+from hw.errors import BalanceError
+from hw.types import Array
+from perception.types import Outcome
+
+AT_HOME_RAD = 0.005
+"""Half of what `hw.limits` lets a path begin away from the arm."""
+
+
+class Person:
+    """`hw.ports.Bench`: a person, who has put the object down when the operator's question about it was answered."""
+
+    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
+        return
+
+
+class Scales:
+    """The mass of the object, weighed once a command and kept with every trial."""
+
+    def __init__(self, balance: Balance, screen: Screen) -> None:
+        self._balance, self._screen = balance, screen
+        self._asked = False
+        self.facts = RigFacts()
+
+    def weigh(self, what: str) -> None:
+        """Ask for the object on the balance. Raises StoppedByOperator, DeviceUnavailable."""
+        while not self._asked:
+            answer = self._screen.ask(
+                f"Put the {what} on the balance. Enter to weigh it, n to leave that out, q to stop:"
+            )
+            if answer == "q":
+                raise StoppedByOperator("stopped by the operator; everything completed is stored")
+            if answer == "n":
+                self._asked = True
+            elif answer == "":
+                self._read()
+
+    def _read(self) -> None:
+        try:
+            mass_kg = self._balance.mass_kg()
+        except BalanceError as error:
+            self._screen.note(f"  {error}")
+            return
+        self._screen.show(f"  {1000.0 * mass_kg:.1f} g")
+        self.facts = RigFacts(object_mass_kg=mass_kg, weighed=datetime.now(UTC).isoformat(timespec="seconds"))
+        self._asked = True
+
+
+@dataclass(frozen=True, eq=False)
+class AttendedRig:
+    """A `Target`: `OnRig`, and before its trials a confirmation, a weighing and the way home."""
+
+    on_rig: OnRig
+    arm: ConfirmedArm
+    mounted: MountedTask
+    zeros_rad: Array  # (7,) true joints are those reported plus these
+    screen: Screen
+    scales: Scales | None
+
+    @property
+    def title(self) -> str:
+        return self.on_rig.title
+
+    @property
+    def is_real(self) -> bool:
+        return self.on_rig.is_real
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        return self.on_rig.outcomes
+
+    def checks(self) -> tuple[Check, ...]:
+        """Those of the rig; a fault that a person lets go of is cleared first."""
+        if (fault := self.arm.state().fault) is not None:
+            self.screen.note(f"The arm reports: {fault}")
+            answer = self.screen.ask("Type recover to clear it (nothing moves), Enter to leave it:")
+            if answer == "recover":
+                self.arm.recover()
+        return self.on_rig.checks()
+
+    def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        return self.on_rig.spent(stage, operator)
+
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Found:
+        """Home, and then as any rig. Raises what `OnRig.set_up` raises, NotExecutable, StoppedByOperator."""
+        self.arm.confirm()
+        self._home()
+        if self.scales is not None:
+            self.scales.weigh(self.on_rig.task.object_name)
+        return self.on_rig.set_up(drawn, key, operator)
+
+    def _home(self) -> None:
+        """Where trials begin: slowly, around everything, from wherever the arm was left."""
+        from sim.panda.detours import free_path
+
+        lab, q_rad = self.mounted, self.arm.state().q_rad + self.zeros_rad
+        if np.abs(q_rad - lab.home_rad).max() <= AT_HOME_RAD:
+            return
+        path = free_path(q_rad, lab.home_rad, lab.model, lab.tool, lab.keep_out, lab.correction.table)
+        lab.check(path)
+        question = f"THE REAL ROBOT moves home for {path.duration_s:.1f} s. Enter to start, q to stop:"
+        while (answer := self.screen.ask(question)) != "":
+            if answer == "q":
+                raise StoppedByOperator("stopped by the operator; everything completed is stored")
+        self.arm.execute(lab.reported(path, self.zeros_rad))

@@ -1,0 +1,280 @@
+"""What a rig file says of one lab, checked at construction. Every key has a help text and, where it has one, a unit.
+
+Positions are in the arm's base frame B (X forward, Z up), what hangs on the flange in the flange frame F.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+from hw.camera.k4a_device import ColourSettings
+from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
+from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
+from hw.types import Array, frozen_array
+
+_RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+Six = tuple[float, float, float, float, float, float]
+Seven = tuple[float, float, float, float, float, float, float]
+Range = tuple[float, float]
+
+_IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
+_COLLISION = CollisionThresholds()
+
+
+@dataclass(frozen=True, config=_RULES)
+class Collision:
+    """From `contact` on the arm reports a contact, from `collision` on it stops by itself with a reflex."""
+
+    torque_contact_Nm: Annotated[
+        Seven, Field(description="joint torque that counts as contact", json_schema_extra={"unit": "Nm"})
+    ] = tuple(_COLLISION.torque_contact_Nm.tolist())
+    torque_collision_Nm: Annotated[
+        Seven, Field(description="joint torque that stops the arm", json_schema_extra={"unit": "Nm"})
+    ] = tuple(_COLLISION.torque_collision_Nm.tolist())
+    force_contact_N: Annotated[
+        Six,
+        Field(
+            description="force along X, Y, Z and moment that count as contact", json_schema_extra={"unit": "N and Nm"}
+        ),
+    ] = tuple(_COLLISION.force_contact_N.tolist())
+    force_collision_N: Annotated[
+        Six,
+        Field(description="force along X, Y, Z and moment that stop the arm", json_schema_extra={"unit": "N and Nm"}),
+    ] = tuple(_COLLISION.force_collision_N.tolist())
+
+    def __post_init__(self) -> None:
+        self.thresholds()
+
+    def thresholds(self) -> CollisionThresholds:
+        """Raises ValueError where they make no sense together."""
+        return CollisionThresholds(
+            np.array(self.torque_contact_Nm),
+            np.array(self.torque_collision_Nm),
+            np.array(self.force_contact_N),
+            np.array(self.force_collision_N),
+        )
+
+
+@dataclass(frozen=True, config=_RULES)
+class ArmPart:
+    """The arm. Its hand is set up in the arm's own web page (Desk)."""
+
+    model: Annotated[
+        Literal["panda", "fr3"], Field(description="panda (Franka Emika Robot) or fr3 (Franka Research 3)")
+    ]
+    address: Annotated[str, Field(description="network address of the arm's control box, without https://")]
+    joint_impedance_Nm_rad: Annotated[
+        Seven, Field(description="how stiff the joints are held", json_schema_extra={"unit": "Nm/rad"})
+    ] = _IMPEDANCE
+    collision: Annotated[Collision, Field(description="when the arm stops by itself")] = Field(
+        default_factory=Collision
+    )
+
+    def __post_init__(self) -> None:
+        self.settings()
+
+    def settings(self, payload: Payload | None = None) -> FrankaSettings:
+        """What the adapter takes, with what the hand holds. Raises ValueError."""
+        impedance = np.array(self.joint_impedance_Nm_rad)
+        return FrankaSettings(self.address, payload or Payload(), self.collision.thresholds(), impedance)
+
+
+@dataclass(frozen=True, config=_RULES)
+class PayloadPart:
+    """What the hand holds; without it the arm takes the tool's weight for an external force."""
+
+    mass_kg: Annotated[
+        float, Field(ge=0.0, le=3.0, description="mass without the hand", json_schema_extra={"unit": "kg"})
+    ]
+    com_F_m: Annotated[
+        Three, Field(description="its centre of mass, in the flange frame", json_schema_extra={"unit": "m"})
+    ] = (0.0, 0.0, 0.0)
+    inertia_F_kg_m2: Annotated[
+        tuple[Three, Three, Three],
+        Field(description="its inertia about the centre of mass, three rows", json_schema_extra={"unit": "kg m²"}),
+    ] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        self.payload()
+
+    def payload(self) -> Payload:
+        """Raises ValueError where no body has such an inertia."""
+        return Payload(self.mass_kg, np.array(self.com_F_m), np.array(self.inertia_F_kg_m2))
+
+
+def _touched(most: float, what: str, unit: str) -> Any:
+    """A small correction that a touch-off measures."""
+    return Field(ge=-most, le=most, description=f"{what}, from the touch-off", json_schema_extra={"unit": unit})
+
+
+@dataclass(frozen=True, config=_RULES)
+class ToolPart:
+    """The tool of one task, and how it hangs on the flange. Left out: the printed mount that ships with the task."""
+
+    X_FT: Annotated[
+        tuple[Four, Four, Four, Four] | None,
+        Field(
+            description="pose of the tool in the flange, four rows, for a mount of your own",
+            examples=[((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.2), (0.0, 0.0, 0.0, 1.0))],
+            json_schema_extra={"unit": "m"},
+        ),
+    ] = None
+    height_m: Annotated[float, _touched(0.02, "how much higher it hangs than the mount says", "m")] = 0.0
+    forward_m: Annotated[float, _touched(0.02, "how much further forward it hangs than the mount says", "m")] = 0.0
+    pitch_rad: Annotated[float, _touched(0.2, "how much further its edge is pitched down", "rad")] = 0.0
+    roll_rad: Annotated[float, _touched(0.2, "how much further its left side is rolled up", "rad")] = 0.0
+    payload: Annotated[PayloadPart | None, Field(description="what the hand holds", examples=[PayloadPart(0.12)])] = (
+        None
+    )
+
+    def __post_init__(self) -> None:
+        if self.X_FT is not None:
+            R = np.array(self.X_FT)[:3, :3]
+            if np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0.0 or self.X_FT[3] != (0, 0, 0, 1):
+                raise ValueError("X_FT: no pose, its left upper 3 × 3 must be a rotation and its last row 0, 0, 0, 1")
+
+    def designed(self, X_FT: Array) -> Array:
+        """(4, 4) the tool in the flange before what the touch-off measured: the own mount, else `X_FT`."""
+        return frozen_array(X_FT if self.X_FT is None else self.X_FT, (4, 4), "X_FT")
+
+
+@dataclass(frozen=True, config=_RULES)
+class TablePart:
+    """Where the table top is in the base frame, as a touch-off finds it, and the part of it that is worked over."""
+
+    height_m: Annotated[
+        float, Field(ge=-0.05, le=0.05, description="height under the base's axis", json_schema_extra={"unit": "m"})
+    ] = 0.0
+    slope_x: Annotated[
+        float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="how much it rises for every metre along X")
+    ] = 0.0
+    slope_y: Annotated[
+        float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="how much it rises for every metre along Y")
+    ] = 0.0
+    x_m: Annotated[
+        Range, Field(description="the work area along X, from and to", json_schema_extra={"unit": "m"})
+    ] = (0.30, 1.20)  # fmt: skip
+    y_m: Annotated[
+        Range, Field(description="the work area along Y, from and to", json_schema_extra={"unit": "m"})
+    ] = (-0.60, 0.60)  # fmt: skip
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in (("x_m", self.x_m), ("y_m", self.y_m)):
+            if not low < high:
+                raise ValueError(f"{name} = [{low:g}, {high:g}] m: the first must be less than the second")
+
+    def plane(self) -> Table:
+        return Table(self.height_m, self.slope_x, self.slope_y)
+
+    def covers(self, xy_m: Array) -> bool:
+        """Whether all points (..., 2) lie in the work area."""
+        low, high = np.array([self.x_m, self.y_m]).T
+        return bool(((xy_m >= low) & (xy_m <= high)).all())
+
+
+@dataclass(frozen=True, config=_RULES)
+class PersonPart:
+    """Where the operator stands, seen from the base along X: arm and tool stay away from that whole side."""
+
+    side: Annotated[Side, Field(description="left, right, front or back")]
+    from_m: Annotated[
+        float, Field(ge=0.2, le=1.9, description="where that side begins", json_schema_extra={"unit": "m"})
+    ] = 0.6
+
+    def box(self) -> KeepOut:
+        return persons_side(self.side, self.from_m)
+
+
+@dataclass(frozen=True, config=_RULES)
+class KeepOutPart:
+    """A box, along the axes of the base frame, that neither arm nor tool enters."""
+
+    name: Annotated[str, Field(min_length=1, description="what stands there, for messages")]
+    low_m: Annotated[Three, Field(description="its lower corner", json_schema_extra={"unit": "m"})]
+    high_m: Annotated[Three, Field(description="its upper corner", json_schema_extra={"unit": "m"})]
+
+    def __post_init__(self) -> None:
+        self.box()
+
+    def box(self) -> KeepOut:
+        """Raises ValueError where the corners are swapped."""
+        return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
+
+
+@dataclass(frozen=True, config=_RULES)
+class CameraPart:
+    """The Azure Kinect or Femto Bolt; exposure and white balance are fixed, so that pictures compare."""
+
+    serial: Annotated[str, Field(description="serial number; empty: the only one that is plugged in")] = ""
+    exposure_us: Annotated[
+        int, Field(ge=500, le=33_330, description="exposure of the colour camera", json_schema_extra={"unit": "µs"})
+    ] = 8_000
+    white_balance_K: Annotated[
+        int, Field(ge=2_500, le=12_500, multiple_of=10, description="white balance", json_schema_extra={"unit": "K"})
+    ] = 4_500
+    gain: Annotated[
+        int | None, Field(ge=0, le=255, description="gain of the colour camera; left out: as it is", examples=[128])
+    ] = None
+    mains_hz: Annotated[
+        Literal[50, 60], Field(description="mains of the lamps, 50 or 60", json_schema_extra={"unit": "Hz"})
+    ] = 60
+
+    def settings(self) -> ColourSettings:
+        return ColourSettings(self.exposure_us, self.white_balance_K, self.gain, self.mains_hz)
+
+
+@dataclass(frozen=True, config=_RULES)
+class PedalPart:
+    """The enabling pedal (docs/enable-pedal.md): the arm moves while it is held. Not a safety device."""
+
+    port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyACM0"])]
+
+
+@dataclass(frozen=True, config=_RULES)
+class BalancePart:
+    """The balance that weighs the object; left out: its mass is not recorded."""
+
+    port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyUSB0"])]
+    protocol: Annotated[
+        Literal["mt-sics", "sbi"], Field(description="how it is asked: mt-sics (Mettler Toledo) or sbi (Sartorius)")
+    ] = "mt-sics"
+
+
+@dataclass(frozen=True, config=_RULES)
+class RigDescription:
+    """One lab with one real arm."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$", description="what the lab is called, a short word")]
+    arm: Annotated[ArmPart, Field(description="the arm")]
+    table: Annotated[TablePart, Field(description="the table")] = Field(default_factory=TablePart)
+    camera: Annotated[CameraPart, Field(description="the camera")] = Field(default_factory=CameraPart)
+    pedal: Annotated[PedalPart | None, Field(description="the enabling pedal")] = None
+    balance: Annotated[BalancePart | None, Field(description="the balance")] = None
+    tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
+    person: Annotated[
+        PersonPart | None, Field(description="where the operator stands", examples=[PersonPart("left")])
+    ] = None
+    keep_out: Annotated[tuple[KeepOutPart, ...], Field(description="boxes that the arm does not enter")] = ()
+
+    def __post_init__(self) -> None:
+        names = [part.name for part in self.keep_out]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"keep_out: two boxes are called {twice[0]!r}, give each a name of its own")
+        if self.pedal and self.balance and self.pedal.port == self.balance.port:
+            raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
+
+    def tool(self, task: str) -> ToolPart:
+        """The tool of a task, the shipped mount where the file says nothing."""
+        return self.tools.get(task, ToolPart())
+
+    def boxes(self) -> tuple[KeepOut, ...]:
+        """What arm and tool keep out of; the camera's own room comes from its calibration."""
+        person = () if self.person is None else (self.person.box(),)
+        return (*person, *(part.box() for part in self.keep_out))

@@ -1,0 +1,104 @@
+"""Asking what a lab consists of. Every question has a default; an answer that cannot be is explained and asked anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, get_args
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.rigs.description import RigDescription
+from adaptsim_cli.rigs.found import Found
+from adaptsim_cli.rigs.reading import described
+from hw.collision import Side
+
+Ask = Callable[[str, str], str]
+"""(question, what Enter means) -> answer."""
+
+ADDRESS = "172.16.0.2"
+"""Of an arm's control box as the maker delivers it."""
+
+ARMS = ("fr3", "panda", "none")
+NOTHING = "none"
+_SIDES = get_args(Side)
+
+
+def interview(ask: Ask, tell: Callable[[str], None], found: Found, arm: str | None) -> RigDescription | None:
+    """The lab as answered; None: there is no arm. `arm` answers the first question. Raises StoppedByOperator."""
+    model = arm or _one_of(ask, tell, "Which arm is it?", ARMS, ARMS[0])
+    if model == NOTHING:
+        return None
+    rig: dict[str, Any] = {"name": "lab", "arm": {"model": model, "address": ADDRESS}}
+    rig |= _checked(ask, tell, "What is the lab called, in one word?", "lab", lambda name: {**rig, "name": name})
+    rig |= _checked(
+        ask, tell, "At which network address does the arm's control box answer?", ADDRESS,
+        lambda address: {**rig, "arm": {"model": model, "address": address}},
+    )  # fmt: skip
+    if len(found.cameras) != 1:
+        tell(f"Cameras seen: {', '.join(found.cameras) or NOTHING}")
+    serial = ask("Serial number of the camera (none: whichever is plugged in)?", (*found.cameras, NOTHING)[0])
+    rig["camera"] = {"serial": "" if serial == NOTHING else serial}
+    if pedal := _port(ask, tell, "Serial port of the enabling pedal?", found.ports, found.pedal_port):
+        rig["pedal"] = {"port": pedal}
+    left = tuple(port for port in found.ports if port != pedal)
+    balance = found.balance_port if found.balance_port != pedal else ""
+
+    def with_balance(port: str) -> dict[str, Any]:
+        return {**rig, "balance": {"port": port}} if port else rig
+
+    port = _port(ask, tell, "Serial port of the balance?", left, balance, lambda port: _tried(with_balance(port)))
+    if port:
+        protocol = _one_of(ask, tell, "What does the balance speak?", ("mt-sics", "sbi"), "mt-sics")
+        rig["balance"] = {"port": port, "protocol": protocol}
+    side = _one_of(
+        ask, tell, "On which side of the arm, seen from its base, does the operator stand?", (*_SIDES, NOTHING), "left"
+    )
+    if side != NOTHING:
+        rig["person"] = {"side": side}
+    return described(rig, "the answers")
+
+
+def _port(
+    ask: Ask,
+    tell: Callable[[str], None],
+    question: str,
+    ports: Sequence[str],
+    default: str,
+    problem: Callable[[str], str] = lambda _: "",
+) -> str:
+    """A number of the list, a path, or "none", which is an empty answer."""
+    for number, port in enumerate(ports, start=1):
+        tell(f"  {number}  {port}")
+    numbered = " A number, a path, or none." if ports else " A path, or none."
+    while True:
+        answer = ask(question + numbered, default or NOTHING)
+        if answer.isdigit() and 1 <= int(answer) <= len(ports):
+            answer = ports[int(answer) - 1]
+        if answer == NOTHING:
+            return ""
+        said = problem(answer) if answer.startswith("/") else f"{answer!r} is no path: it begins with /dev/"
+        if not said:
+            return answer
+        tell(said)
+
+
+def _one_of(ask: Ask, tell: Callable[[str], None], question: str, choices: Sequence[str], default: str) -> str:
+    while (answer := ask(f"{question} {', '.join(choices)}.", default).lower()) not in choices:
+        tell(f"{answer!r}: it is one of {', '.join(choices)}")
+    return answer
+
+
+def _checked(
+    ask: Ask, tell: Callable[[str], None], question: str, default: str, rig_with: Callable[[str], dict[str, Any]]
+) -> dict[str, Any]:
+    while said := _tried(rig := rig_with(ask(question, default))):
+        tell(said)
+    return rig
+
+
+def _tried(rig: dict[str, Any]) -> str:
+    """What is wrong with the answers so far; empty: nothing."""
+    try:
+        described(rig, "")
+    except UsageError as error:
+        return str(error).removeprefix(": ")
+    return ""

@@ -1,0 +1,65 @@
+"""How the devices of a real lab are opened: the makers' drivers, or what stands for them in tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, Self
+
+from hw.collision import KeepOut, Tool
+from hw.ports import Arm, Camera
+
+if TYPE_CHECKING:
+    from adaptsim_cli.rigs.description import BalancePart, CameraPart
+    from hw.franka.settings import FrankaSettings
+
+
+class Pedal(Protocol):
+    """The enabling pedal."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exc: object) -> None: ...
+    def enabled(self) -> bool: ...
+    def why_not(self) -> str: ...
+
+
+class Balance(Protocol):
+    """The balance."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exc: object) -> None: ...
+    def mass_kg(self) -> float: ...
+
+
+class OpenArm(Protocol):
+    def __call__(
+        self, model: str, settings: FrankaSettings, *, tool: Tool, keep_out: tuple[KeepOut, ...], pedal: Pedal | None
+    ) -> Arm: ...
+
+
+class OpenCamera(Protocol):
+    def __call__(self, part: CameraPart, *, infrared: bool) -> Camera: ...
+
+
+@dataclass(frozen=True)
+class Openers:
+    """One function a device."""
+
+    arm: OpenArm
+    camera: OpenCamera
+    pedal: Callable[[str], Pedal]
+    balance: Callable[[BalancePart], Balance]
+
+
+def real_devices() -> Openers:
+    """The adapters of `hw`. Their SDKs are loaded when a device is entered, and DeviceUnavailable says what lacks."""
+    from hw.camera.k4a import open_kinect
+    from hw.franka.arm import open_franka
+    from hw.serial import balance, enable_pedal
+
+    return Openers(
+        arm=open_franka,
+        camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
+        pedal=enable_pedal.EnablePedal,
+        balance=lambda part: balance.Balance(part.port, part.protocol),
+    )

@@ -1,0 +1,178 @@
+"""Reading a rig file. An error names file, key, value, unit, limit, and where a key is wrong those that are known."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import tomllib
+import typing
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from adaptsim_cli.config import Config
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.rigs.description import RigDescription
+
+BOARD = "board"
+"""[tools.board]: the calibration board in the gripper, for its payload."""
+
+_UNKNOWN = "unexpected_keyword_argument"
+_LIMITS = {
+    "greater_than_equal": "at least {ge}",
+    "greater_than": "above {gt}",
+    "less_than_equal": "at most {le}",
+    "less_than": "below {lt}",
+    "multiple_of": "a multiple of {multiple_of}",
+    "string_too_short": "not empty",
+    "string_pattern_mismatch": "letters, digits, dots, - and _ alone",
+    "literal_error": "one of {expected}",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "finite_number": "a finite number",
+    "string_type": "a text in quotes",
+    "tuple_type": "a list of numbers",
+    "dataclass_type": "a table",
+    "dict_type": "a table",
+}
+
+
+def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
+    """The lab that a real arm belongs to. Raises UsageError where there is no rig file, or it is of another arm."""
+    begin = f"adaptsim config init --arm {config.hw}"
+    if not config.rig:
+        raise UsageError(f"hw = {config.hw}: there is no rig file, so nothing has moved. Write one: {begin}")
+    rig = read(Path(config.rig), tools)
+    if rig.arm.model != config.hw:
+        raise UsageError(
+            f"hw = {config.hw}, but {config.rig} is of a lab with arm.model = {rig.arm.model!r}, so nothing has "
+            f"moved. Say --hw {rig.arm.model}, or name another rig file with the setting rig; to write one: {begin}"
+        )
+    return rig
+
+
+def tasks_with_tools() -> tuple[str, ...]:
+    """The tasks that an arm can do."""
+    from sim.tasks import TASKS, get_task
+
+    return tuple(name for name in TASKS if get_task(name).plan is not None)
+
+
+def read(path: Path, tools: Collection[str] = ()) -> RigDescription:
+    """The lab that a file describes; `tools` are the tasks that may have one, where that is to be checked.
+
+    Raises UsageError naming the file and the first thing that is wrong.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"rig file {path} cannot be read: {error}. Write one: adaptsim config init") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"rig file {path} is not valid TOML: {error}") from error
+    return described(content, str(path), tools)
+
+
+def described(content: dict[str, Any], source: str, tools: Collection[str] = ()) -> RigDescription:
+    """The lab of a parsed file. Raises UsageError beginning with `source`."""
+    try:
+        rig = TypeAdapter(RigDescription).validate_json(json.dumps(content, default=str), strict=True)
+    except ValidationError as error:
+        errors = sorted(error.errors(include_url=False), key=lambda found: found["type"] != _UNKNOWN)
+        raise UsageError(f"{source}: {_explained(errors[0])}") from error  # a mistyped key before the one it misses
+    for name in rig.tools:
+        if tools and name not in (*tools, BOARD):
+            raise UsageError(f"{source}: {_unknown(f'tools.{name}', name, (*tools, BOARD), 'Tools')}")
+    return rig
+
+
+def flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """(key, value) of every entry of a file as it is shown; what is left out is left out."""
+    for name, value in content.items():
+        key = f"{prefix}{name}"
+        if isinstance(value, dict):
+            yield from flat(value, f"{key}.")
+        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], dict):
+            for entry in value:
+                yield from flat(entry, f"{key}.")
+        elif value is not None:
+            yield key, str(value) or '""'
+
+
+def _explained(error: ErrorDetails) -> str:
+    loc = error["loc"]
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).lstrip(".")
+    kind, given = error["type"], error["input"]
+    if kind == _UNKNOWN:
+        owner = _class_at(loc[:-1])
+        known = tuple(field.name for field in dataclasses.fields(owner)) if owner else ()
+        return _unknown(
+            key, str(loc[-1]), known, "Known keys" + (f" of [{key.rpartition('.')[0]}]" if loc[:-1] else "")
+        )
+    field = _field_at(loc)
+    help_text = f" ({field.description})" if field is not None and field.description else ""
+    if kind == "missing" and isinstance(loc[-1], int):
+        return (
+            f"{key.rpartition('[')[0]} has {loc[-1]} value{'s' if loc[-1] != 1 else ''}, more belong there{help_text}"
+        )
+    if kind == "too_long":
+        return f"{key} has {error['ctx']['actual_length']} values, {error['ctx']['max_length']} belong there{help_text}"
+    if kind == "missing":
+        return f"{key} is missing{help_text}"
+    if kind == "value_error":
+        return f"{key + ': ' if key else ''}{error['ctx']['error']}"
+    wanted = _LIMITS.get(kind, error["msg"][0].lower() + error["msg"][1:]).format(**error.get("ctx", {}))
+    return f"{key} = {json.dumps(given, ensure_ascii=False)}{_unit(field)}: it must be {wanted}{help_text}"
+
+
+def _unknown(key: str, name: str, known: tuple[str, ...], title: str) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f", did you mean {near[0]!r}?" if near else ";"
+    return f"unknown key {key!r}{hint} {title}: {', '.join(known)}"
+
+
+def _unit(field: FieldInfo | None) -> str:
+    extra = field.json_schema_extra if field is not None else None
+    return f" {extra['unit']}" if isinstance(extra, dict) and "unit" in extra else ""
+
+
+def _field_at(loc: tuple[int | str, ...]) -> FieldInfo | None:
+    """The field that a place in the file belongs to; an entry of a list belongs to the field of the list."""
+    while loc and isinstance(loc[-1], int):
+        loc = loc[:-1]
+    owner = _class_at(loc[:-1]) if loc else None
+    return fields_of(owner).get(str(loc[-1])) if owner else None
+
+
+def _class_at(loc: tuple[int | str, ...]) -> type | None:
+    """The dataclass at a place in the file."""
+    here: type | None = RigDescription
+    inside_dict = False
+    for part in loc:
+        if isinstance(part, int) or inside_dict:  # an entry of a list, or a name that the user chose
+            inside_dict = False
+            continue
+        if here is None or part not in fields_of(here):
+            return None
+        annotation = fields_of(here)[part].annotation
+        inside_dict = typing.get_origin(annotation) is dict
+        here = next(_dataclasses_in(annotation), None)
+    return here
+
+
+def fields_of(kind: type) -> dict[str, FieldInfo]:
+    """Help, unit and limits of every key of a part of the file."""
+    found: dict[str, FieldInfo] = kind.__pydantic_fields__  # type: ignore[attr-defined]
+    return found
+
+
+def _dataclasses_in(annotation: Any) -> Iterator[type]:
+    if isinstance(annotation, type) and dataclasses.is_dataclass(annotation):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _dataclasses_in(inner)

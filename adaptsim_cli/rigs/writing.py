@@ -1,0 +1,94 @@
+"""`adaptsim config init`: from questions to files. Each is there whole or not at all, and none is replaced unasked."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from adaptsim_cli import config, console
+from adaptsim_cli.config import Places
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.rigs.description import RigDescription
+from adaptsim_cli.rigs.found import Found, look
+from adaptsim_cli.rigs.interview import ARMS, Ask, interview
+from adaptsim_cli.rigs.reading import tasks_with_tools
+from adaptsim_cli.rigs.template import template
+from adaptsim_cli.session import durable
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the operator asked for on the command line."""
+
+    project: bool
+    arm: str | None
+    overwrite: bool
+    yes: bool
+
+
+@dataclass(frozen=True)
+class Written:
+    """Which files there are now."""
+
+    settings: Path
+    settings_new: bool
+    rig_file: Path | None
+    rig: RigDescription | None
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "settings": str(self.settings),
+            "settings_written": self.settings_new,
+            "rig_file": None if self.rig_file is None else str(self.rig_file),
+            "rig": None if self.rig is None else asdict(self.rig),
+        }
+
+
+def init(places: Places, request: Request, screen: Screen) -> Written:
+    """Ask, then write. Raises UsageError, StoppedByOperator, SessionError; then nothing has been written."""
+    if request.arm is not None and request.arm not in ARMS:
+        raise UsageError(f"--arm {request.arm}: it is one of {', '.join(ARMS)}")
+    if not request.yes:
+        console.require_terminal("there is no terminal to answer at: run in a terminal, or add --yes for every default")
+    settings = places.project_file if request.project else places.user_file
+    file = settings.with_name(config.RIG_FILE)
+    if request.arm != "none":
+        _may_replace(file, request, screen)
+        with screen.busy("Looking for serial ports and cameras"):
+            found = look()
+    else:
+        found = Found((), ())
+    rig = interview(_asking(screen, request), screen.plain, found, request.arm or (ARMS[0] if request.yes else None))
+    if rig is not None:
+        text = template(rig, tasks_with_tools())
+        durable.make_folder(file.parent)
+        durable.replace_file(file, text.encode())
+        screen.plain(f"Rig file: {file}")
+        if rig.pedal is None:
+            screen.note("No enabling pedal: only the arm's own stop button ends a motion. docs/enable-pedal.md")
+    new = not settings.exists()
+    if new:
+        durable.make_folder(settings.parent)
+        durable.write_file(settings, config.template().encode())
+    screen.plain(f"Settings: {settings}" + ("" if new else " (left as it is)"))
+    screen.plain(f"Look it over, then: adaptsim doctor{'' if rig is None else f' --hw {rig.arm.model}'}")
+    return Written(settings, new, None if rig is None else file, rig)
+
+
+def _may_replace(file: Path, request: Request, screen: Screen) -> None:
+    """Raises UsageError or StoppedByOperator where a rig file is there and is to stay."""
+    if not file.exists() or request.overwrite:
+        return
+    if request.yes:
+        raise UsageError(f"{file} exists already and is left as it is; edit it, or add --overwrite to replace it")
+    if screen.ask(f"{file} exists already. Replace it? y or n [n]:") != "y":
+        raise StoppedByOperator(f"{file} is left as it is")
+
+
+def _asking(screen: Screen, request: Request) -> Ask:
+    def ask(question: str, default: str) -> str:
+        return default if request.yes else screen.ask_text(f"{question} [{default}]:") or default
+
+    return ask

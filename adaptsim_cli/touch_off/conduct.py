@@ -1,0 +1,89 @@
+"""From the command line to a running touch-off, and from its result to the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from adaptsim_cli import console, wiring
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator
+from adaptsim_cli.touch_off import flow, shows
+from adaptsim_cli.touch_off.asking import Attended, Unattended
+from adaptsim_cli.touch_off.errors import TouchOffFailed
+from adaptsim_cli.touch_off.parts import Grasp
+from adaptsim_cli.touch_off.rigs import open_touch_rig
+from adaptsim_cli.touch_off.store import SavedTouchOff, record, touch_offs
+from hw.errors import HandError, HardwareError
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the operator asked for on the command line."""
+
+    grasp: Grasp
+    yes: bool
+    as_json: bool
+
+
+def touch_off(resolved: Resolved, request: Request) -> None:
+    """The whole touch-off. Raises what stops it, with how to go on."""
+    config, screen = resolved.config, Screen(as_json=request.as_json)
+    if config.hw != "fake" or not request.yes:
+        console.require_terminal()
+    operator = Unattended() if request.yes else Attended(screen)
+    store = touch_offs(config, resolved.places)
+    with _how_to_continue(), open_touch_rig(config, resolved.places, request.grasp) as rig:
+        screen.show(shows.explanation(rig))
+        found = flow.touch_off(rig, operator, screen)
+        saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), wiring.versions())
+    folder = store.save(saved)
+    screen.plain(f"In use from now on: {folder}")
+    if request.as_json:
+        screen.data(summary(saved) | {"folder": str(folder)})
+
+
+def summary(saved: SavedTouchOff) -> dict[str, Any]:
+    """What a program wants to know of a touch-off: values in mm and degrees, each with its 95 % half width."""
+    import numpy as np
+
+    degrees = float(np.rad2deg(1.0))
+    rows = (
+        ("table_height_mm", saved.table_height_m, 1e3),
+        ("table_tilt_x_mm_m", saved.tilt_x, 1e3),
+        ("table_tilt_y_mm_m", saved.tilt_y, 1e3),
+        ("tool_height_mm", saved.tool_height_m, 1e3),
+        ("tool_forward_mm", saved.tool_forward_m, 1e3),
+        ("tool_pitch_deg", saved.tool_pitch_rad, degrees),
+        ("tool_roll_deg", saved.tool_roll_rad, degrees),
+    )
+    values = {name: {"value": scale * e.value, "within_95": scale * e.within} for name, e, scale in rows}
+    return {
+        **values,
+        "edge_over_table_within_95_mm": 1e3 * saved.edge_over_table_m,
+        "repeat_mm": 1e3 * saved.repeat_m,
+        "misfit_mm": 1e3 * saved.misfit_m,
+        "slip_mm": 1e3 * saved.slip_m,
+        "touches": len(saved.touches),
+        "sha256": saved.sha256(),
+    }
+
+
+@contextmanager
+def _how_to_continue() -> Iterator[None]:
+    hint = "Nothing was stored; what was in use before stays in use. Begin again with: adaptsim touch-off"
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted("interrupted")
+        stopped.add_note(hint)
+        raise stopped from error
+    except HandError as error:
+        raise TouchOffFailed(f"{error}\n{hint}") from error
+    except (TouchOffFailed, StoppedByOperator, DiskFull, HardwareError) as error:
+        error.add_note(hint)
+        raise

@@ -1,0 +1,210 @@
+"""A touch-off from the empty hand to the stored correction. Read downwards: this is the order of events.
+
+Every motion is planned and checked just before it is made, and every descent ends at the first force, or goes back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptsim_cli.console import Screen
+from adaptsim_cli.touch_off import shows
+from adaptsim_cli.touch_off.asking import Operator
+from adaptsim_cli.touch_off.errors import TouchOffFailed
+from adaptsim_cli.touch_off.parts import TouchRig
+from adaptsim_cli.touch_off.solving import DIFFER_M, Result, Touched, differ, solve, table_of
+from hw.collision import LEVEL, Table
+from hw.contact import began
+from hw.errors import HandError, NoContact
+from hw.kinematics import forward
+from hw.types import Array, Contact, Guard, JointPath
+from sim.panda.touching import Bench, Probe, Stage, descent, stance
+
+ABOVE_M = 0.022
+"""From here every way down begins, over where the table is expected."""
+FIRST_DEEPER_M, DEEPER_M = 0.016, 0.010
+"""How far below the expected table the first way down of all searches, and the others."""
+EARLY_M = 0.016
+"""A touch so far above the expected table is not the table."""
+FAST_M_S, SLOW_M_S = 0.015, 0.0025
+BEFORE_M, BEYOND_M = 0.003, 0.007
+"""A slow touch begins so far above what the fast one found, and gives up so far below."""
+TOUCH_N, PRESS_N = 4.0, 15.0
+"""A touch; and as hard as the task will press, for the slip check."""
+PRESS_BEYOND_M = 0.015
+"""How far below the table it may be commanded for that: a blade that bends takes more than one that does not."""
+SLOW_TOUCHES = 2
+SLIPPED_M = 0.0004
+_OPEN_M = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """Where the first corner touched before and after it was pressed onto the table."""
+
+    moved_m: float
+    pressed_N: float
+
+    @property
+    def slipped(self) -> bool:
+        return abs(self.moved_m) > SLIPPED_M
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """All that a touch-off gives."""
+
+    result: Result
+    slip: Slip
+    fingers: tuple[Touched, ...]
+    tool: tuple[Touched, ...]
+
+
+def touch_off(rig: TouchRig, operator: Operator, screen: Screen) -> Found:
+    """Home the hand, touch the table, take the tool, touch with it, press, touch again, solve.
+
+    Raises TouchOffFailed, HardwareError, NotExecutable, StoppedByOperator.
+    """
+    operator.begin(rig)
+    operator.empty_hand(rig)
+    rig.tool_there(False)
+    rig.hand.home()
+    rig.hand.move(0.0)
+    fingers = _touch_all(rig, rig.empty, rig.plan.table, LEVEL, screen)
+    table, _, _ = table_of(fingers)
+    _go(rig, rig.home_rad, rig.empty)
+    take_tool(rig, operator)
+    tool = _touch_all(rig, rig.loaded, rig.plan.tool, table, screen)
+    slip = _slip(rig, table, tool, screen)
+    _go(rig, rig.home_rad, rig.loaded)
+    result = solve(fingers, tool, rig.loaded.X_FT, _work(rig.plan.tool))
+    screen.show(shows.result(result, slip.moved_m, slip.pressed_N))
+    if slip.slipped:
+        raise TouchOffFailed(
+            f"the tool slipped: pressed with {slip.pressed_N:.0f} N its corner moved by {1e3 * slip.moved_m:+.1f} mm "
+            f"(at most {1e3 * SLIPPED_M:.1f}). Grasp harder than {rig.grasp.force_N:g} N (--grasp-force), or roughen "
+            "the handle, then run again"
+        )
+    if result.problems:
+        raise TouchOffFailed("not accepted: " + "; ".join(result.problems))
+    return Found(result, slip, tuple(fingers), tuple(tool))
+
+
+def _touch_all(rig: TouchRig, bench: Bench, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
+    """Each place: down until it touches, then slowly again; what one place shows helps to find the next."""
+    found: list[Touched] = []
+    lower_m = 0.0  # how much lower than expected the last place was
+    for number, probe in enumerate(probes):
+        deeper_m = FIRST_DEEPER_M if number == 0 else DEEPER_M
+        expected = Table(table.height_m + lower_m, table.slope_x, table.slope_y)
+        here = _at(rig, bench, probe, expected, deeper_m)
+        guard = bench.guard(probe.feeler, TOUCH_N)
+        fast = _feel(rig, bench, probe, here, (Stage(ABOVE_M + deeper_m, FAST_M_S),), deeper_m, guard)
+        heights = [_above(bench, fast.q_rad + rig.zeros_rad, probe, expected)]
+        if heights[0] > EARLY_M:
+            raise TouchOffFailed(
+                f"{probe.name}: touched {1e3 * heights[0]:.0f} mm above where the table should be. Is something lying "
+                "there? Clear it away and run again"
+            )
+        slow = [_slowly(rig, bench, probe, here, heights[0]) for _ in range(SLOW_TOUCHES)]
+        heights = [_above(bench, q, probe, expected) for q in slow]
+        if differ(heights) > DIFFER_M:
+            raise TouchOffFailed(
+                f"{probe.name}: {len(heights)} touches differ by {1e3 * differ(heights):.2f} mm "
+                f"(at most {1e3 * DIFFER_M:.1f}): does the table give in, or the tool sit loose? Mend it and run again"
+            )
+        lower_m += float(np.mean(heights)) if number == 0 else 0.0
+        found += [Touched(probe, q) for q in slow]
+        screen.show(shows.touched(number + 1, len(probes), probe.name, heights, expected))
+    return found
+
+
+def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) -> Slip:
+    """Press the first corner onto the table as hard as the task will, and touch again: has it moved?"""
+    probe = rig.plan.tool[0]
+    before = [_above(rig.loaded, t.q_rad, probe, table) for t in tool if t.probe is probe]
+    expected = Table(table.height_m + float(np.mean(before)), table.slope_x, table.slope_y)
+    here = _at(rig, rig.loaded, probe, expected, DEEPER_M)
+    screen.show(shows.pressing(PRESS_N))
+    stages = _last_slow(0.0, PRESS_BEYOND_M)
+    _feel(rig, rig.loaded, probe, here, stages, PRESS_BEYOND_M, rig.loaded.guard(probe.feeler, PRESS_N))
+    again = [_slowly(rig, rig.loaded, probe, here, 0.0) for _ in range(SLOW_TOUCHES)]
+    after = [_above(rig.loaded, q, probe, table) for q in again]
+    return Slip(float(np.mean(after) - np.mean(before)), PRESS_N)
+
+
+def _at(rig: TouchRig, bench: Bench, probe: Probe, expected: Table, deeper_m: float) -> Array:
+    """Go over the place -> the posture there (7,), true joints."""
+    search = (Stage(ABOVE_M + deeper_m, FAST_M_S),)
+    near = rig.arm.state().q_rad + rig.zeros_rad
+    q_rad = stance(probe, bench, expected, ABOVE_M, search, TOUCH_N, near)
+    _go(rig, q_rad, bench)
+    return q_rad
+
+
+def _slowly(rig: TouchRig, bench: Bench, probe: Probe, here: Array, found_m: float) -> Array:
+    """Down again, the last stretch slowly -> the true joints (7,) where the touch began, before anything bent."""
+    guard = bench.guard(probe.feeler, TOUCH_N)
+    contact = _feel(rig, bench, probe, here, _last_slow(found_m, BEYOND_M), BEYOND_M - found_m, guard)
+    touch = began(contact, guard)
+    if touch is None:
+        raise TouchOffFailed(
+            f"{probe.name}: the force did not rise as on a table ({contact.force_N:.0f} N after {contact.t_s:.2f} s): "
+            "something was knocked, or gives in. Look at it and run again"
+        )
+    return np.asarray(touch.q_rad + rig.zeros_rad)
+
+
+def _last_slow(found_m: float, beyond_m: float) -> tuple[Stage, Stage]:
+    """From `ABOVE_M` fast to shortly before what was found, then slowly to `beyond_m` below it."""
+    return Stage(ABOVE_M - found_m - BEFORE_M, FAST_M_S), Stage(BEFORE_M + beyond_m, SLOW_M_S)
+
+
+def _feel(
+    rig: TouchRig, bench: Bench, probe: Probe, here: Array, stages: tuple[Stage, ...], below_m: float, guard: Guard
+) -> Contact:
+    """Down from `here` until it touches. The arm is back at `here`."""
+    path = descent(here, stages, guard, below_m, bench.model)
+    try:
+        return rig.arm.execute_until_contact(_commanded(rig, path), guard)
+    except NoContact as error:
+        raise TouchOffFailed(
+            f"{probe.name}: nothing was touched down to {1e3 * below_m:.0f} mm below where the table should be. Is the "
+            "table there, and the tool in the hand? Mend it and run again"
+        ) from error
+
+
+def take_tool(rig: TouchRig, operator: Operator) -> None:
+    rig.hand.move(_OPEN_M)
+    operator.hand_over(rig)
+    rig.tool_there(True)
+    try:
+        rig.hand.grasp(rig.grasp.width_m, rig.grasp.force_N)
+    except HandError as error:
+        raise TouchOffFailed(f"the hand does not hold the tool: {error}") from error
+    if not rig.hand.state().holds:
+        raise TouchOffFailed("the hand reports that it holds nothing; hand the tool over again, and run again")
+
+
+def _go(rig: TouchRig, q_rad: Array, bench: Bench) -> None:
+    here = rig.arm.state().q_rad + rig.zeros_rad
+    if np.abs(here - q_rad).max() > 1e-4:
+        rig.arm.execute(_commanded(rig, rig.way(here, q_rad, bench.tool)))
+
+
+def _commanded(rig: TouchRig, path: JointPath) -> JointPath:
+    return JointPath(path.t_s, path.q_rad - rig.zeros_rad, path.contact)
+
+
+def _above(bench: Bench, q_rad: Array, probe: Probe, table: Table) -> float:
+    """How far over `table` the tool, as designed, takes its corner to be."""
+    X_BT = forward(q_rad) @ bench.X_FT
+    p_m = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]
+    return float(p_m[2] - probe.feeler.radius_m - table.height_at(p_m))
+
+
+def _work(probes: Sequence[Probe]) -> Array:
+    return np.asarray(np.mean([probe.xy_m for probe in probes], axis=0))

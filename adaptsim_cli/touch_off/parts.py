@@ -1,0 +1,51 @@
+"""What a touch-off asks of its parts; `rigs` fills these in, tests bring their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from hw.collision import Tool
+from hw.ports import GuardedArm, Hand
+from hw.types import Array, JointPath
+from sim.panda.touching import Bench, Probe
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is touched, in order."""
+
+    table: tuple[Probe, ...]  # with the closed, empty fingers
+    tool: tuple[Probe, ...]  # with the tool; the first one is touched again after the slip check
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How the tool is held."""
+
+    width_m: float = 0.012  # of the handle
+    force_N: float = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class TouchRig:
+    """The connected devices of one bench."""
+
+    name: str  # "fake", "panda" or "fr3"
+    title: str  # what an operator calls it
+    key: str  # the folder name of its touch-offs
+    tool_name: str
+    arm: GuardedArm
+    hand: Hand
+    grasp: Grasp
+    empty: Bench  # with nothing in the hand
+    loaded: Bench  # with the tool, as designed
+    plan: Plan
+    zeros_rad: Array  # (7,) true joints are those reported plus these
+    home_rad: Array  # (7,) where the tool is handed over and the arm returns to, in true joints
+    way: Callable[[Array, Array, Tool], JointPath]  # between postures (7,), true joints. Raises NotExecutable
+    tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away
+
+    @property
+    def is_real(self) -> bool:
+        return self.name != "fake"

@@ -1,0 +1,196 @@
+"""From touches to a correction, and how well it is known.
+
+Closed empty fingers have a known length: where they touch is where the table is, three numbers from five places. Then
+the tool's corners touch that table, held at different pitches: how high the tool is, how far forward, and how it is
+turned are four numbers from eight touches. The height of an edge alone could not tell table from tool; the fingers can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.collision import Table
+from hw.kinematics import forward
+from hw.types import Array
+from sim.panda.correction import ToolCorrection
+from sim.panda.touching import Probe
+
+FLOOR_M = 0.00005
+"""No touch is believed to be better than this, however well a few of them agree."""
+COVERAGE = 0.95
+DIFFER_M = 0.0006
+"""Repeats of one place that differ by more are not the same contact."""
+MISFIT_M = 0.0010
+"""A place that is off by more from what all others say: something lies there, or something gives in."""
+UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.02
+"""Half widths of intervals beyond which the touches do not say enough."""
+MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
+"""Beyond these another corner than the expected one would have touched, or the tool is not the one that was meant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touched:
+    """One slow touch: which place, and the true joints where it began."""
+
+    probe: Probe
+    q_rad: Array  # (7,)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and the half width of its 95 % interval."""
+
+    value: float
+    within: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a touch-off found."""
+
+    correction: ToolCorrection
+    table_height_m: Estimate  # of the table top under the work area, over z = 0 of the base
+    tilt_x: Estimate
+    tilt_y: Estimate
+    height_m: Estimate  # of the tool, along its own Z
+    forward_m: Estimate
+    pitch_rad: Estimate
+    roll_rad: Estimate
+    edge_over_table_m: float  # half width of the 95 % interval of what a task feels: edge against table
+    repeat_m: float  # spread of repeats, one standard deviation
+    misfit_m: float  # largest residual of a place
+    problems: tuple[str, ...]  # why it must not be used; empty: it may
+
+
+def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
+    """The plane through the lowest points of the fingers -> (table, residuals (N,) in m, normal matrix (3, 3))."""
+    tips = np.array([_lowest(forward(t.q_rad), t.probe) for t in touches])
+    A = np.column_stack([np.ones(len(tips)), tips[:, :2]])
+    found, *_ = np.linalg.lstsq(A, tips[:, 2], rcond=None)
+    return Table(*(float(v) for v in found)), np.asarray(tips[:, 2] - A @ found), A.T @ A
+
+
+def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[ToolCorrection, Array, Array]:
+    """How the tool is held -> (correction, residuals (N,) in m, normal matrix (4, 4): height, forward, pitch, roll)."""
+    from scipy.optimize import least_squares
+
+    X_BF = forward(np.array([t.q_rad for t in touches]))
+
+    def correction(x: Array) -> ToolCorrection:
+        return ToolCorrection(table, *(float(v) for v in x))
+
+    def above(x: Array) -> Array:
+        X_FT = correction(x).X_FT(designed)
+        lowest = np.array([_lowest(X @ X_FT, t.probe) for X, t in zip(X_BF, touches, strict=True)])
+        return np.asarray(lowest[:, 2] - table.height_at(lowest))
+
+    fit = least_squares(above, np.zeros(4), x_scale=[1e-3, 1e-3, 1e-2, 1e-2])
+    return correction(fit.x), np.asarray(fit.fun), np.asarray(fit.jac.T @ fit.jac)
+
+
+def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array) -> Result:
+    """Everything from all slow touches. `work_m` (2,) is where the table's height is stated.
+
+    Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
+    """
+    if len({t.probe.name for t in fingers}) < 3 or len({t.probe.name for t in tool}) < 4:
+        raise ValueError("a touch-off needs the fingers at 3 places, and the tool held in 4 ways, at least")
+    table, table_off, table_N = table_of(fingers)
+    correction, tool_off, tool_N = tool_of(tool, designed, table)
+    repeat_m = _repeatability(fingers, tool, designed, table)
+    table_cov = _covariance(table_off, table_N, repeat_m)
+    tool_cov = _covariance(tool_off, tool_N, repeat_m)
+    at = np.array([1.0, *work_m])
+    table_var = float(at @ table_cov @ at)
+    wide = [_quantile(len(off) - n) for off, n in ((table_off, 3), (tool_off, 4))]
+    sigma = np.sqrt(np.diag(tool_cov))
+    tilt = np.sqrt(np.diag(table_cov))
+    height_sigma = float(np.sqrt(sigma[0] ** 2 + table_var))
+    uncertain = _uncertain(max(wide) * height_sigma, wide[1] * float(sigma[2]))
+    misfit_m = float(max(np.abs(table_off).max(), np.abs(tool_off).max()))
+    return Result(
+        correction=correction,
+        table_height_m=Estimate(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
+        tilt_x=Estimate(table.slope_x, wide[0] * float(tilt[1])),
+        tilt_y=Estimate(table.slope_y, wide[0] * float(tilt[2])),
+        height_m=Estimate(correction.height_m, max(wide) * height_sigma),
+        forward_m=Estimate(correction.forward_m, wide[1] * float(sigma[1])),
+        pitch_rad=Estimate(correction.pitch_rad, wide[1] * float(sigma[2])),
+        roll_rad=Estimate(correction.roll_rad, wide[1] * float(sigma[3])),
+        edge_over_table_m=wide[1] * float(sigma[0]),
+        repeat_m=repeat_m,
+        misfit_m=misfit_m,
+        problems=(*_misfits(fingers, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction)),
+    )
+
+
+def differ(heights_m: Sequence[float]) -> float:
+    """How far repeats of one place are apart, in m."""
+    return max(heights_m) - min(heights_m)
+
+
+def _lowest(X_BT: Array, probe: Probe) -> Array:
+    """(3,) the lowest point of the probe's feeler."""
+    p_m: Array = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]
+    return np.asarray(p_m - [0.0, 0.0, probe.feeler.radius_m])
+
+
+def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, table: Table) -> float:
+    """Pooled spread of the repeats of each place, one standard deviation."""
+    squares, free = 0.0, 0
+    for touches, X_FT in ((fingers, np.eye(4)), (tool, designed)):
+        for name in {t.probe.name for t in touches}:
+            heights = [_lowest(forward(t.q_rad) @ X_FT, t.probe)[2] for t in touches if t.probe.name == name]
+            squares += float(np.sum((np.array(heights) - np.mean(heights)) ** 2))
+            free += len(heights) - 1
+    return float(np.sqrt(squares / max(free, 1)))
+
+
+def _covariance(off_m: Array, normal: Array, repeat_m: float) -> Array:
+    free = max(len(off_m) - len(normal), 1)
+    sigma_m = max(float(np.sqrt(np.sum(off_m**2) / free)), repeat_m, FLOOR_M)
+    return np.asarray(sigma_m**2 * np.linalg.inv(normal))
+
+
+def _quantile(free: int) -> float:
+    from scipy.stats import t
+
+    return float(t.ppf(0.5 + COVERAGE / 2.0, max(free, 1)))
+
+
+def _misfits(touches: Sequence[Touched], off_m: Array) -> tuple[str, ...]:
+    worst = int(np.argmax(np.abs(off_m)))
+    if abs(off_m[worst]) <= MISFIT_M:
+        return ()
+    return (
+        f"{touches[worst].probe.name} lies {1e3 * off_m[worst]:+.1f} mm off what the other places say "
+        f"(at most {1e3 * MISFIT_M:.1f}): is something lying there, or does the tool sit loose?",
+    )
+
+
+def _uncertain(height_m: float, pitch_rad: float) -> tuple[str, ...]:
+    if height_m <= UNCERTAIN_M and pitch_rad <= UNCERTAIN_RAD:
+        return ()
+    return (
+        f"the tool's height is known to {1e3 * height_m:.1f} mm and its pitch to {np.rad2deg(pitch_rad):.1f}° only "
+        f"(at most {1e3 * UNCERTAIN_M:.1f} mm and {np.rad2deg(UNCERTAIN_RAD):.1f}°): is it held firmly, the arm on a "
+        "steady base?",
+    )
+
+
+def _implausible(found: ToolCorrection) -> tuple[str, ...]:
+    limits = (
+        ("pitch", np.rad2deg(found.pitch_rad), np.rad2deg(MOST_PITCH_RAD), "°"),
+        ("roll", np.rad2deg(found.roll_rad), np.rad2deg(MOST_ROLL_RAD), "°"),
+        ("height", 1e3 * found.height_m, 1e3 * MOST_HEIGHT_M, " mm"),
+        ("place along the blade", 1e3 * found.forward_m, 1e3 * MOST_HEIGHT_M, " mm"),
+    )
+    return tuple(
+        f"the tool's {what} would be {value:+.1f}{unit} off its design (at most {most:.1f}{unit}): is it the tool of "
+        "this task, held as its drawing says?"
+        for what, value, most, unit in limits
+        if abs(value) > most
+    )

@@ -1,0 +1,171 @@
+"""Where touch-offs are kept: `<data>/touch-offs/<rig>/touch-off-0001/touch-off.json`, whole or not at all.
+
+The highest number counts; nothing is overwritten. One that cannot be read stops the program.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.config import Config, Places
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import durable
+from adaptsim_cli.wiring_calibration import calibration_key
+from calib.errors import ViewFolderError
+from calib.records import Record, read
+from hw.collision import Table
+from sim.panda.correction import ToolCorrection
+
+if TYPE_CHECKING:
+    from adaptsim_cli.touch_off.flow import Found
+    from adaptsim_cli.touch_off.parts import TouchRig
+    from adaptsim_cli.touch_off.solving import Estimate, Touched
+
+FILE, PREFIX = "touch-off.json", "touch-off-"
+FORMAT = 1
+
+
+class EstimateRecord(Record):
+    """A value and the half width of its 95 % interval."""
+
+    value: float
+    within: float
+
+    @classmethod
+    def of(cls, found: Estimate) -> EstimateRecord:
+        return cls(value=found.value, within=found.within)
+
+
+class TouchRecord(Record):
+    """One slow touch."""
+
+    place: str
+    q_rad: tuple[float, ...]  # true joints, as far as calibration knows
+
+    @classmethod
+    def of(cls, touched: Touched) -> TouchRecord:
+        return cls(place=touched.probe.name, q_rad=tuple(float(q) for q in touched.q_rad))
+
+
+class SavedTouchOff(Record):
+    """touch-off.json."""
+
+    format: int = FORMAT
+    created: str  # ISO 8601
+    hw: str
+    arm: str
+    rig: str
+    tool: str
+    source: str
+    table_height_m: EstimateRecord
+    tilt_x: EstimateRecord
+    tilt_y: EstimateRecord
+    table_origin_m: float  # height of the table's plane at the base's axis
+    tool_height_m: EstimateRecord
+    tool_forward_m: EstimateRecord
+    tool_pitch_rad: EstimateRecord
+    tool_roll_rad: EstimateRecord
+    edge_over_table_m: float
+    repeat_m: float
+    misfit_m: float
+    slip_m: float
+    pressed_N: float
+    grasp_force_N: float
+    joint_zeros_rad: tuple[float, ...]  # of the calibration that it was made with
+    touches: tuple[TouchRecord, ...]
+    versions: dict[str, str]
+
+    def correction(self) -> ToolCorrection:
+        table = Table(self.table_origin_m, self.tilt_x.value, self.tilt_y.value)
+        return ToolCorrection(
+            table,
+            self.tool_height_m.value,
+            self.tool_forward_m.value,
+            self.tool_pitch_rad.value,
+            self.tool_roll_rad.value,
+        )
+
+    def content(self) -> bytes:
+        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
+
+    def sha256(self) -> str:
+        return hashlib.sha256(self.content()).hexdigest()
+
+
+def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) -> SavedTouchOff:
+    """All of it as it is stored."""
+    result, table = found.result, found.result.correction.table
+    return SavedTouchOff(
+        created=created,
+        hw=rig.name,
+        arm=rig.arm.model,
+        rig=rig.key,
+        tool=rig.tool_name,
+        source=f"touch-off on {rig.title}",
+        table_height_m=EstimateRecord.of(result.table_height_m),
+        tilt_x=EstimateRecord.of(result.tilt_x),
+        tilt_y=EstimateRecord.of(result.tilt_y),
+        table_origin_m=table.height_m,
+        tool_height_m=EstimateRecord.of(result.height_m),
+        tool_forward_m=EstimateRecord.of(result.forward_m),
+        tool_pitch_rad=EstimateRecord.of(result.pitch_rad),
+        tool_roll_rad=EstimateRecord.of(result.roll_rad),
+        edge_over_table_m=result.edge_over_table_m,
+        repeat_m=result.repeat_m,
+        misfit_m=result.misfit_m,
+        slip_m=found.slip.moved_m,
+        pressed_N=found.slip.pressed_N,
+        grasp_force_N=rig.grasp.force_N,
+        joint_zeros_rad=tuple(float(q) for q in rig.zeros_rad),
+        touches=tuple(TouchRecord.of(t) for t in (*found.fingers, *found.tool)),
+        versions=versions,
+    )
+
+
+@dataclass(frozen=True)
+class TouchOffStore:
+    """All touch-offs of one rig."""
+
+    folder: Path
+
+    def save(self, saved: SavedTouchOff) -> Path:
+        """Store; from now on it is the current one. -> its folder. Raises DiskFull, SessionError."""
+        durable.make_folder(self.folder)
+        found = self._numbered()
+        number = int(found[-1].name.removeprefix(PREFIX)) + 1 if found else 1
+        path = self.folder / f"{PREFIX}{number:04d}"
+        durable.write_folder(path, {FILE: saved.content()})
+        return path
+
+    def current(self) -> SavedTouchOff | None:
+        """The latest. Raises SessionError where it cannot be read: an older one is never taken silently."""
+        found = self._numbered()
+        if not found:
+            return None
+        try:
+            return read(SavedTouchOff, found[-1] / FILE)
+        except ViewFolderError as error:
+            raise SessionError(
+                f"{error}. Move {found[-1]} away to go back to the touch-off before it, or run adaptsim touch-off again"
+            ) from error
+
+    def _numbered(self) -> list[Path]:
+        pattern = re.compile(re.escape(PREFIX) + r"\d{4,}")
+        return sorted(path for path in self.folder.glob(f"{PREFIX}*") if pattern.fullmatch(path.name))
+
+
+def touch_offs(config: Config, places: Places) -> TouchOffStore:
+    """Those of this rig: of the simulated lab one a task, world and seed, else one an arm and task."""
+    key = calibration_key(config)
+    return TouchOffStore(places.data / "touch-offs" / (key if config.hw == "fake" else f"{key}-{config.task}"))
+
+
+def tool_correction_of(config: Config, places: Places) -> ToolCorrection:
+    """What the latest touch-off of this rig found; no correction where there is none. Raises SessionError."""
+    known = touch_offs(config, places).current()
+    return ToolCorrection() if known is None else known.correction()

@@ -1,0 +1,145 @@
+"""What more workers and more data give.
+
+    python benchmarks/scaling.py --task scooping --workers 1 2 --count 256
+    python benchmarks/scaling.py --task scooping --workers --dataset build/dataset-scooping --sizes 1000 4000 16000
+
+First table: rollouts a second on pools of so many processes, once they have started and imported what they need; and
+rollouts a CPU second, which tells a machine that has other work from cores that do not add up. Second table, with
+`--dataset` (that folder of `adaptsim pretrain`): what it costs to train the emulator on so many rollouts drawn from it,
+and its errors on `--held` others, the same for all sizes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import time
+from concurrent.futures import wait
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.adaptation.reevaluation import held_out_errors
+from sim.emulator_training import train_emulator
+from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
+from sim.sampling import sobol, spread
+from sim.tasks import get_task
+from sim.tasks.task import Task
+
+
+def main() -> None:
+    arguments = _arguments()
+    task = get_task(arguments.task)
+    if arguments.workers:
+        print(f"| workers | {task.name} rollouts a second | of one worker | rollouts a CPU second |\n|---|---|---|---|")
+        first = 0.0
+        for workers in arguments.workers:
+            per_s, per_cpu_s = speed(task, workers, arguments.count)
+            first = first or per_s
+            print(f"| {workers} | {per_s:.2f} | {per_s / first:.2f} | {per_cpu_s:.2f} |", flush=True)
+        print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end.")
+    if arguments.dataset:
+        by_size(task, load_dataset(Path(arguments.dataset), task), arguments.sizes, arguments.held, arguments.seed)
+
+
+def speed(task: Task, workers: int, count: int) -> tuple[float, float]:
+    """Rollouts a second, and a CPU second of the workers."""
+    before_s = _children_s()
+    with process_pool(workers) as pool:
+        warm = [pool.submit(_warm, task.name) for _ in range(4 * workers)]
+        wait(warm)
+        started: dict[int, float] = {}
+        for pid, cpu_s in (future.result() for future in warm):
+            started[pid] = max(cpu_s, started.get(pid, 0.0))
+        began_s = time.perf_counter()
+        run_many(task, draws(task, count), pool)
+        took_s = time.perf_counter() - began_s
+    return count / took_s, count / (_children_s() - before_s - sum(started.values()))
+
+
+def draws(task: Task, count: int) -> Requests:
+    """Space-filling rollouts over the margin."""
+    p, a = len(task.margin), len(task.action)
+    unit = sobol(count, p + a + len(task.nuisance), np.random.default_rng(0))
+    return Requests(
+        spread(task.margin, unit[:, :p]),
+        np.tile(np.asarray(task.reference_context, dtype=np.float64), (count, 1)),
+        spread(task.action, unit[:, p : p + a]),
+        spread(task.nuisance, unit[:, p + a :]),
+    )
+
+
+def _warm(task_name: str) -> tuple[int, float]:
+    """In a worker: one rollout -> its process, and the CPU time that it has spent so far."""
+    task = get_task(task_name)
+    with serial_executor() as executor:
+        run_many(task, draws(task, 1), executor)
+    return os.getpid(), time.process_time()
+
+
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def by_size(task: Task, dataset: Dataset, sizes: list[int], held: int, seed: int) -> None:
+    """Train on nested random subsets, judge all on the same rows, which lie evenly over the space."""
+    rng = np.random.default_rng(seed)
+    even = rng.permutation(dataset.uniform)
+    rest = rng.permutation(np.concatenate([even[held:], np.arange(dataset.uniform, len(dataset))]))
+    wanted = [n for n in sizes if n <= len(rest)] or [len(rest)]
+    if left_out := [n for n in sizes if n > len(rest)]:
+        print(f"left out, {len(dataset)} rollouts less {held} held out are too few: {left_out}")
+    print(f"\n{task.name}: {len(dataset)} rollouts in the folder, {held} held out\n")
+    print("| rollouts | training, s | CPU s | outcome right | Brier | XY median, mm | XY p90, mm |")
+    print("|---|---|---|---|---|---|---|")
+    judges = rows_of(dataset, even[:held])
+    requests = Requests(
+        judges.parameters,
+        np.tile(np.asarray(task.reference_context, dtype=np.float64), (held, 1)),
+        judges.action,
+        judges.nuisance,
+    )
+    true = Rollouts(judges.observation, judges.end_state, judges.succeeded, judges.outcome)
+    for n in wanted:
+        began_s, began_cpu_s = time.perf_counter(), time.process_time()
+        emulator, _ = train_emulator(task, rows_of(dataset, rest[:n]), seed)
+        took_s, cpu_s = time.perf_counter() - began_s, time.process_time() - began_cpu_s
+        errors = held_out_errors(emulator, requests, true)
+        off_mm = 1e3 * errors["position_error_median"]
+        print(
+            f"| {n} | {took_s:.0f} | {cpu_s:.0f} | {errors['accuracy'].mean():.3f} | {errors['brier'].mean():.4f} | "
+            f"{np.median(off_mm):.1f} | {np.quantile(off_mm, 0.9):.0f} |",
+            flush=True,
+        )
+
+
+def rows_of(dataset: Dataset, rows: NDArray[np.intp]) -> Dataset:
+    """A dataset of some of its rollouts: those that lie evenly come first, as always."""
+    rows = np.concatenate([rows[rows < dataset.uniform], rows[rows >= dataset.uniform]])
+    columns: dict[str, Any] = {}
+    for field in fields(dataset):
+        value = getattr(dataset, field.name)
+        if isinstance(value, np.ndarray):
+            columns[field.name] = value[rows]
+    return replace(dataset, uniform=int((rows < dataset.uniform).sum()), **columns)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="scooping")
+    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
+    parser.add_argument("--count", type=int, default=256, help="rollouts that are timed")
+    parser.add_argument("--dataset", default="", help="folder of a dataset")
+    parser.add_argument("--sizes", type=int, nargs="*", default=[1000, 2000, 4000, 8000, 16000, 32000, 64000])
+    parser.add_argument("--held", type=int, default=1000, help="rollouts that judge")
+    parser.add_argument("--seed", type=int, default=0)
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

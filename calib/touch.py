@@ -1,0 +1,88 @@
+"""A corner of the board, lying still, seen by the camera and touched with a tip: does the arm come out where the camera
+says?
+
+The tip's length need not be known. Touching the same corner from several directions gives it, together with the corner
+(R_i t + p_i = c for all i, linear in the tip t and the corner c: the pivot calibration of tracked pointers); what is
+left over says how well the touching went.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.checks import touched_point
+from calib.types import Check, Setup, Solution, Verdict
+from hw.types import Array, frozen_array
+from perception.board import locate
+from perception.board_types import Corners
+
+NAME = "touched point"
+MIN_TOUCHES = 4
+LEAST_SCATTER_M = 3e-4
+"""A hand does not touch better than this, however well a few touches agree."""
+LIMIT_SCATTER_M = 2e-3
+LIMIT_SIGMA_M = 1.5e-3
+"""Above this the tip was not leaned far enough for the corner to be told from the tip's length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pivot:
+    """What touches of one point say."""
+
+    p_FT_m: Array  # (3,) the tip in the flange
+    p_AT_m: Array  # (3,) the point
+    scatter_m: float  # root mean square of what is left, an axis, for the degrees of freedom that are left
+    sigma_m: float  # one standard deviation of the point, all three axes together
+
+    def __post_init__(self) -> None:
+        for name in ("p_FT_m", "p_AT_m"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (3,), name))
+
+
+def pivot(X_AF: Array) -> Pivot:
+    """From flange poses (N, 4, 4), N >= 4, whose tip is at one point. `sigma_m` is inf where they do not lean apart."""
+    n = len(X_AF)
+    if n < MIN_TOUCHES:
+        raise ValueError(f"{n} touches, at least {MIN_TOUCHES} are needed")
+    A = np.concatenate([X_AF[:, :3, :3], np.broadcast_to(-np.eye(3), (n, 3, 3))], axis=2).reshape(-1, 6)
+    b = -X_AF[:, :3, 3].reshape(-1)
+    x, _, rank, _ = np.linalg.lstsq(A, b, rcond=1e-9)
+    scatter_m = float(np.sqrt(np.sum((A @ x - b) ** 2) / (3 * n - 6)))
+    if rank < 6:
+        return Pivot(x[:3], x[3:], scatter_m, float("inf"))
+    spread = np.linalg.inv(A.T @ A)[3:, 3:]
+    return Pivot(x[:3], x[3:], scatter_m, float(max(scatter_m, LEAST_SCATTER_M) * np.sqrt(np.trace(spread))))
+
+
+def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Array) -> Check:
+    """`seen` are the corners of the board as it lies, `X_AF` (N, 4, 4) the flange at each touch of inner `corner`.
+
+    The camera must be the fixed one. A bad verdict forbids the calibration; touches that cannot tell are
+    "not measured". Raises BoardNotFound where `seen` are too few for a pose.
+    """
+    if len(X_AF) < MIN_TOUCHES:
+        return _untold(f"{len(X_AF)} touches, {MIN_TOUCHES} from different directions are needed")
+    touched = pivot(X_AF)
+    if touched.scatter_m > LIMIT_SCATTER_M:
+        return _untold(
+            f"the touches disagree by {1e3 * touched.scatter_m:.1f} mm (limit {1e3 * LIMIT_SCATTER_M:.0f} mm): the tip"
+            " or the board moved; remove touch.json and touch again"
+        )
+    if touched.sigma_m > LIMIT_SIGMA_M:
+        return _untold("the tip was leaned too little between the touches: lean it by 20 to 40° to four sides")
+    pose = locate(seen, setup.board, setup.colour)
+    if pose.ambiguous:
+        return _untold("the board lies too far away or too square to the camera to tell its tilt; lay it nearer")
+    p_M = setup.board.p_MK_m[corner]
+    p_A_m = solution.X_AC @ pose.X_VM @ np.array([*p_M, 1.0])
+    stated_mm = solution.uncertainty.arm_worst_95_mm / 2
+    found = touched_point(p_A_m[:3], touched.p_AT_m, float(np.hypot(stated_mm, 1e3 * touched.sigma_m)))
+    length_mm = 1e3 * float(np.linalg.norm(touched.p_FT_m))
+    how = f"{len(X_AF)} touches agree to {1e3 * touched.scatter_m:.1f} mm, the tip {length_mm:.0f} mm from the flange"
+    return Check(found.name, found.verdict, f"{found.message}; {how}", found.value, found.limit, found.unit)
+
+
+def _untold(why: str) -> Check:
+    return Check(NAME, Verdict.NOT_MEASURED, why)

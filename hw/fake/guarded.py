@@ -1,0 +1,88 @@
+"""An arm that feels a plane, for tests of what surrounds a guarded motion: no physics, no waiting."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
+from hw.contact import Detector
+from hw.errors import ArmFault, NoContact
+from hw.fake.arm import FakeArm
+from hw.guarding import require_guarded
+from hw.kinematics import jacobian, link_poses
+from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+
+STIFFNESS_N_M = 4000.0
+
+
+class FakeGuardedArm:
+    """`arm` with a table that its tool truly meets at `plane`; measured joints are those commanded.
+
+    `torque_Nm(path)` (N, 7) is added to what a contact gives: noise, spikes, a push of somebody's hand.
+    """
+
+    def __init__(
+        self,
+        arm: FakeArm,
+        tool: Tool,
+        plane: Table | None,
+        *,
+        keep_out: tuple[KeepOut, ...] = (),
+        torque_Nm: Array | None = None,
+        collision_N: float | None = None,
+    ) -> None:
+        """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
+        self._arm, self._tool, self._plane, self._keep_out = arm, tool, plane, keep_out
+        self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
+        self._collision_N = collision_N
+
+    @property
+    def model(self) -> str:
+        return self._arm.model
+
+    def __enter__(self) -> Self:
+        self._arm.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._arm.__exit__(*exc)
+
+    def state(self) -> ArmState:
+        return self._arm.state()
+
+    def execute(self, path: JointPath) -> Execution:
+        return self._arm.execute(path)
+
+    def recover(self) -> None:
+        self._arm.recover()
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        state = self._arm.state()
+        if state.fault is not None:
+            raise ArmFault(f"the arm is stopped ({state.fault}); recover it before the next motion")
+        require_guarded(path, guard, self.model, state.q_rad, self._keep_out, self._tool, LEVEL, self._collision_N)
+        torque_Nm = self._torque(path, guard)
+        detector = Detector(guard)
+        at = detector.feed(path.t_s, path.q_rad, torque_Nm)
+        if at is None:
+            raise NoContact("the arm came down to the end of its path and touched nothing; it is back at the start")
+        felt = slice(0, at + 1)
+        return Contact(
+            float(path.t_s[at]),
+            frozen_array(path.q_rad[at]),
+            detector.largest_N,
+            path.t_s[felt],
+            path.q_rad[felt],
+            path.q_rad[felt],
+            torque_Nm[felt],
+        )
+
+    def _torque(self, path: JointPath, guard: Guard) -> Array:
+        torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
+        if self._plane is None:
+            return torque
+        deep_m = np.maximum(-point_heights(link_poses(path.q_rad), self._tool, self._plane).min(axis=1), 0.0)
+        J = jacobian(path.q_rad, guard.p_F_m)
+        return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])

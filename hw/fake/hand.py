@@ -1,0 +1,65 @@
+"""A hand that does what it is told, for tests of what surrounds it."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from hw.errors import DeviceUnavailable, HandError
+from hw.types import HandState
+
+WIDEST_M, STRONGEST_N, TOLERANCE_M = 0.08, 70.0, 0.005
+
+
+class FakeHand:
+    """Closes at once on what `between_m` says is between its fingers (None: nothing). `commands` remembers all."""
+
+    def __init__(self, between_m: float | None = None) -> None:
+        self.between_m = between_m
+        self.commands: list[str] = []
+        self._width_m, self._holds, self._homed, self._connected = WIDEST_M, False, False, False
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> HandState:
+        self._need_connection()
+        return HandState(self._width_m, self._holds, self._homed)
+
+    def home(self) -> None:
+        self._need_connection()
+        if self.between_m is not None:
+            raise HandError("the hand could not be homed: something is between its fingers; take it out")
+        self.commands.append("home")
+        self._homed, self._width_m, self._holds = True, WIDEST_M, False
+
+    def move(self, width_m: float) -> None:
+        self._need_homing()
+        if not 0.0 <= width_m <= WIDEST_M:
+            raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * WIDEST_M:.0f} mm")
+        if self.between_m is not None and width_m < self.between_m:
+            raise HandError(f"the fingers met something {1e3 * self.between_m:.1f} mm wide; grasp it instead")
+        self.commands.append("move")
+        self._width_m, self._holds = width_m, False
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        self._need_homing()
+        if not 0.0 < force_N <= STRONGEST_N:
+            raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
+        found_m = self.between_m or 0.0
+        if abs(found_m - width_m) > TOLERANCE_M:
+            raise HandError(f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected")
+        self.commands.append("grasp")
+        self._width_m, self._holds = found_m, True
+
+    def _need_homing(self) -> None:
+        self._need_connection()
+        if not self._homed:
+            raise HandError("the hand was not homed since it was switched on; empty it and home it first")
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the fake hand is not connected: enter it with `with` first")

@@ -1,0 +1,127 @@
+"""The Franka Hand behind `hw.ports.Hand`, through the SDK of either arm: both speak of it in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Self
+
+from hw.errors import DeviceUnavailable, HandError
+from hw.types import HandState
+
+SPEED_M_S = 0.03
+"""Of the fingers: slow enough to take a hand away."""
+STRONGEST_N = 70.0
+"""What the hand holds with continuously (the maker's data sheet)."""
+WIDTH_TOLERANCE_M = 0.005
+STEPS_OF_WIDTH_M = 0.002
+"""A width this far from what was asked is another one."""
+
+Sdk = Callable[[], Any]
+
+
+def fr3_sdk() -> Any:
+    """Raises DeviceUnavailable where the SDK is not installed."""
+    try:
+        import pylibfranka  # noqa: PLC0415
+    except ImportError as error:
+        raise DeviceUnavailable(f"the FR3's SDK does not load ({error}); pip install pylibfranka") from error
+    return pylibfranka
+
+
+def panda_sdk() -> Any:
+    """Raises DeviceUnavailable where the SDK is not installed."""
+    try:
+        from panda_py import libfranka  # noqa: PLC0415
+    except ImportError as error:
+        raise DeviceUnavailable(f"the Panda's SDK does not load ({error}); pip install panda-python") from error
+    return libfranka
+
+
+SDKS: dict[str, Sdk] = {"panda": panda_sdk, "fr3": fr3_sdk}
+
+
+class FrankaHand:
+    """Entering connects; every command returns when the fingers stand."""
+
+    def __init__(self, host: str, sdk: Sdk) -> None:
+        """`host` is the arm's address; `sdk` one of `SDKS`."""
+        self._host, self._load = host, sdk
+        self._gripper: Any = None
+        self._errors: tuple[type[Exception], ...] = (RuntimeError,)
+        self._homed = False
+
+    def __enter__(self) -> Self:
+        sdk = self._load()
+        # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
+        self._errors = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
+        try:
+            self._gripper = sdk.Gripper(self._host)
+        except self._errors as error:
+            raise DeviceUnavailable(
+                f"the hand at {self._host} does not answer ({error}): is it mounted, initialised in Desk, and not used "
+                "by another program?"
+            ) from error
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._gripper, self._homed = None, False
+
+    def state(self) -> HandState:
+        now = self._read()
+        return HandState(float(now.width), bool(now.is_grasped), self._homed)
+
+    def home(self) -> None:
+        self._did(self._connected().homing, "could not be homed; take everything out of it and home it again")
+        self._homed = True
+
+    def move(self, width_m: float) -> None:
+        self._need_homing()
+        widest_m = float(self._read().max_width)
+        if not 0.0 <= width_m <= widest_m:
+            raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * widest_m:.1f} mm")
+        gripper = self._connected()
+        self._did(lambda: gripper.move(width_m, SPEED_M_S), f"did not reach {1e3 * width_m:.1f} mm")
+        stands_m = float(self._read().width)
+        if abs(stands_m - width_m) > STEPS_OF_WIDTH_M:
+            raise HandError(
+                f"the fingers stand {1e3 * stands_m:.1f} mm apart, {1e3 * width_m:.1f} mm were asked for: something is "
+                "between them; take it out, or grasp it"
+            )
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        self._need_homing()
+        if not 0.0 < force_N <= STRONGEST_N:
+            raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
+        gripper = self._connected()
+        why = (
+            f"did not find anything {1e3 * width_m:.1f} mm wide (it closed to {{width}} mm): hold the tool's handle "
+            "between the fingers, or correct the width"
+        )
+        self._did(lambda: gripper.grasp(width_m, SPEED_M_S, force_N, WIDTH_TOLERANCE_M, WIDTH_TOLERANCE_M), why)
+        if not self._read().is_grasped:
+            raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
+
+    def _did(self, command: Callable[[], bool], why: str) -> None:
+        try:
+            done = command()
+        except self._errors as error:
+            raise HandError(f"the hand stopped ({error}); look at it, home it, and run again") from error
+        if not done:
+            raise HandError("the hand " + why.format(width=f"{1e3 * float(self._read().width):.1f}"))
+
+    def _read(self) -> Any:
+        gripper = self._connected()
+        try:
+            return gripper.read_once()
+        except self._errors as error:
+            raise DeviceUnavailable(f"the hand at {self._host} does not answer any more ({error})") from error
+
+    def _need_homing(self) -> None:
+        self._connected()
+        if not self._homed:
+            raise HandError("the hand was not homed since the program connected; empty it and home it first")
+
+    def _connected(self) -> Any:
+        if self._gripper is None:
+            raise DeviceUnavailable("the hand is not connected: enter it with `with` first")
+        return self._gripper

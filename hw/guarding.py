@@ -1,0 +1,107 @@
+"""What a guarded motion must keep to: slow, tool first, and weak enough that the arm never stops itself.
+
+A guarded motion searches for the table, so it may be commanded deeper than any other motion; it ends at the force.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.braking import check_braking
+from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool, point_heights, table_clearance
+from hw.errors import MotionRefused
+from hw.kinematics import forward, link_poses
+from hw.limits import COLLISION_SHARE, CONTACT_FORCE_N, LimitReport, Worst, check_path
+from hw.types import PATH_RATE_HZ, Array, Guard, JointPath
+
+SPEED_M_S = 0.020
+DEPTH_M = 0.035
+"""How far below where the table is taken to be a guarded motion may search."""
+LEAD_M = 0.002
+"""By so much the tool's points are lower than all the rest of arm and tool while it searches."""
+GUARD_SHARE = 0.5
+"""Share of the arm's own collision threshold that the guard's force may be."""
+
+
+def check_guarded(
+    path: JointPath,
+    guard: Guard,
+    model: str,
+    q_now_rad: ArrayLike | None = None,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool = BARE_HAND,
+    table: Table = LEVEL,
+    collision_N: float | None = None,
+) -> LimitReport:
+    """`hw.limits.check_path` with the table's part replaced: speed, depth of the search, tool first, forces."""
+    plain = check_path(JointPath(path.t_s, path.q_rad), model, q_now_rad, keep_out, tool, table)
+    checks = [check for check in plain.checks if check.quantity not in ("table", "depth in the table")]
+    most_N = CONTACT_FORCE_N if collision_N is None else collision_N
+    force_N = guard.force_N if path.contact is None else max(path.contact.force_N, guard.force_N)
+    checks += [
+        _speed(path, guard),
+        *_search(path, tool, table),
+        _plain("guard's force", tool, guard.force_N, GUARD_SHARE * most_N),
+        _plain("predicted contact force", tool, force_N, COLLISION_SHARE * most_N),
+    ]
+    return LimitReport(model, tuple(checks))
+
+
+def require_guarded(
+    path: JointPath,
+    guard: Guard,
+    model: str,
+    q_now_rad: ArrayLike | None = None,
+    keep_out: tuple[KeepOut, ...] = (),
+    tool: Tool = BARE_HAND,
+    table: Table = LEVEL,
+    collision_N: float | None = None,
+) -> LimitReport:
+    """`check_guarded`, a declared window, and a stop along the path at any time. Raises MotionRefused."""
+    if path.contact is None or not len(tool.points_F_m):
+        raise MotionRefused(
+            f"{model}: a guarded motion declares where it may touch and with which points of the tool; this path "
+            f"{'has no contact window' if path.contact is None else 'is of a tool without such points'}, nothing moved"
+        )
+    report = check_guarded(path, guard, model, q_now_rad, keep_out, tool, table, collision_N)
+    if not report.ok:
+        broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
+        raise MotionRefused(f"{model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path")
+    if not check_braking(path, model).ok:
+        raise MotionRefused(f"{model}: this guarded motion has moments without a stop along it; slow it down")
+    return report
+
+
+def withdrawal(braked: JointPath) -> JointPath:
+    """The way back to the start of a path that was braked to rest: the same samples, backwards."""
+    return JointPath(braked.t_s, braked.q_rad[::-1])
+
+
+def _speed(path: JointPath, guard: Guard) -> Worst:
+    X_BF = forward(path.q_rad)
+    p_m = X_BF[:, :3, :3] @ guard.p_F_m + X_BF[:, :3, 3]
+    speed = np.linalg.norm(np.diff(p_m, axis=0), axis=1) * PATH_RATE_HZ
+    i = int(np.argmax(speed))
+    value = float(speed[i])
+    return Worst("speed", value / SPEED_M_S, "the guarded point", i / PATH_RATE_HZ, value, SPEED_M_S, "m/s")
+
+
+def _search(path: JointPath, tool: Tool, table: Table) -> list[Worst]:
+    """How deep it searches, and whether the tool's points come first all the way."""
+    poses = link_poses(path.q_rad[:: round(0.01 * PATH_RATE_HZ)])
+    lowest: Array = point_heights(poses, tool, table).min(axis=1)
+    others, names = table_clearance(poses, tool, table)
+    lead = others - lowest[:, None]
+    i, j = np.unravel_index(int(np.argmin(lead)), lead.shape)
+    least_m, who = float(lead[i, j]), names[j].replace(" and table", " over the tool")
+    deep = int(np.argmin(lowest))
+    deep_m = float(-lowest[deep])
+    return [
+        Worst("depth of the search", max(deep_m, 0.0) / DEPTH_M, tool.name, 0.01 * deep, deep_m, DEPTH_M, "m"),
+        Worst("lead", LEAD_M / max(least_m, 1e-6), who, 0.01 * float(i), least_m, LEAD_M, "m"),
+    ]
+
+
+def _plain(quantity: str, tool: Tool, value: float, limit: float) -> Worst:
+    return Worst(quantity, value / limit, tool.name, 0.0, value, limit, "N")

@@ -1,0 +1,59 @@
+"""What the person of the lab does when the calibration is checked by touch: lays the board down, guides the tip.
+
+Kinematics alone: nothing is pressed. The tip is a pin in the gripper whose length nobody has told the calibration.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.joint_limits import LIMITS
+from hw.types import Array
+from sim.errors import SimError
+from sim.lab.board import THICKNESS_M, HeldBoard
+from sim.panda.inverse import inverse
+
+PLACE_M = (0.62, 0.0)
+"""About where the middle of the board comes to lie, in the base."""
+PLACE_STD_M, TURN_STD_RAD = 0.01, 0.05
+AIM_STD_M = 3e-4
+"""How well a hand brings a tip to a corner, an axis."""
+TIP_M = (0.002, -0.001, 0.165)
+"""The tip in the flange: a pin held in the closed fingers, a little askew."""
+LEAN_RAD = 0.5
+NEAR_RAD = (0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785)
+_LEAN_STD_RAD = 0.05
+_AZIMUTHS_RAD = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # towards the camera, away from it, left, right
+
+
+def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
+    """(4, 4) X_BM of the board flat on the table, face up, upright as the camera opposite the arm sees it."""
+    width, height = board.size_m
+    upright = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # print's right: +Y, down: +X, into: -Z
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, TURN_STD_RAD * rng.standard_normal()]).as_matrix() @ upright
+    middle = np.array([*(PLACE_M + PLACE_STD_M * rng.standard_normal(2)), THICKNESS_M])
+    X[:3, 3] = middle - X[:3, :3] @ np.array([width / 2, height / 2, 0.0])
+    return X
+
+
+def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array:
+    """(7,) true joints with the tip at `p_B_m` (3,) to the accuracy of a hand, leaning to the side of that number.
+
+    Raises SimError where the arm does not reach.
+    """
+    lean = LEAN_RAD + _LEAN_STD_RAD * rng.standard_normal()
+    azimuth = _AZIMUTHS_RAD[number % len(_AZIMUTHS_RAD)] + _LEAN_STD_RAD * rng.standard_normal()
+    axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    down = np.diag([1.0, -1.0, -1.0])
+    X_BF = np.eye(4)
+    X_BF[:3, :3] = Rotation.from_rotvec(lean * axis).as_matrix() @ down
+    X_BF[:3, 3] = p_B_m + AIM_STD_M * rng.standard_normal(3) - X_BF[:3, :3] @ np.array(TIP_M)
+    limits = LIMITS["panda"]
+    q = inverse(X_BF, np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 61)[1:-1]).reshape(-1, 7)
+    q = q[np.isfinite(q).all(axis=1)]
+    q = q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)]
+    if not len(q):
+        raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies out of the arm's reach")
+    return np.asarray(q[np.linalg.norm(q - NEAR_RAD, axis=1).argmin()])

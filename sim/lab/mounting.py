@@ -1,0 +1,32 @@
+"""What a world's `[mount]` means: where the table and the tool truly are, as nobody tells the arm.
+
+World W of the plant is the frame of the table, its top at z = 0. The arm takes itself to stand in W; truly its base B
+stands so that the table has the world's height and tilt in B.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.collision import Table
+from hw.types import Array
+from sim.world import Mount
+
+
+def true_table(mount: Mount) -> Table:
+    """The table top in the arm's base frame."""
+    return Table(1e-3 * mount.table_height_mm, *(1e-3 * slope for slope in mount.table_tilt_mrad))
+
+
+def X_WB(mount: Mount) -> Array:
+    """(4, 4) the arm's base in the world."""
+    return np.asarray(np.linalg.inv(true_table(mount).X_BW))
+
+
+def X_FT(designed: Array, mount: Mount) -> Array:
+    """(4, 4) the tool in the flange as it truly is, given how it was `designed` to be."""
+    off = np.eye(4)
+    off[:3, :3] = Rotation.from_euler("x", 1e-3 * mount.tool_roll_mrad).as_matrix()
+    off[2, 3] = 1e-3 * mount.tool_height_mm
+    return np.asarray(designed @ off)

@@ -1,0 +1,271 @@
+"""The lab during a touch-off: an arm that feels, a hand, and a table and a tool that are not where they should be.
+
+The same world as `sim.lab.SimulatedLab` has: its `[mount]`, the task's own effects on the tool, its joint zeros.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+
+from hw import guarding, limits
+from hw.collision import KeepOut, Tool
+from hw.contact import Detector
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.kinematics import forward
+from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+from sim.lab import mounting
+from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
+from sim.lab.hand import Grip, LabHand
+from sim.lab.touch_cell import Felt, TouchCell
+from sim.panda.feelers import FINGERTIPS, empty_hand, feelers_of, feeling
+from sim.tasks.task import Task
+from sim.world import World
+
+HANDLE_M = 0.012
+PIECE_S = 0.04
+"""The plant is advanced in pieces of this length, and asked after each whether it has touched."""
+COLLISION_N = 80.0
+"""Where the lab's arm would stop by itself: three to four times the maker's example, as for the real arm."""
+
+NOISE_NM, RIPPLE_NM, BIAS_NM = 0.15, 0.15, 0.5
+"""Of the torque estimate: white, periodic in each joint's angle (gears), constant through a motion."""
+RIPPLE_PER_RAD = 30.0
+SPIKE_NM, SPIKES_PER_S = 6.0, 0.5
+
+
+class TouchLab:
+    """One world as a bench for a touch-off. Entering connects arm and hand; equal inputs give equal numbers."""
+
+    def __init__(
+        self,
+        task: Task,
+        world: World,
+        seed: int,
+        *,
+        home_q_rad: Array,
+        keep_out: tuple[KeepOut, ...] = (),
+        things: tuple[KeepOut, ...] = (),
+    ) -> None:
+        """`home_q_rad` (7,) is where the arm stands at first; `things` are boxes that somebody left on the table.
+
+        Raises UnknownName for a task whose tool cannot be touched off. Builds nothing yet.
+        """
+        self._task, self._world = task, world
+        self._feelers = feelers_of(task)
+        self._grip = Grip(HANDLE_M)
+        self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), keep_out, things)
+        self._hand = LabHand(self._grip)
+
+    def __enter__(self) -> Self:
+        self._arm.__enter__()
+        self._hand.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._hand.__exit__(*exc)
+        self._arm.__exit__(*exc)
+
+    @property
+    def arm(self) -> _FeelingArm:
+        return self._arm
+
+    @property
+    def hand(self) -> LabHand:
+        return self._hand
+
+    def offer_tool(self, there: bool) -> None:
+        """Somebody holds the tool between the open fingers, or takes it away."""
+        self._grip.offered = there
+        if not there:
+            self._grip.holds = False
+
+    def truth(self) -> dict[str, Any]:
+        """What a touch-off should find, for checking alone. Slip counts: it is where the tool is now."""
+        mount = self._world.mount
+        table = mounting.true_table(mount)
+        return {
+            "table": [table.height_m, table.slope_x, table.slope_y],
+            "tool_height_m": 1e-3 * mount.tool_height_mm,
+            "tool_pitch_rad": float(getattr(self._world.unmodelled, "pitch_bias_rad", 0.0)),
+            "tool_roll_rad": 1e-3 * mount.tool_roll_mrad,
+            "tool_slipped_rad": self._arm.slipped_rad,
+            "joint_zeros_rad": self._arm.zeros_rad.tolist(),
+        }
+
+
+class _FeelingArm:
+    """`hw.ports.GuardedArm`. Guarded motions have physics; free ones are exact, and a knock in one is a fault."""
+
+    def __init__(
+        self,
+        task: Task,
+        world: World,
+        seed: int,
+        grip: Grip,
+        home_q_rad: Array,
+        keep_out: tuple[KeepOut, ...],
+        things: tuple[KeepOut, ...],
+    ) -> None:
+        self._task, self._world, self._seed, self._grip = task, world, seed, grip
+        self._keep_out, self._things, self._q_rad = keep_out, things, home_q_rad
+        self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
+        self._phase_rad = of_touch(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
+        self._t_s, self._touches, self._connected = 0.0, 0, False
+        self._fault: str | None = None
+        self._cells: dict[bool, TouchCell] = {}
+
+    @property
+    def model(self) -> str:
+        return "panda"
+
+    @property
+    def slipped_rad(self) -> float:
+        return self._cells[True].turned_rad if True in self._cells else 0.0
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> ArmState:
+        self._need_connection()
+        return ArmState(self._t_s, self._q_rad, np.zeros(7), self._fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        self._ready()
+        limits.require(path, self.model, self._q_rad, self._keep_out, self._tool, collision_N=COLLISION_N)
+        if path.contact is not None:
+            raise MotionRefused("there is nothing to act on during a touch-off: only guarded motions may touch")
+        knock = self._knocks(path)
+        last = len(path.t_s) - 1 if knock is None else knock
+        t_start_s = self._moved_to(path.q_rad[last], float(path.t_s[last]))
+        if knock is not None:
+            raise self._stopped(ArmFault, f"reflex {path.t_s[knock]:.2f} s into the path: the tool hit the table")
+        return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        self._ready()
+        guarding.require_guarded(
+            path, guard, self.model, self._q_rad, self._keep_out, self._tool, collision_N=COLLISION_N
+        )
+        self._touches += 1
+        faults = self._world.faults
+        if self._touches in faults.pedal_release:
+            braked = limits.brake(path, path.duration_s / 2.0, self.model)
+            self._moved_to(braked.q_rad[-1], braked.duration_s)
+            raise self._stopped(StoppedByPedal, f"the pedal was released {path.duration_s / 2.0:.2f} s into the path")
+        if self._touches in faults.arm_reflex:
+            half = len(path.t_s) // 2
+            self._moved_to(path.q_rad[half], float(path.t_s[half]))
+            why = f"reflex {path.t_s[half]:.2f} s into the path: an external force was too large"
+            raise self._stopped(ArmFault, why)
+        contact = self._feel(path, guard)
+        there_s = path.duration_s if contact is None else contact.t_s
+        self._t_s += 2.0 * there_s  # there and back
+        if contact is None:
+            raise NoContact(
+                f"the arm came down to the end of its path, {path.duration_s:.1f} s, and touched nothing; it is back "
+                "at the start"
+            )
+        return contact
+
+    def recover(self) -> None:
+        self._need_connection()
+        self._fault = None
+
+    def _feel(self, path: JointPath, guard: Guard) -> Contact | None:
+        """Down with physics until it touches and stands; the way back is free and takes none."""
+        rng = of_touch(self._seed, self._touches)
+        unseen = self.zeros_rad + REPEATABILITY_RAD * rng.standard_normal(7)
+        cell, detector = self._cell(), Detector(guard)
+        cell.start(_moved(path, unseen))
+        pieces: list[Felt] = []
+        bias_Nm = BIAS_NM * rng.standard_normal(7)
+        while (until_s := PIECE_S * (len(pieces) + 1)) <= path.duration_s + PIECE_S:
+            try:
+                felt = cell.advance(until_s)
+            except RuntimeError as error:
+                raise self._stopped(ArmFault, f"the lab's simulation failed: {error}") from error
+            pieces.append(self._measured(felt, unseen, bias_Nm, rng))
+            at = detector.feed(pieces[-1].t_s, pieces[-1].q_rad, pieces[-1].torque_Nm)
+            if at is not None:
+                stop_s = float(pieces[-1].t_s[-1])
+                braked = limits.brake(path, stop_s, self.model)
+                cell.follow(_moved(braked, unseen))
+                last = cell.advance(PIECE_S * np.ceil((braked.duration_s + 0.1) / PIECE_S))
+                after = self._measured(last, unseen, bias_Nm, rng)
+                detector.feed(after.t_s, after.q_rad, after.torque_Nm)
+                return _contact(pieces, at, detector.largest_N)
+        return None
+
+    def _measured(self, felt: Felt, unseen: Array, bias_Nm: Array, rng: np.random.Generator) -> Felt:
+        """As the arm reports it: without what it does not know of its joints, with what its sensors add."""
+        noise = NOISE_NM * rng.standard_normal(felt.torque_Nm.shape)
+        spikes = rng.uniform(size=len(felt.t_s)) < SPIKES_PER_S / limits.PATH_RATE_HZ
+        noise[spikes] += SPIKE_NM * rng.choice([-1.0, 1.0], size=(int(spikes.sum()), 7))
+        ripple = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * felt.q_rad + self._phase_rad)
+        return Felt(
+            felt.t_s, felt.commanded_rad - unseen, felt.q_rad - unseen, felt.torque_Nm + noise + ripple + bias_Nm
+        )
+
+    def _knocks(self, path: JointPath) -> int | None:
+        """The first sample at which the tool is truly below the table."""
+        table = mounting.true_table(self._world.mount)
+        feelers = feelers_of(self._task) if self._grip.holds else (FINGERTIPS,)
+        X_FT = mounting.X_FT(self._task.X_FT, self._world.mount) if self._grip.holds else np.eye(4)
+        X_BT = forward(path.q_rad[::20] + self.zeros_rad) @ X_FT
+        for feeler in feelers:
+            p_m = X_BT[:, :3, :3] @ feeler.p_T_m + X_BT[:, :3, 3]
+            below = np.flatnonzero(p_m[:, 2] - feeler.radius_m < table.height_at(p_m) - 1e-3)
+            if len(below):
+                return 20 * int(below[0])
+        return None
+
+    def _cell(self) -> TouchCell:
+        holds = self._grip.holds
+        if holds not in self._cells:
+            feelers = feelers_of(self._task) if holds else None
+            self._cells[holds] = TouchCell(self._task, self._world, feelers, self._things)
+        self._cells[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._grip.force_N)
+        return self._cells[holds]
+
+    @property
+    def _tool(self) -> Tool:
+        """As the arm takes it to be."""
+        return feeling(self._task, self._task.X_FT) if self._grip.holds else empty_hand()
+
+    def _moved_to(self, q_rad: Array, duration_s: float) -> float:
+        t_start_s, self._t_s = self._t_s, self._t_s + duration_s
+        self._q_rad = frozen_array(q_rad)
+        return t_start_s
+
+    def _ready(self) -> None:
+        self._need_connection()
+        if self._fault is not None:
+            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
+
+    def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
+        self._fault = reason
+        return kind(f"{reason}; the arm is at rest, look at it and recover it, then run again")
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the lab's arm is not connected: enter it with `with` first")
+
+
+def _moved(path: JointPath, by_rad: Array) -> JointPath:
+    return JointPath(path.t_s, path.q_rad + by_rad)
+
+
+def _contact(pieces: list[Felt], at: int, largest_N: float) -> Contact:
+    """`at` counts in the last piece."""
+    end = sum(len(piece.t_s) for piece in pieces[:-1]) + at + 1
+    t_s, commanded, measured, torque = (
+        np.concatenate([getattr(piece, name) for piece in pieces])[:end]
+        for name in ("t_s", "commanded_rad", "q_rad", "torque_Nm")
+    )
+    return Contact(float(t_s[-1]), measured[-1], largest_N, t_s, commanded, measured, torque)

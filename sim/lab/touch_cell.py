@@ -1,0 +1,205 @@
+"""The lab's physics of a touch: arm, table and what the hand holds, advanced in pieces so that a touch can stop it.
+
+The same springs in the joints as in `sim.lab.cell`. External torque is what those springs carry: their stiffness times
+their deflection, and damping. The tool hangs on the fingers by a grip that turns across them when it is asked for
+more than it holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Box, HalfSpace, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    PdControllerGains,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from hw.collision import KeepOut
+from hw.types import PATH_RATE_HZ, Array, JointPath
+from sim.drake_types import vector
+from sim.lab import mounting
+from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD, hold, make_position_controlled
+from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, Feeler
+from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
+from sim.tasks.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
+from sim.tasks.task import Task
+from sim.world import World
+
+STEP_S = 0.0025
+FEELER_STIFFNESS_N_M = 2e5
+GRIP_NM_RAD, GRIP_NMS_RAD = 4000.0, 4.0
+_GRIP = "grip"
+_OUT_OF_THE_WAY_M = 20.0
+_BASE_FRICTION = 0.3
+_KNOT_EVERY = 5  # samples of a path between two knots of what the springs follow
+
+
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """A stretch of a motion at 1 kHz: what the arm commanded, where it was, what its joints carried."""
+
+    t_s: Array  # (M,)
+    commanded_rad: Array  # (M, 7)
+    q_rad: Array  # (M, 7)
+    torque_Nm: Array  # (M, 7) of external forces
+
+
+class TouchCell:
+    """One plant: with the task's tool in the fingers, or with the closed fingers alone."""
+
+    def __init__(
+        self, task: Task, world: World, feelers: tuple[Feeler, ...] | None, things: tuple[KeepOut, ...] = ()
+    ) -> None:
+        """`feelers` of the tool; None: no tool, the fingers are closed. `things` lie on the table, boxes in W."""
+        builder = DiagramBuilder()
+        config = MultibodyPlantConfig(time_step=STEP_S, use_sampled_output_ports=False)
+        plant, self._scene_graph = AddMultibodyPlant(config, builder)
+        self._plant, self._object = plant, None
+        arm = add_panda(plant, X_WB=mounting.X_WB(world.mount))
+        make_position_controlled(plant, arm)
+        flange = plant.GetFrameByName(FLANGE_NAME)
+        self._grip_limit_Nm = float("inf")
+        if feelers is None:
+            set_contact(plant, "sap")
+            plant.RegisterCollisionGeometry(
+                plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(_BASE_FRICTION)
+            )
+            _add_balls(plant, plant.GetBodyByName(FLANGE_NAME), (FINGERTIPS,))
+        else:
+            self._add_tool(task, world, flange, feelers)
+        for thing in things:
+            centre, size = (thing.low_m + thing.high_m) / 2.0, thing.high_m - thing.low_m
+            plant.RegisterCollisionGeometry(
+                plant.world_body(), RigidTransform(centre), Box(*size), thing.name, material(_BASE_FRICTION)
+            )
+        plant.Finalize()
+        self._reference = TrajectorySource(hold(np.zeros(7)), 1)
+        builder.AddSystem(self._reference)
+        builder.Connect(self._reference.get_output_port(), plant.get_desired_state_input_port(arm))
+        self._grip_port = plant.get_desired_state_input_port(self._grip) if feelers is not None else None
+        if self._grip_port is not None:
+            builder.ExportInput(self._grip_port, _GRIP)
+        self._log = LogVectorOutput(plant.get_state_output_port(), builder, publish_period=STEP_S)
+        self._diagram = builder.Build()
+        self._simulator = Simulator(self._diagram)
+        self._root = self._simulator.get_mutable_context()
+        self._context = plant.GetMyMutableContextFromRoot(self._root)
+        joints = [plant.GetJointByName(name) for name in JOINT_NAMES]
+        self._q = np.array([joint.position_start() for joint in joints])
+        self._v = plant.num_positions() + np.array([joint.velocity_start() for joint in joints])
+        self._turned_rad = 0.0
+        self._hold_grip()
+
+    @property
+    def turned_rad(self) -> float:
+        """How far the tool has slipped about the fingers since it was grasped."""
+        return self._turned_rad
+
+    def holds_at_most(self, torque_Nm: float) -> None:
+        self._grip_limit_Nm = torque_Nm
+
+    def start(self, path: JointPath) -> None:
+        """At rest at the path's start, its springs unloaded; time starts anew."""
+        positions = self._plant.GetDefaultPositions()
+        positions[self._q] = path.q_rad[0]
+        if self._object is not None:
+            X = RigidTransform(vector(0.0, 0.0, _OUT_OF_THE_WAY_M))
+            self._plant.SetDefaultFloatingBaseBodyPose(self._object, X)
+            positions = self._plant.GetDefaultPositions()
+            positions[self._q] = path.q_rad[0]
+            positions[self._grip_joint.position_start()] = self._turned_rad
+        self._root.SetTime(0.0)
+        self._plant.SetPositions(self._context, positions)
+        self._plant.SetVelocities(self._context, np.zeros(self._plant.num_velocities()))
+        self.follow(path)
+        self._log.FindMutableLog(self._root).Clear()
+        self._simulator.Initialize()
+
+    def follow(self, path: JointPath) -> None:
+        """From now on; what has passed of it must be what was followed before."""
+        self._path = path
+        knots = np.unique(np.append(np.arange(0, len(path.t_s), _KNOT_EVERY), len(path.t_s) - 1))
+        self._reference.UpdateTrajectory(PiecewisePolynomial.FirstOrderHold(path.t_s[knots], path.q_rad[knots].T))
+
+    def advance(self, to_s: float) -> Felt:
+        """On to `to_s`, a multiple of the step -> what was felt since the last call. Raises RuntimeError (Drake)."""
+        begin_s = self._root.get_time()
+        self._simulator.AdvanceTo(to_s)
+        self._slip()
+        log = self._log.FindMutableLog(self._root)
+        at_s, rows = np.array(log.sample_times()), np.array(log.data()).T
+        kept = at_s >= begin_s - 2.0 * STEP_S
+        t_s = np.arange(round(begin_s * PATH_RATE_HZ), round(to_s * PATH_RATE_HZ)) / PATH_RATE_HZ
+        return self._felt(t_s, at_s[kept], rows[kept])
+
+    def _felt(self, t_s: Array, at_s: Array, rows: Array) -> Felt:
+        """What springs carry follows from the states; each step is pulled towards where the path was before it."""
+        q, v = rows[:, self._q], rows[:, self._v]
+        wanted, after = self._commanded(at_s - STEP_S), self._commanded(at_s)
+        spring = np.array(STIFFNESS_NM_RAD) * (wanted - q) + np.array(DAMPING_NMS_RAD) * ((after - wanted) / STEP_S - v)
+        both = np.concatenate([q, -spring], axis=1)
+        dense = np.stack([np.interp(t_s, at_s, column) for column in both.T], axis=-1)
+        return Felt(t_s, self._commanded(t_s), dense[:, :7], dense[:, 7:])
+
+    def _commanded(self, t_s: Array) -> Array:
+        return np.stack([np.interp(t_s, self._path.t_s, column) for column in self._path.q_rad.T], axis=-1)
+
+    def _add_tool(self, task: Task, world: World, flange: Frame, feelers: tuple[Feeler, ...]) -> None:
+        """The task's own scene, so that a mount that is off or a blade that bends is the same; its object is away."""
+        plant = self._plant
+        if task.build_scene is None:
+            raise ValueError(f"{task.name} has no scene, so there is no tool to touch with")
+        X_FT = mounting.X_FT(task.X_FT, world.mount)
+        self._grip = plant.AddModelInstance(_GRIP)
+        inertia = SpatialInertia(0.1, vector(0.0, 0.0, 0.0), UnitInertia(1e-3, 1e-3, 1e-3))
+        body = plant.AddRigidBody(_GRIP, self._grip, inertia)
+        at = RigidTransform(vector(0.0, 0.0, FINGERTIP_M))
+        above = plant.AddFrame(FixedOffsetFrame("fingers", flange, at))
+        self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), task.X_FT[:3, 1]))
+        actuator = plant.AddJointActuator(_GRIP, self._grip_joint)
+        actuator.set_controller_gains(PdControllerGains(p=GRIP_NM_RAD, d=GRIP_NMS_RAD))
+        plant.set_gravity_enabled(self._grip, False)
+        X_GT = at.inverse() @ RigidTransform(X_FT)
+        bodies = task.build_scene(
+            plant, body.body_frame(), X_GT.GetAsMatrix4(), world.parameters, world.nuisance, world.unmodelled
+        )
+        keep_apart(self._scene_graph, bodies.apart)
+        self._object = plant.GetBodyByName(bodies.object)
+        plant.set_gravity_enabled(self._object.model_instance(), False)
+        _add_balls(plant, plant.GetBodyByName(bodies.tool), feelers)
+
+    def _slip(self) -> None:
+        """A grip that is loaded beyond what it holds turns until it is loaded with just that."""
+        if self._object is None:
+            return
+        angle = self._grip_joint.get_angle(self._context)
+        torque_Nm = GRIP_NM_RAD * (self._turned_rad - angle)
+        beyond_Nm = abs(torque_Nm) - self._grip_limit_Nm
+        if beyond_Nm > 0.0:
+            self._turned_rad -= float(np.sign(torque_Nm)) * beyond_Nm / GRIP_NM_RAD
+            self._hold_grip()
+
+    def _hold_grip(self) -> None:
+        if self._grip_port is not None:
+            self._diagram.GetInputPort(_GRIP).FixValue(self._root, np.array([self._turned_rad, 0.0]))
+
+
+def _add_balls(plant: MultibodyPlant, body: RigidBody, feelers: tuple[Feeler, ...]) -> None:
+    for feeler in feelers:
+        properties = relaxing(material(0.0, FEELER_STIFFNESS_N_M), RELAXATION_TIME_S)
+        plant.RegisterCollisionGeometry(
+            body, RigidTransform(feeler.p_T_m), Sphere(feeler.radius_m), f"feeler: {feeler.name}", properties
+        )

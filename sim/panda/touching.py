@@ -1,0 +1,134 @@
+"""The slow motions of a touch-off: where the tool is held, and the straight way down that a guard may stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.collision import KeepOut, Table, Tool
+from hw.contact import predicted_force_N
+from hw.guarding import check_guarded
+from hw.joint_limits import LIMITS
+from hw.kinematics import forward
+from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, frozen_array
+from sim.errors import NotExecutable
+from sim.panda.feelers import Feeler
+from sim.panda.inverse import inverse
+from sim.panda.redundancy import ALLOWED
+
+RAMP_S = 0.4
+STILL_S = 0.25
+"""At rest before the way down, so that the tare feels no acceleration."""
+_Q7 = 91
+_EVERY, _MOST = 3, 24
+"""Of the postures for a place, nearest first, every so many are tried, and so many at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """One touch: which feeler, where over the table, and how the tool is held."""
+
+    name: str
+    feeler: Feeler
+    xy_m: Array  # (2,) where the feeler comes down, in the table's frame
+    R_WT: Array  # (3, 3) how the tool is held
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "xy_m", frozen_array(self.xy_m, (2,), "xy_m"))
+        object.__setattr__(self, "R_WT", frozen_array(self.R_WT, (3, 3), "R_WT"))
+
+    def X_BT(self, table: Table, above_m: float) -> Array:
+        """(4, 4) the tool with the feeler's lowest point `above_m` over the table."""
+        X_WT = np.eye(4)
+        X_WT[:3, :3] = self.R_WT
+        centre = np.array([*self.xy_m, above_m + self.feeler.radius_m])
+        X_WT[:3, 3] = centre - self.R_WT @ self.feeler.p_T_m
+        return np.asarray(table.X_BW @ X_WT)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stretch of a way down."""
+
+    way_m: float
+    speed_m_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What a plan has to know of arm, tool and surroundings."""
+
+    model: str
+    X_FT: Array  # (4, 4) the tool as far as it is known; of empty fingers the identity
+    tool: Tool
+    keep_out: tuple[KeepOut, ...] = ()
+
+    def guard(self, feeler: Feeler, force_N: float) -> Guard:
+        return Guard(force_N, self.X_FT[:3, :3] @ feeler.p_T_m + self.X_FT[:3, 3])
+
+
+def stance(
+    probe: Probe, bench: Bench, table: Table, above_m: float, search: Sequence[Stage], force_N: float, q_near: ArrayLike
+) -> Array:
+    """(7,) the posture nearest to `q_near` with the feeler `above_m` over the table, from which `search` is allowed.
+
+    Raises NotExecutable with what forbids the best one.
+    """
+    limits, near = LIMITS[bench.model], frozen_array(q_near, (7,), "q_near")
+    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
+    q = inverse(probe.X_BT(table, above_m) @ np.linalg.inv(bench.X_FT), q7).reshape(-1, 7)
+    q = q[np.isfinite(q).all(axis=1)]
+    still = np.zeros_like(q)
+    q = q[limits.ratios(q, still, still)[0].max(axis=1) <= ALLOWED] if len(q) else q
+    guard = bench.guard(probe.feeler, force_N)
+    refused = "it is out of the arm's reach"
+    for candidate in q[np.argsort(np.abs(q - near).max(axis=1))][::_EVERY][:_MOST]:
+        try:
+            path = descent(candidate, search, guard, 0.0, bench.model)
+        except NotExecutable as error:
+            refused = str(error)
+            continue
+        report = check_guarded(path, guard, bench.model, None, bench.keep_out, bench.tool, table)
+        if report.ok:
+            return frozen_array(candidate)
+        refused = str(report.worst)
+    raise NotExecutable(f"{bench.model}: the arm cannot touch at {probe.name}: {refused}; move the place")
+
+
+def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m: float, model: str) -> JointPath:
+    """Straight down from `q_top_rad` (7,), joint 7 and the tool's attitude held, through the `stages` in turn.
+
+    The whole way is a contact window that declares `below_m` (how far below the expected table it ends) and the
+    largest force to expect. Raises NotExecutable out of reach.
+    """
+    q_top = frozen_array(q_top_rad, (7,), "q_top_rad")
+    way_m = _steady(stages)
+    X_BF = np.repeat(forward(q_top)[None], len(way_m), axis=0)
+    X_BF[:, 2, 3] -= way_m
+    branch = int(np.nan_to_num(np.abs(inverse(X_BF[0], q_top[6]) - q_top).max(axis=-1), nan=np.inf).argmin())
+    q_rad = inverse(X_BF, np.full(len(way_m), q_top[6]))[:, branch]
+    if not np.isfinite(q_rad).all():
+        raise NotExecutable(f"{model}: the arm cannot come down by {1e3 * way_m[-1]:.0f} mm there; move the place")
+    force_N = predicted_force_N(guard, max(stage.speed_m_s for stage in stages))
+    t_s = np.arange(len(way_m)) / PATH_RATE_HZ
+    return JointPath(t_s, q_rad, ContactWindow(0.0, float(t_s[-1]), max(below_m, 0.0), force_N))
+
+
+def _steady(stages: Sequence[Stage]) -> Array:
+    """(N,) way at 1 kHz: constant speeds with smooth changes between them (fifth order), at rest at both ends.
+
+    The change to the next speed belongs to the way of the stage before it.
+    """
+    speeds = [0.0, *(stage.speed_m_s for stage in stages), 0.0]
+    ramp = np.arange(round(RAMP_S * PATH_RATE_HZ)) / (RAMP_S * PATH_RATE_HZ)
+    share = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
+    parts = [np.zeros(round(STILL_S * PATH_RATE_HZ)), share * speeds[1]]
+    for i, stage in enumerate(stages, start=1):
+        changes_m = RAMP_S / 2.0 * (stage.speed_m_s + speeds[i + 1] + (speeds[1] if i == 1 else 0.0))
+        steady_s = max(stage.way_m - changes_m, 0.0) / stage.speed_m_s
+        parts.append(np.full(round(steady_s * PATH_RATE_HZ), stage.speed_m_s))
+        parts.append(speeds[i] + share * (speeds[i + 1] - speeds[i]))
+    return np.concatenate([[0.0], np.cumsum(np.concatenate(parts)) / PATH_RATE_HZ])

@@ -1,0 +1,145 @@
+"""A real lab without its devices: rig file, calibration, and scripted devices where the drivers would be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from adaptsim_cli import wiring_calibration
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.rigs.openers import Openers
+from calib.records import BoardRecord
+from calib.saved import SavedCalibration, UncertaintyRecord
+from hw.collision import Tool
+from hw.errors import BalanceError, DeviceUnavailable
+from hw.fake import FakeArm, FakeCamera, FakeClock
+from hw.types import CameraModel, Frame, Intrinsics
+from perception.board_types import Board
+from sim.kinect import default_X_BC
+
+RIG = """\
+name = "lab-1"
+[arm]
+model = "panda"
+address = "172.16.0.2"
+[camera]
+serial = "000123"
+[pedal]
+port = "/dev/ttyACM0"
+[balance]
+port = "/dev/ttyUSB0"
+protocol = "sbi"
+[person]
+side = "left"
+[tools.scooping]
+height_m = 0.002
+[tools.scooping.payload]
+mass_kg = 0.12
+"""
+READY_RAD = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+_PINHOLE = Intrinsics(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1.0]]))
+MODEL = CameraModel("000123", _PINHOLE, _PINHOLE, np.eye(4))
+DARK = Frame(0.0, np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 900, np.uint16))
+
+
+def write_rig(folder: Path, text: str = RIG) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
+    """As `adaptsim calibrate` leaves one, of the camera where the simulated lab has it."""
+    u = UncertaintyRecord(
+        sigma_mm=0.5, sigma_deg=0.05, position_95_mm=1.0, rotation_95_deg=0.1, worst_95_mm=1.5, arm_worst_95_mm=1.4,
+        points_m=((0.0, 0.0, 0.0),), work_95_mm=(1.0,), arm_work_95_mm=(1.0,),
+    )  # fmt: skip
+    X_BC = tuple(tuple(map(float, row)) for row in default_X_BC())
+    return SavedCalibration(
+        mounting="fixed", X_AC=X_BC, X_HM=X_BC, joint_offsets=None, uncertainty=u, fit_px=0.1, held_out_px=0.1,
+        corner_px=0.1, joint_rad=1e-4, square_scale=1.0, views=(), methods=(), checks=(), gates=(), accepted=True,
+        created=created, source="calibrated", folder="views-0001", hw="panda", arm="panda", camera="000123",
+        board=BoardRecord.of(Board()), versions={},
+    )  # fmt: skip
+
+
+def calibrated(resolved: Resolved) -> None:
+    wiring_calibration.calibrations(resolved.config, resolved.places).save(calibration(), b"")
+
+
+@dataclass
+class ToyPedal:
+    """`held` says for each look in turn whether it is pressed; the last stays."""
+
+    held: list[bool] = field(default_factory=lambda: [True])
+    port: str = ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def enabled(self) -> bool:
+        return self.held.pop(0) if len(self.held) > 1 else self.held[0]
+
+    def why_not(self) -> str:
+        return "the pedal is released"
+
+
+@dataclass
+class ToyBalance:
+    """Gives the masses in turn; None is a pan that still moves."""
+
+    masses_kg: list[float | None]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def mass_kg(self) -> float:
+        mass = self.masses_kg.pop(0)
+        if mass is None:
+            raise BalanceError("the balance is not at rest")
+        return mass
+
+
+@dataclass
+class ToyDevices:
+    """`Openers` over scripted devices; `opened` tells which were asked for, oldest first, and with what."""
+
+    q_rad: np.ndarray = field(default_factory=lambda: READY_RAD)
+    pedal: ToyPedal = field(default_factory=ToyPedal)
+    balance: ToyBalance = field(default_factory=lambda: ToyBalance([0.5]))
+    lacking: str = ""  # of this device the driver is not installed
+    opened: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    arm: FakeArm | None = None
+
+    def openers(self) -> Openers:
+        return Openers(self._arm, self._camera, self._pedal, self._balance)
+
+    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, pedal: Any) -> FakeArm:
+        self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, pedal=pedal)
+        self.arm = FakeArm(self.q_rad, FakeClock(), model=model, tool=tool, keep_out=keep_out)
+        return self.arm
+
+    def _camera(self, part: Any, *, infrared: bool) -> FakeCamera:
+        self._open("camera", part=part, infrared=infrared)
+        return FakeCamera(MODEL, DARK, lambda _: (DARK,))
+
+    def _pedal(self, port: str) -> ToyPedal:
+        self._open("pedal", port=port)
+        return self.pedal
+
+    def _balance(self, part: Any) -> ToyBalance:
+        self._open("balance", part=part)
+        return self.balance
+
+    def _open(self, name: str, **given: Any) -> None:
+        if name == self.lacking:
+            raise DeviceUnavailable(f"{name}: the driver is not installed; run: pip install {name}-driver==1.0")
+        self.opened[name] = given

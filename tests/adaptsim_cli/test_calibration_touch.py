@@ -1,0 +1,185 @@
+"""The touched point from the question to the verdict, what devices tell of their temperature, and the mounting."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from board_rig import ToyBench, ToyHands, quiet, rig, run, said, store
+
+from adaptsim_cli.calibration import solving, touching
+from adaptsim_cli.errors import StoppedByOperator
+from calib.errors import CalibrationRejected, ViewFolderError
+from calib.files import setup_record
+from calib.saved import CheckRecord, SavedCalibration
+from calib.touch import MIN_TOUCHES
+
+
+def check(record: SavedCalibration, name: str) -> CheckRecord:
+    return next(check for check in record.checks if check.name == name)
+
+
+def views_of(root: Path) -> Path:
+    return root / "calibrations/toy/views-0001"
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, solving.Solved]:
+    root, bench = tmp_path_factory.mktemp("touched"), ToyBench(warmth_C=lambda picture: 31.5)
+    return root, run(root, bench, hands=ToyHands(bench))[0]
+
+
+@pytest.fixture
+def copied(touched: tuple[Path, solving.Solved], tmp_path: Path) -> Path:
+    folder = tmp_path / "views"
+    shutil.copytree(views_of(touched[0]), folder)
+    return folder
+
+
+def solve(folder: Path) -> solving.Solved:
+    return solving.solve_folder(folder, hw="recorded", created="2024-05-01T10:00:00+00:00", versions={})
+
+
+def edit(folder: Path, **values: object) -> None:
+    path = folder / "touch.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+
+def test_a_corner_is_seen_and_touched_at_the_same_place(touched: tuple[Path, solving.Solved]) -> None:
+    root, solved = touched
+    found = check(solved.record, "touched point")
+    assert found.verdict == "good"
+    assert found.value is not None
+    assert found.value < 1.5
+    assert "4 touches agree to" in found.message
+    assert (views_of(root) / touching.PICTURE).stat().st_size > 1000
+    assert len(json.loads((views_of(root) / "touch.json").read_text())["q_rad"]) == MIN_TOUCHES
+
+
+def test_temperatures_are_kept_where_devices_tell_them(touched: tuple[Path, solving.Solved], tmp_path: Path) -> None:
+    record = touched[1].record
+    assert record.temperatures_C == {"arm": None, "camera": 31.5}
+    assert check(record, "camera temperature").verdict == "good"
+    silent = run(tmp_path, ToyBench())[0].record
+    assert silent.temperatures_C == {"arm": None, "camera": None}
+    assert check(silent, "camera temperature").verdict == "not measured"
+
+
+def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
+    record = run(tmp_path, ToyBench(warmth_C=lambda picture: 25.0 + 0.5 * picture))[0].record
+    found = check(record, "camera temperature")
+    assert found.verdict == "suspect"
+    assert found.value == pytest.approx(4.0)
+    assert "let it run for 40 minutes" in found.message
+
+
+def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, screen = ToyBench(), quiet()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n" * (1 + MIN_TOUCHES)))
+    record = run(tmp_path / "yes", bench, screen=screen, hands=ToyHands(bench), unattended=False)[0].record
+    assert check(record, "touched point").verdict == "good"
+    assert "lay it flat in view of the camera" in said(screen)
+    assert "Touch 4 of 4: guide the tip to the corner, the gripper leaning to the right" in said(screen)
+    for answers in ("n\n", "\n\nn\n"):
+        bench, screen = ToyBench(), quiet()
+        monkeypatch.setattr("sys.stdin", io.StringIO(answers))
+        root = tmp_path / f"no{len(answers)}"
+        record = run(root, bench, screen=screen, hands=ToyHands(bench), unattended=False)[0].record
+        assert check(record, "touched point").verdict == "not measured"
+        assert "no point is touched" in said(screen)
+        assert record.accepted
+
+
+def test_stopping_at_the_touch_loses_no_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = ToyBench()
+    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
+    with pytest.raises(StoppedByOperator):
+        run(tmp_path, bench, hands=ToyHands(bench), unattended=False)
+    again = ToyBench()
+    record = run(tmp_path, again, hands=ToyHands(again))[0].record
+    assert again.motions == 0, "all views and the swing were there"
+    assert check(record, "touched point").verdict == "good"
+
+
+def test_a_tip_that_slips_is_touched_again(tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+    hands = ToyHands(bench, slip_m=lambda number: 0.02 if number == 1 else 0.0)
+    record = run(tmp_path, bench, screen=screen, hands=hands)[0].record
+    assert "the tip slipped, or the board did; touch again" in said(screen)
+    assert check(record, "touched point").verdict == "good"
+
+
+def test_a_tip_that_slips_every_time_is_no_measurement(tmp_path: Path) -> None:
+    bench = ToyBench()
+    hands = ToyHands(bench, slip_m=lambda number: 0.02 if number % MIN_TOUCHES == 1 else 0.0)
+    record = run(tmp_path, bench, hands=hands)[0].record
+    found = check(record, "touched point")
+    assert found.verdict == "not measured"
+    assert "the touches disagree by" in found.message
+    assert record.accepted
+
+
+def test_a_board_that_is_not_laid_in_view_is_said(tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+    toy = rig(bench, hands=ToyHands(bench))
+    series = store(tmp_path).series(setup_record(toy.camera.model(), toy.board, "panda"), fresh=True)[0]
+    bench.paint = lambda image: np.full_like(image, 120)
+    touching.offer(toy, series, screen, unattended=True)
+    assert "once more: 0 of the board's 17 markers" in said(screen)
+    assert "no point is touched" in said(screen)
+    assert not series.has_touch
+
+
+def test_another_corner_than_the_one_stated_forbids_the_calibration(copied: Path, tmp_path: Path) -> None:
+    corner = json.loads((copied / "touch.json").read_text())["corner"]
+    edit(copied, corner=corner + 1)
+    record = solve(copied).record
+    found = check(record, "touched point")
+    assert found.verdict == "bad"
+    assert found.value == pytest.approx(40.0, abs=1.5)
+    assert not record.accepted
+
+
+def test_a_refused_touch_leaves_what_is_in_use(tmp_path: Path) -> None:
+    bench = ToyBench()
+    run(tmp_path, bench, hands=ToyHands(bench))
+    before = store(tmp_path).current()
+    bench = ToyBench()
+    hands = ToyHands(bench, slip_m=lambda number: 0.04)  # the wrong corner, four times
+    with pytest.raises(CalibrationRejected, match=r"touched point is 4\d\.\d mm from where the camera sees it"):
+        run(tmp_path, bench, hands=hands)
+    assert store(tmp_path).current() == before
+    again = ToyBench()
+    record = run(tmp_path, again, hands=ToyHands(again))[0].record
+    assert again.motions == 0, "the views are still good"
+    assert check(record, "touched point").verdict == "good"
+
+
+def test_poses_serve_where_joints_are_not_known(copied: Path) -> None:
+    stored = json.loads((copied / "touch.json").read_text())
+    X_BF = rig(ToyBench()).flange(np.array(stored.pop("q_rad")))
+    (copied / "touch.json").write_text(json.dumps(stored | {"X_BF": X_BF.tolist()}))
+    assert check(solve(copied).record, "touched point").verdict == "good"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda folder: (folder / "touch.json").write_text("{"), r"touch\.json cannot be read"),
+        (lambda folder: edit(folder, corner=99), "corner 99; this board has 0 to 23"),
+        (lambda folder: edit(folder, q_rad=None), "exactly one of q_rad and X_BF"),
+        (lambda folder: edit(folder, q_rad=[[0, -45, 0, -135, 0, 90, 45]] * 4), "not in degrees"),
+        (lambda folder: (folder / "touch.png").write_bytes(b"half"), r"touch\.png is not what touch\.json says"),
+        (lambda folder: (folder / "touch.png").unlink(), r"touch\.png, named by touch\.json, cannot be read"),
+    ],
+)
+def test_a_damaged_touch_is_named(change: object, message: str, copied: Path) -> None:
+    change(copied)  # type: ignore[operator]
+    with pytest.raises(ViewFolderError, match=message):
+        solve(copied)

@@ -1,0 +1,74 @@
+"""`adaptsim checkpoints verify`, on the pendulum, whose rollouts cost nothing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli import app
+from sim.checkpoint import CARD, SHIPPED
+from sim.files import read_toml, write_toml
+
+
+@pytest.fixture
+def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The shipped checkpoint of the pendulum, to be tampered with."""
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "mine"
+    shutil.copytree(SHIPPED / "pendulum" / "default", folder)
+    return folder
+
+
+def claim(folder: Path, **evaluation: float) -> None:
+    """Write into the card that the policies earn this."""
+    card = read_toml(folder / CARD)
+    card["evaluation"] |= evaluation
+    write_toml(folder / CARD, card)
+
+
+def test_a_card_that_holds_ends_with_0(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--json"]) == 0
+    out, err = capfd.readouterr()
+    found = json.loads(out)
+    assert found["holds"] is True
+    assert {f["name"] for f in found["figures"]} >= {"mean reward of udr"}
+    for figure in found["figures"]:
+        assert figure["card"] - figure["found"] <= figure["tolerance"] < 0.3
+    assert f"{copied} is intact" in err.replace("\n", "")
+    assert "\N{CHECK MARK}" in err
+
+
+def test_a_card_that_claims_too_much_ends_with_8(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    claim(copied, udr=0.99)
+    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--json"]) == 8
+    out, err = capfd.readouterr()
+    found = json.loads(out)
+    assert found["holds"] is False
+    assert [f["name"] for f in found["figures"] if not f["holds"]] == ["mean reward of udr"]
+    assert "\N{BALLOT X}" in err
+    assert "does not hold: mean reward of udr" in err
+
+
+def test_files_alone_can_be_checked(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    claim(copied, udr=0.99)
+    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["figures"] == []
+    weights = copied / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:-8] + bytes(8))
+    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0"]) == 8
+    assert "damaged or was changed" in capfd.readouterr().err
+
+
+def test_wrong_flags_and_objects_are_named(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["checkpoints", "verify", "--task", "pendulum", "--quick", "--rollouts", "9"]) == 2
+    assert "--quick and --rollouts contradict each other" in capfd.readouterr().err
+    own = copied.parent / "heavy.toml"
+    own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
+    asked = ["checkpoints", "verify", str(copied), "--task", "pendulum", "--object", str(own), "--rollouts", "0"]
+    assert app.run(asked) == 8
+    assert "other parameters, margin of pendulum" in capfd.readouterr().err

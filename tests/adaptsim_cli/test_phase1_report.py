@@ -1,0 +1,167 @@
+"""`adaptsim pretrain --report`, on the pendulum, whose rollouts cost nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from adaptsim_cli import app
+from adaptsim_cli.report import phase1
+from sim.adaptation.evaluation import EvaluationSettings
+from sim.adaptation.meta_training import MetaSettings
+from sim.adaptation.phase1 import PretrainBudget, pretrain
+from sim.adaptation.proof import Proof, ProofSettings, load_pretrained, prove
+from sim.adaptation.proof_emulator import Errors, HeldOut, reliability_bins
+from sim.adaptation.proof_policies import Pairs
+from sim.adaptation.proof_replays import Agreement
+from sim.adaptation.proof_statistics import Estimate, rank_correlation
+from sim.rollouts import serial_executor
+from sim.tasks import get_task
+
+BUDGET = PretrainBudget(
+    meta=MetaSettings(steps=80, parallel=8),
+    evaluation=EvaluationSettings(targets=3, iterations=2, rollouts=1, oracle=16),
+    further_updates=20,
+)
+
+
+@cache
+def finished() -> TemporaryDirectory[str]:
+    folder = TemporaryDirectory()
+    with serial_executor() as executor:
+        pretrain(get_task("pendulum"), Path(folder.name), BUDGET, 0, executor, lambda stage, done, total: None)
+    return folder
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a pretraining, to be reported on."""
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("COLUMNS", "120")
+    return Path(shutil.copytree(finished().name, tmp_path / "made"))
+
+
+@pytest.fixture
+def proof(made: Path) -> Proof:
+    with serial_executor() as executor:
+        return prove(
+            load_pretrained(get_task("pendulum"), made), ProofSettings(), executor, lambda stage, done, total: None
+        )
+
+
+def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    docs = made.parent / "docs"
+    call = ["pretrain", "--task", "pendulum", "--out", str(made), "--report", "--docs", str(docs), "--workers", "1"]
+    assert app.run([*call, "--json"]) == 0
+    out, err = capfd.readouterr()
+    told = json.loads(out)
+    assert told["report"] == str(docs / "phase1.md")
+    assert told["card"]["task"] == "pendulum"
+    assert f"Report: {docs / 'phase1.md'}" in err
+    text = (docs / "phase1.md").read_text()
+    assert "## Double pendulum" in text
+    assert "| every reward |" in text
+    assert "### Emulator" not in text  # solved exactly
+    pictures = sorted((docs / "figures").iterdir())
+    assert [p.name for p in pictures] == ["phase1-pendulum-learning.png"]
+    assert 5_000 < pictures[0].stat().st_size < 200_000
+    assert app.run(call) == 0
+    assert (docs / "phase1.md").read_text() == text
+
+
+def test_docs_without_report_is_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["pretrain", "--task", "pendulum", "--docs", str(made)]) == 2
+    assert "add --report" in capfd.readouterr().err
+
+
+def test_the_rewards_of_an_exact_task_hold(proof: Proof) -> None:
+    assert proof.replays is not None
+    for found in proof.replays.returns:
+        assert found.paid == pytest.approx(found.true, abs=1e-3)
+    assert proof.pairs is None
+    assert proof.held_out is None
+
+
+def test_a_whole_report_names_every_number(proof: Proof, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    probability = rng.random(500)
+    held = HeldOut(
+        trained_on=4096,
+        everywhere=Errors(500, 0.7, 0.91, 0.068, 0.0042, 0.0231),
+        inside=Errors(120, 0.6, 0.95, 0.05, 0.003, 0.02),
+        calibration_error=0.021,
+        reliability=reliability_bins(probability, rng.random(500) < probability),
+        position_errors=rng.lognormal(-5.5, 1.0, 500),
+    )
+    assert proof.replays is not None
+    agreement = Agreement("iteration", 832, Estimate(0.9, 0.88, 0.92), Estimate(0.8, 0.78, 0.82), 0.01, 0.04)
+    whole = dataclasses.replace(
+        proof,
+        held_out=held,
+        pairs=_pairs(rng, noise=0.05),
+        replays=dataclasses.replace(proof.replays, agreements=(agreement,)),
+    )
+    document = phase1.write(whole, tmp_path, "adaptsim pretrain --task pendulum")
+    text = document.read_text()
+    for wanted in (
+        "| inside Ω | 120 | 95.0 % | 60.0 % | 0.0500 | 3.0 mm | 20.0 mm |",
+        "Calibration error of the outcome (expected, ten bins): 0.021.",
+        "52 pairs (E, E_s)",
+        "+0.050 (+0.020 to +0.080)",
+        "the bar of 0.9 is reached",
+        "| the last iteration (the paper's) | 832 | 90.0 % (88.0 % to 92.0 %) | 80.0 % | 1.0 % | 4.0 % |",
+    ):
+        assert wanted in text
+    assert "{{" not in text
+    for picture in ("emulator", "policies", "learning"):
+        name = f"phase1-pendulum-{picture}.png"
+        assert f"(figures/{name})" in text
+        assert (tmp_path / "figures" / name).stat().st_size < 200_000
+    assert _ragged(text) == []
+
+
+def _ragged(text: str) -> list[str]:
+    """Lines of tables that have another number of columns than their table's first."""
+    found: list[str] = []
+    columns = 0
+    for line in text.splitlines():
+        if not line.startswith("|"):
+            columns = 0
+        elif columns == 0:
+            columns = line.count("|")
+        elif line.count("|") != columns:
+            found.append(line)
+    return found
+
+
+def _pairs(rng: np.random.Generator, noise: float) -> Pairs:
+    truth = rng.random((13, 4))
+    rewards = truth[:, :, None] + rng.normal(0.0, 0.2, (13, 4, 10))
+    expected = truth + rng.normal(0.0, noise, truth.shape)
+    estimate = Estimate(0.05, 0.02, 0.08)
+    return Pairs(rewards, rewards, expected, estimate, estimate, rank_correlation(expected, rewards, rng), 48)
+
+
+def test_a_missed_bar_is_said_and_where_nothing_differs_too() -> None:
+    rng = np.random.default_rng(0)
+    assert "the bar of 0.9 is missed" in phase1.rank_verdict(_pairs(rng, noise=0.6).ranks)
+    same = rank_correlation(rng.random((13, 4)), 0.5 + rng.normal(0.0, 0.2, (13, 4, 10)), rng)
+    assert "nothing to rank" in phase1.rank_verdict(same)
+
+
+def test_a_section_replaces_its_own_and_leaves_the_others() -> None:
+    one = phase1.merged("", "scooping", "## Scooping\n\nfirst")
+    two = phase1.merged(one, "pushing", "## Pushing")
+    three = phase1.merged(two, "scooping", "## Scooping\n\nsecond")
+    assert three.index("## Pushing") < three.index("## Scooping")  # as the tasks are listed
+    assert "first" not in three
+    assert three.count("## Scooping") == 1
+    assert three.startswith("# Phase 1")
+    assert phase1.merged(three, "pushing", "## Pushing") == three

@@ -1,0 +1,291 @@
+"""Opening a real lab: what is refused before a device is touched, what the devices are given, who confirms what."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from real_lab import READY_RAD, RIG, ToyBalance, ToyDevices, ToyPedal, calibrated, write_rig
+from rich.console import Console
+from toy_rig import ToyLab, toy_parts
+
+from adaptsim_cli import app, config, console, wiring, wiring_calibration
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.console import Attended, Screen
+from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.mounted import mounted
+from adaptsim_cli.rigs.attended import AT_HOME_RAD, AttendedRig, Scales
+from adaptsim_cli.rigs.confirmed import ConfirmedArm
+from adaptsim_cli.rigs.opening import open_real
+from adaptsim_cli.rigs.reading import read
+from adaptsim_cli.session.records import RigFacts
+from adaptsim_cli.session.stages import TrialKey
+from calib.errors import CalibrationMissing
+from hw.errors import MotionRefused
+from hw.fake import FakeArm, FakeClock
+from hw.types import JointPath
+from perception.board_types import Board
+from perception.errors import PerceptionError
+from sim.errors import NotExecutable
+from sim.tasks import get_task
+
+SCOOPING = get_task("scooping")
+STILL = JointPath(np.arange(11) * 1e-3, np.tile(READY_RAD, (11, 1)))
+KEY = TrialKey(1, 0)
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(console, "require_terminal", lambda *_: None)
+    return tmp_path
+
+
+def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{answer}\n" for answer in answers)))
+
+
+def resolved(place: Path, text: str = RIG) -> Resolved:
+    write_rig(place, text)
+    return config.load({"hw": "panda", "task": "scooping"})
+
+
+def quiet() -> Screen:
+    return Screen(console=Console(file=io.StringIO(), width=200, markup=False))
+
+
+def said(screen: Screen) -> str:
+    file = screen._console.file
+    assert isinstance(file, io.StringIO)
+    return " ".join(file.getvalue().split())
+
+
+@contextmanager
+def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[AttendedRig]:
+    there = resolved(place, text)
+    calibrated(there)
+    with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
+        yield real
+
+
+class Untouched:
+    """Openers that may not be asked for anything."""
+
+    def __getattr__(self, name: str) -> object:
+        raise AssertionError(f"{name} was opened")
+
+
+def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
+    there = resolved(place)
+    with (
+        pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"),
+        open_real(there.config, there.places, SCOOPING, Untouched()),  # type: ignore[arg-type]
+    ):
+        pass
+
+
+def test_without_a_terminal_no_device_is_touched(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    calibrated(resolved(place))
+    monkeypatch.undo()
+    monkeypatch.chdir(place)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(place / "home"))
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert app.run(["run-iteration", "--task", "scooping", "--hw", "panda", "--yes"]) == 2
+    assert "a person at a terminal confirms it; --yes does not" in capfd.readouterr().err
+    assert not (place / "home/data/sessions").exists()
+
+
+def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    calibrated(resolved(place))
+    run = ["rollout", "--task", "scooping", "--hw", "panda"]
+    for lacking in ("arm", "camera", "pedal", "balance"):
+        devices = ToyDevices(lacking=lacking)
+        monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", devices.openers)
+        assert app.run(run) == 3
+        assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
+        assert devices.arm is None or not devices.arm.executed
+    write_rig(place, RIG.replace("mass_kg = 0.12", "mass_kg = 12"))
+    assert app.run(run) == 2
+    assert "tools.scooping.payload.mass_kg = 12 kg: it must be at most 3.0" in capfd.readouterr().err
+    (place / "rig.toml").unlink()
+    assert app.run(run) == 2
+    assert "there is no rig file" in capfd.readouterr().err
+
+
+def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
+    devices = ToyDevices()
+    with opened(place, devices) as real:
+        arm, camera = devices.opened["arm"], devices.opened["camera"]
+        assert list(devices.opened) == ["pedal", "arm", "camera", "balance"]
+        assert arm["settings"].host == "172.16.0.2"
+        assert arm["settings"].payload.mass_kg == 0.12
+        assert arm["pedal"] is devices.pedal
+        assert [box.name for box in arm["keep_out"]] == ["the camera", "the person's side (left)"]
+        assert (camera["part"].serial, camera["infrared"]) == ("000123", False)
+        assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
+        assert real.is_real
+        assert "lab-1, panda at 172.16.0.2" in real.title
+        assert real.mounted.task.X_FT[2, 3] != SCOOPING.X_FT[2, 3], "the tool hangs where it was touched off"
+        assert all(check.ok for check in real.checks())
+
+
+def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
+    there = resolved(place)
+    calibrated(there)
+    with wiring.open_parts(there.config, ToyDevices().openers()) as parts:
+        assert isinstance(parts.target, AttendedRig)
+        np.testing.assert_array_equal(parts.task.X_FT, parts.target.mounted.task.X_FT)
+        assert parts.provenance.world_sha256 == ""
+        assert parts.provenance.calibration == "calibrated"
+
+
+def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    bare, screen = FakeArm(READY_RAD, FakeClock()), quiet()
+    typing(monkeypatch, "", "y", "yes", "Panda")
+    with ConfirmedArm(bare, "panda at 10.0.0.1", screen, None) as arm:
+        arm.execute(STILL)
+        arm.execute(STILL)
+    assert len(bare.executed) == 2
+    assert said(screen).count("Type panda when that is so") == 4
+    assert "THE REAL ROBOT, panda at 10.0.0.1, is about to move for the first time" in said(screen)
+
+
+@pytest.mark.parametrize("answers", [("q",), ("yes", "q"), ()])
+def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    bare = FakeArm(READY_RAD, FakeClock())
+    typing(monkeypatch, *answers)
+    with ConfirmedArm(bare, "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
+        arm.execute(STILL)
+    assert bare.executed == []
+
+
+def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    typing(monkeypatch, "panda")
+    bare, clock, screen = FakeArm(READY_RAD, FakeClock()), FakeClock(), quiet()
+    pedal = ToyPedal([False, False, False, True])
+    with ConfirmedArm(bare, "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
+        arm.execute(STILL)
+        assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)
+        assert clock.now_s() == pytest.approx(0.04), "two looks"
+        pedal.held = [False]
+        with pytest.raises(MotionRefused, match="not held within 30 s"):
+            arm.execute(STILL)
+    assert len(bare.executed) == 1
+
+
+def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    devices = ToyDevices(balance=ToyBalance([None, 0.4123]))
+    typing(monkeypatch, "panda", "", "", "", "")
+    with opened(place, devices) as real:
+        screen = quiet()
+        object.__setattr__(real, "screen", screen)
+        assert real.scales is not None
+        real.scales._screen = screen
+        with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
+            real.set_up(SCOOPING.reference_context, KEY, Attended(real.screen))
+        assert devices.arm is not None
+        assert len(devices.arm.executed) == 1
+        np.testing.assert_allclose(devices.arm.state().q_rad, real.mounted.home_rad, atol=AT_HOME_RAD)
+        assert devices.arm.executed[0].duration_s > 1.0, "slowly"
+        text = said(real.screen)
+        assert text.index("moves home for") < text.index("on the balance") < text.index("Put the piece of food at")
+        assert "412.3 g" in text
+        assert real.on_rig.facts is not None
+        facts = real.on_rig.facts()
+        assert facts.object_mass_kg == 0.4123
+        assert facts.weighed is not None
+
+
+def test_who_stops_at_the_way_home_moves_nothing(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    devices = ToyDevices()
+    typing(monkeypatch, "panda", "q")
+    with opened(place, devices) as real, pytest.raises(StoppedByOperator):
+        real.set_up(SCOOPING.reference_context, KEY, Attended(quiet()))
+    assert devices.arm is not None
+    assert devices.arm.executed == []
+
+
+def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    devices = ToyDevices()
+    with opened(place, devices) as real:
+        assert devices.arm is not None
+        devices.arm._fault = "reflex"
+        typing(monkeypatch, "")
+        assert [check.name for check in real.checks() if not check.ok] == ["arm"]
+        typing(monkeypatch, "recover")
+        assert all(check.ok for check in real.checks())
+        assert devices.arm.executed == []
+
+
+def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    devices = ToyDevices()
+    text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
+    with opened(place, devices, text) as real:
+        assert set(devices.opened) == {"arm", "camera"}
+        assert devices.opened["arm"]["pedal"] is None
+        assert real.scales is None
+        assert real.on_rig.facts() == RigFacts()
+
+
+def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    typing(monkeypatch, "n")
+    scales = Scales(ToyBalance([]), quiet())
+    scales.weigh("bottle")
+    scales.weigh("bottle")
+    assert scales.facts == RigFacts()
+
+
+def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
+    write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
+    there = mounted(SCOOPING, "panda", read(place / "rig.toml"))
+    assert there.task.plan is not None
+    with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
+        there.paths(there.task.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
+
+
+def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices()
+    open_rig = wiring_calibration.open_calibration_rig
+    with open_rig(there.config, Board(), None, devices.openers()) as rig:
+        assert rig.is_real
+        assert rig.key == "panda-lab-1"
+        assert rig.rough_X_BC is None, "without an earlier calibration the arm is guided by hand"
+        assert devices.opened["camera"]["infrared"]
+        assert [box.name for box in devices.opened["arm"]["keep_out"]] == ["the person's side (left)"]
+        assert devices.opened["arm"]["tool"].name == "calibration board"
+        typing(monkeypatch, "q")
+        with pytest.raises(StoppedByOperator):
+            rig.arm.execute(STILL)
+    calibrated(there)
+    known = wiring_calibration.current_calibration(there.config, there.places)
+    with open_rig(there.config, Board(), known, devices.openers()) as rig:
+        assert rig.rough_X_BC is not None
+        assert [box.name for box in devices.opened["arm"]["keep_out"]][-1] == "the camera"
+
+
+def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
+    parts = toy_parts(ToyLab(0))
+    target = parts.target
+    object.__setattr__(target, "facts", lambda: RigFacts(object_mass_kg=0.5))
+    ready = target.set_up(np.array([0.68, 0.0]), KEY, Nobody())
+    executed = ready.plan(np.array([0.5])).execute()
+    evidence = executed.evidence(executed.track())
+    assert RigFacts.model_validate_json(evidence.files["rig.json"]).object_mass_kg == 0.5
+
+
+class Nobody:
+    """An operator who is not asked anything that matters here."""
+
+    def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None: ...

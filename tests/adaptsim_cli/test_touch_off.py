@@ -1,0 +1,225 @@
+"""A touch-off: what it finds, what it refuses, what it keeps."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from touch_rig import MOUNT, PITCH_RAD, TASK, on_lab, world
+from typer.testing import CliRunner
+
+from adaptsim_cli import config
+from adaptsim_cli.app import app
+from adaptsim_cli.console import Screen
+from adaptsim_cli.errors import SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.touch_off.asking import Attended, Unattended
+from adaptsim_cli.touch_off.errors import TouchOffFailed
+from adaptsim_cli.touch_off.flow import take_tool, touch_off
+from adaptsim_cli.touch_off.parts import TouchRig
+from adaptsim_cli.touch_off.solving import Result, Touched, solve
+from adaptsim_cli.touch_off.store import record, tool_correction_of, touch_offs
+from hw.collision import KeepOut, Table
+from hw.errors import DeviceUnavailable, StoppedByPedal
+from hw.types import Array
+from sim.errors import UnknownName
+from sim.panda.correction import ToolCorrection
+from sim.panda.feelers import touchable
+from sim.panda.inverse import inverse
+from sim.panda.touch_plan import table_probes, tool_probes
+from sim.panda.touching import Probe
+from sim.world import Faults, Mount
+
+TRUE = ToolCorrection(Table(-0.007, 0.004, -0.003), 0.003, -0.0025, 0.05, -0.012)
+CENTRE_M = np.array(touchable(TASK).centre_m)
+
+
+def screen() -> Screen:
+    return Screen(console=Console(file=io.StringIO(), width=100))
+
+
+def touches(
+    probes: Sequence[Probe], designed: Array, true_X_FT: Array, rng: np.random.Generator, std_m: float
+) -> list[Touched]:
+    """Where the arm would be: held as planned, lowered until the true feeler is on the true table, twice a place."""
+    made = []
+    for probe in probes:
+        X_BF = probe.X_BT(Table(), 0.02) @ np.linalg.inv(designed)
+        lowest = (X_BF @ true_X_FT @ np.append(probe.feeler.p_T_m, 1.0))[:3] - [0.0, 0.0, probe.feeler.radius_m]
+        for _ in range(2):
+            X = X_BF.copy()
+            X[2, 3] -= lowest[2] - TRUE.table.height_at(lowest) + std_m * rng.standard_normal()
+            q = inverse(X, np.linspace(-2.5, 2.5, 101)).reshape(-1, 7)
+            made.append(Touched(probe, q[np.isfinite(q).all(axis=1)][0]))
+    return made
+
+
+def solved(seed: int, std_m: float) -> Result:
+    rng = np.random.default_rng(seed)
+    fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, std_m)
+    tool = touches(tool_probes(touchable(TASK).feelers, CENTRE_M), TASK.X_FT, TRUE.X_FT(TASK.X_FT), rng, std_m)
+    return solve(fingers, tool, TASK.X_FT, CENTRE_M)
+
+
+def test_perfect_touches_give_everything_back() -> None:
+    found = solved(0, 0.0)
+    assert found.problems == ()
+    for name in ("height_m", "forward_m", "pitch_rad", "roll_rad"):
+        assert getattr(found.correction, name) == pytest.approx(getattr(TRUE, name), abs=1e-6)
+    assert found.correction.table.height_m == pytest.approx(TRUE.table.height_m, abs=1e-9)
+    assert found.table_height_m.value == pytest.approx(float(TRUE.table.height_at(CENTRE_M)), abs=1e-9)
+
+
+def test_the_stated_intervals_hold() -> None:
+    """With the arm's repeatability: each of six quantities within its interval 19 times of 20, and small enough."""
+    inside: list[bool] = []
+    for seed in range(40):
+        found = solved(seed, 1e-4)
+        c = found.correction
+        inside += [
+            abs(found.table_height_m.value - float(TRUE.table.height_at(CENTRE_M))) <= found.table_height_m.within,
+            abs(c.table.slope_x - TRUE.table.slope_x) <= found.tilt_x.within,
+            abs(c.height_m - TRUE.height_m) <= found.height_m.within,
+            abs(c.forward_m - TRUE.forward_m) <= found.forward_m.within,
+            abs(c.pitch_rad - TRUE.pitch_rad) <= found.pitch_rad.within,
+            abs(c.roll_rad - TRUE.roll_rad) <= found.roll_rad.within,
+        ]
+        assert found.height_m.within < 5e-4
+        assert found.pitch_rad.within < np.deg2rad(0.3)
+    assert 0.90 < np.mean(inside) <= 1.0
+
+
+def test_what_does_not_fit_together_is_a_problem() -> None:
+    rng = np.random.default_rng(0)
+    probes = tool_probes(touchable(TASK).feelers, CENTRE_M)
+    fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, 1e-4)
+    steep = replace(TRUE, pitch_rad=0.12)
+    found = solve(fingers, touches(probes, TASK.X_FT, steep.X_FT(TASK.X_FT), rng, 1e-4), TASK.X_FT, CENTRE_M)
+    assert any("pitch" in problem for problem in found.problems)
+    lifted = np.eye(4)
+    lifted[2, 3] = -0.006  # something 6 mm thick lies under one place: the finger is held up
+    crumb = touches(table_probes(CENTRE_M)[4:], np.eye(4), lifted, rng, 1e-4)
+    tool = touches(probes, TASK.X_FT, TRUE.X_FT(TASK.X_FT), rng, 1e-4)
+    found = solve([*fingers[:8], *crumb], tool, TASK.X_FT, CENTRE_M)
+    assert any("table place" in problem and "lying there" in problem for problem in found.problems)
+    with pytest.raises(ValueError, match="3 places"):
+        solve(fingers[:4], tool, TASK.X_FT, CENTRE_M)
+
+
+@pytest.fixture
+def resolved(tmp_path: Path) -> config.Resolved:
+    return config.load({"task": "scooping", "world": "wd"}, {"ADAPTSIM_HOME": str(tmp_path)}, tmp_path)
+
+
+def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
+    out = screen()
+    with on_lab(world()) as (rig, lab):
+        found = touch_off(rig, Unattended(), out)
+        truth = lab.truth()
+        saved = record(found, rig, "2026-01-01T00:00:00+00:00", {"adaptsim": "test"})
+    c = found.result.correction
+    height_m, slope_x, slope_y = truth["table"]
+    table_m = height_m + slope_x * CENTRE_M[0] + slope_y * CENTRE_M[1]
+    assert found.result.table_height_m.value == pytest.approx(table_m, abs=5e-4)
+    assert c.height_m == pytest.approx(1e-3 * MOUNT.tool_height_mm, abs=7e-4)
+    assert c.pitch_rad == pytest.approx(PITCH_RAD, abs=np.deg2rad(0.4))
+    assert c.roll_rad == pytest.approx(1e-3 * MOUNT.tool_roll_mrad, abs=np.deg2rad(0.4))
+    assert not found.slip.slipped
+
+    store = touch_offs(resolved.config, resolved.places)
+    assert tool_correction_of(resolved.config, resolved.places) == ToolCorrection()
+    first, second = store.save(saved), store.save(saved)
+    assert (first.name, second.name) == ("touch-off-0001", "touch-off-0002")
+    assert store.current() == saved
+    assert tool_correction_of(resolved.config, resolved.places).pitch_rad == pytest.approx(c.pitch_rad)
+    (second / "touch-off.json").write_text("{")
+    with pytest.raises(SessionError, match=r"Move .*touch-off-0002 away"):
+        store.current()
+
+
+def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
+    with on_lab(world(Mount(table_height_mm=-45.0))) as (rig, _), pytest.raises(TouchOffFailed, match="nothing was"):
+        touch_off(rig, Unattended(), screen())
+    book = KeepOut("book", np.array([0.5, -0.25, 0.0]), np.array([0.62, -0.07, 0.018]))
+    with on_lab(world(Mount()), (book,)) as (rig, _), pytest.raises(TouchOffFailed, match="Is something lying there"):
+        touch_off(rig, Unattended(), screen())
+
+
+def test_a_released_pedal_stops_it() -> None:
+    with on_lab(world(faults=Faults(pedal_release=(2,)))) as (rig, _), pytest.raises(StoppedByPedal):
+        touch_off(rig, Unattended(), screen())
+
+
+def test_a_tool_that_nobody_holds_is_not_grasped() -> None:
+    with on_lab(world()) as (rig, _):
+        rig.hand.home()
+        with pytest.raises(TouchOffFailed, match="does not hold the tool"):
+            take_tool(replace(rig, tool_there=lambda there: None), Unattended())
+
+
+@pytest.mark.slow
+def test_a_weak_grip_is_found_out() -> None:
+    weak = world(replace(MOUNT, grip_Nm_per_N=0.04))
+    with on_lab(weak) as (rig, _), pytest.raises(TouchOffFailed, match="slipped: pressed with 15 N"):
+        touch_off(rig, Unattended(), screen())
+
+
+@dataclass
+class Answers:
+    """A screen that is answered from a list."""
+
+    given: list[str]
+
+    def ask(self, question: str) -> str:
+        self.asked = question
+        return self.given.pop(0)
+
+
+def test_a_real_arm_wants_a_typed_word() -> None:
+    with on_lab(world()) as (lab_rig, _):
+        real: TouchRig = replace(lab_rig, name="panda")
+        with pytest.raises(UsageError, match="never confirms"):
+            Unattended().begin(real)
+        for given, ends in ((["", "yes", "clear"], False), (["q"], True)):
+            answers = Answers(given)
+            person = Attended(answers)
+            if ends:
+                with pytest.raises(StoppedByOperator, match="nothing has moved"):
+                    person.begin(real)
+            else:
+                person.begin(real)
+                assert "REAL ROBOT" in answers.asked
+            assert answers.given == []
+
+
+def test_what_the_command_refuses_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    cases = (
+        (["--hw", "panda", "--yes"], (DeviceUnavailable, UsageError)),
+        (["--task", "pushing", "--world", "wd", "--yes"], (UnknownName,)),
+        (["--world", "wd"], (UsageError,)),  # no terminal to confirm at
+    )
+    for arguments, kinds in cases:
+        result = runner.invoke(app, ["touch-off", *arguments])
+        assert isinstance(result.exception, kinds), arguments
+    assert not list(tmp_path.glob("**/touch-off.json"))
+
+
+@pytest.mark.slow
+def test_the_command_prints_one_object_and_stores_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["touch-off", "--world", "steep-mount", "--seed", "0", "--yes", "--json"])
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert (Path(told["folder"]) / "touch-off.json").is_file()
+    assert 0.0 < told["tool_pitch_deg"]["within_95"] < 0.5
+    assert told["touches"] == 26
+    assert "truth" not in result.stdout

@@ -1,0 +1,51 @@
+"""Which solver a session gets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.wiring_solvers import solver_of
+from sim.adaptation.memory import new_policy
+from sim.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from sim.errors import UnknownName
+from sim.naf_memory import NafMemory
+from sim.naf_solver import NafSolver, naf_facts, rules_of
+from sim.rollouts import Requests, Rollouts
+from sim.tasks import get_task
+
+
+def not_asked(requests: Requests) -> Rollouts:
+    raise AssertionError("nothing is simulated before a policy is wanted")
+
+
+@pytest.fixture
+def by_naf(tmp_path: Path) -> Checkpoint:
+    """A checkpoint of scooping that was made without an emulator."""
+    task = get_task("scooping")
+    facts = naf_facts(NafSolver(task, not_asked, rules_of(task, 0.1), NafMemory(task)), 1.5)
+    folder = save_checkpoint(task, tmp_path / "naf", None, {"iteration": new_policy(task, "iteration", 0)}, facts)
+    return load_checkpoint(task, str(folder))
+
+
+def test_a_checkpoint_made_with_naf_goes_on_with_it(by_naf: Checkpoint, tmp_path: Path) -> None:
+    for name in ("", "naf"):
+        with solver_of(by_naf, name, 1, tmp_path / "session") as solver:
+            assert isinstance(solver, NafSolver)
+            assert solver.rules.first_budget == 120
+            assert solver.misfit_limit == 1.5
+    with pytest.raises(UsageError, match="holds no emulator"), solver_of(by_naf, "emulator", 1, tmp_path):
+        pass
+
+
+def test_an_exact_task_has_its_own(tmp_path: Path) -> None:
+    checkpoint = load_checkpoint(get_task("pendulum"))
+    with solver_of(checkpoint, "", 1, tmp_path) as solver:
+        assert solver is checkpoint.solver
+    with pytest.raises(UnknownName, match="pendulum has no solver naf"), solver_of(checkpoint, "naf", 1, tmp_path):
+        pass
+    with pytest.raises(UsageError, match="it is one of emulator, naf"), solver_of(checkpoint, "lqr", 1, tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,53 @@
+"""A touch-off rig on the simulated lab, with as few touches as a result needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
+from adaptsim_cli.touch_off.rigs import touch_rig
+from hw.collision import KeepOut
+from sim.lab import READY_RAD
+from sim.lab.touch import TouchLab
+from sim.panda.feelers import touchable
+from sim.panda.touch_plan import table_probes, tool_probes
+from sim.tasks import get_task
+from sim.world import Faults, Mount, World, load_world
+
+TASK = get_task("scooping")
+MOUNT = Mount(table_height_mm=-5.0, table_tilt_mrad=(3.0, -2.0), tool_height_mm=2.0, tool_roll_mrad=8.0)
+PITCH_RAD = 0.04
+
+
+def world(mount: Mount = MOUNT, faults: Faults | None = None) -> World:
+    effects = TASK.unmodelled(pitch_bias_rad=PITCH_RAD)
+    return replace(load_world("wd", TASK), mount=mount, unmodelled=effects, faults=faults or Faults())
+
+
+def few() -> Plan:
+    """Three places of the table; both corners of the edge, one of the heel, and one edge at the other pitch."""
+    touched = touchable(TASK)
+    every = tool_probes(touched.feelers, touched.centre_m)
+    return Plan(table_probes(touched.centre_m)[:3], (every[0], every[1], every[2], every[4]))
+
+
+@contextmanager
+def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchRig, TouchLab]]:
+    with TouchLab(TASK, of, 1, home_q_rad=READY_RAD, things=things) as lab:
+        rig = touch_rig(
+            name="fake",
+            title="lab",
+            key="test",
+            arm=lab.arm,
+            hand=lab.hand,
+            task=TASK,
+            grasp=Grasp(),
+            zeros_rad=np.zeros(7),
+            keep_out=(),
+            tool_there=lab.offer_tool,
+        )
+        yield replace(rig, plan=few()), lab

@@ -1,0 +1,52 @@
+"""Slow ways down with the closed fingers, without a planner."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from hw.collision import HAND, Tool
+from hw.contact import predicted_force_N
+from hw.kinematics import forward
+from hw.types import Array, ContactWindow, Guard, JointPath, frozen_array
+
+MODEL = "panda"
+TIP = frozen_array([0.0, 0.0, 0.1034])
+TOOL = Tool("fingertips", HAND[:1], TIP[None])
+GUARD = Guard(4.0, TIP)
+XY_M = (0.5, 0.0)
+_NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])
+
+
+def over(height_m: float, q_near: Array = _NEAR) -> Array:
+    """(7,) fingers straight down, their tips at `height_m` over the table."""
+
+    def off(q: Array) -> Array:
+        X = forward(q)
+        tip = X[:3, :3] @ TIP + X[:3, 3]
+        return np.concatenate([10.0 * (tip - [*XY_M, height_m]), X[:2, 2], [X[2, 2] + 1.0], 1e-3 * (q - q_near)])
+
+    return np.asarray(least_squares(off, q_near, xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
+
+
+Q_TOP_RAD = frozen_array(over(0.02))
+
+
+@cache
+def down(way_m: float = 0.034, speed_m_s: float = 0.012) -> JointPath:
+    """From 20 mm over the table straight down by `way_m`, at most at `speed_m_s`; a guard may end it anywhere."""
+    knots = np.linspace(0.0, way_m, 7)
+    postures = [Q_TOP_RAD]
+    for depth in knots[1:]:
+        postures.append(over(0.02 - depth, postures[-1]))
+    duration_s = 2.1875 * way_m / speed_m_s
+    t_s = np.arange(round(1000 * (duration_s + 0.25)) + 1) / 1000
+    u = np.clip((t_s - 0.25) / duration_s, 0.0, 1.0)
+    share = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
+    q_rad = CubicSpline(knots, np.array(postures))(way_m * share)
+    q_rad[0] = q_rad[1] = Q_TOP_RAD
+    force_N = predicted_force_N(GUARD, speed_m_s)
+    return JointPath(t_s, q_rad, ContactWindow(0.0, float(t_s[-1]), 0.005, force_N))

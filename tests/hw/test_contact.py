@@ -1,0 +1,141 @@
+"""From joint torques to a touch: force, detection, where it began, and what a guarded motion must keep to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from guarded_paths import GUARD, MODEL, Q_TOP_RAD, TIP, TOOL, down, over
+
+from hw.collision import LEVEL, KeepOut, Table
+from hw.contact import Detector, began, contact_force, predicted_force_N
+from hw.errors import ArmFault, MotionRefused, NoContact
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.guarding import DEPTH_M, SPEED_M_S, check_guarded, require_guarded, withdrawal
+from hw.kinematics import forward, jacobian
+from hw.limits import check_path
+from hw.types import ContactWindow, Guard, JointPath
+
+
+def noise(path: JointPath, std_Nm: float, seed: int = 0) -> np.ndarray:
+    return std_Nm * np.random.default_rng(seed).standard_normal(path.q_rad.shape)
+
+
+def arm(plane: Table | None, torque_Nm: np.ndarray | None = None, **more: object) -> FakeGuardedArm:
+    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock()), TOOL, plane, torque_Nm=torque_Nm, **more)
+
+
+def test_a_force_on_the_point_is_found_from_the_torques() -> None:
+    q, force_N = Q_TOP_RAD[None], np.array([3.0, -2.0, 7.0])
+    torque_Nm = force_N @ jacobian(q, TIP)[0, :3]
+    np.testing.assert_allclose(contact_force(q, torque_Nm[None], TIP)[0], force_N, atol=1e-9)
+
+
+@pytest.mark.parametrize("height_m", [-0.008, 0.0, 0.006])
+def test_where_it_touched_is_found_in_the_noise(height_m: float) -> None:
+    path = down()
+    with arm(Table(height_m), noise(path, 0.15) + 0.8) as feeling:  # a constant error is tared away
+        contact = feeling.execute_until_contact(path, GUARD)
+    touch = began(contact, GUARD)
+    assert touch is not None
+    X = forward(touch.q_rad)
+    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(height_m, abs=2e-4)
+    assert touch.stiffness_N_m == pytest.approx(4000.0, rel=0.1)
+    assert touch.sigma_m < 1e-4
+    assert contact.force_N < predicted_force_N(GUARD, 0.004)
+
+
+def test_a_spike_is_no_touch_and_a_pull_is() -> None:
+    path = down()
+    knocked = noise(path, 0.02)
+    knocked[1200:1204] += 8.0  # 4 ms
+    with arm(None, knocked) as feeling, pytest.raises(NoContact, match="touched nothing"):
+        feeling.execute_until_contact(path, GUARD)
+    pulled = np.zeros((len(path.t_s), 7))
+    pulled[1200:] = np.array([0.0, 0.0, -6.0]) @ jacobian(Q_TOP_RAD, TIP)[:3]
+    with arm(None, pulled) as feeling:
+        contact = feeling.execute_until_contact(path, GUARD)
+    assert 1.2 < contact.t_s < 1.26
+    assert began(contact, GUARD) is None or began(contact, GUARD).stiffness_N_m > 1e5  # it came at once
+
+
+def test_the_detector_may_be_fed_in_pieces() -> None:
+    path = down()
+    torque_Nm = noise(path, 0.1)
+    torque_Nm[2000:] += np.array([0.0, 0.0, 9.0]) @ jacobian(Q_TOP_RAD, TIP)[:3]
+    whole = Detector(GUARD).feed(path.t_s, path.q_rad, torque_Nm)
+    pieces, at = Detector(GUARD), None
+    for begin in range(0, len(path.t_s), 37):
+        part = slice(begin, begin + 37)
+        found = pieces.feed(path.t_s[part], path.q_rad[part], torque_Nm[part])
+        if found is not None:
+            at = begin + found
+            break
+    assert whole == at
+    assert whole is not None
+
+
+def test_a_guarded_motion_keeps_to_its_own_limits() -> None:
+    assert check_guarded(down(), GUARD, MODEL, Q_TOP_RAD, tool=TOOL).ok
+    assert not check_path(down(), MODEL, Q_TOP_RAD, tool=TOOL).ok  # any other motion may not go there
+    with pytest.raises(MotionRefused, match="speed of the guarded point"):
+        require_guarded(down(speed_m_s=1.5 * SPEED_M_S), GUARD, MODEL, tool=TOOL)
+    with pytest.raises(MotionRefused, match="depth of the search"):
+        require_guarded(down(way_m=0.02 + 1.2 * DEPTH_M), GUARD, MODEL, tool=TOOL)
+    with pytest.raises(MotionRefused, match="no contact window"):
+        require_guarded(JointPath(down().t_s, down().q_rad), GUARD, MODEL, tool=TOOL)
+    with pytest.raises(MotionRefused, match="distance from the arm"):
+        require_guarded(down(), GUARD, MODEL, over(0.05), tool=TOOL)
+
+
+def test_what_is_not_to_touch_must_stay_higher_than_the_tip() -> None:
+    short = replace(TOOL, points_F_m=TIP[None] - np.array([0.0, 0.0, 0.03]))
+    with pytest.raises(MotionRefused, match="lead of hand over the tool"):
+        require_guarded(down(), GUARD, MODEL, tool=short)
+
+
+def test_forces_stay_below_the_arms_own_threshold() -> None:
+    path = down()
+    assert path.contact is not None
+    require_guarded(path, GUARD, MODEL, tool=TOOL, collision_N=1.3 * path.contact.force_N)
+    with pytest.raises(MotionRefused, match="predicted contact force"):
+        require_guarded(path, GUARD, MODEL, tool=TOOL, collision_N=1.1 * path.contact.force_N)
+    with pytest.raises(MotionRefused, match="guard's force"):
+        require_guarded(path, replace(GUARD, force_N=6.0), MODEL, tool=TOOL, collision_N=11.0)
+
+
+def test_a_planned_contact_is_held_against_the_arms_own_threshold() -> None:
+    q = np.stack([Q_TOP_RAD, Q_TOP_RAD])
+    path = JointPath(np.array([0.0, 1e-3]), q, ContactWindow(0.0, 1e-3, 0.003, 30.0))
+    assert check_path(path, MODEL, tool=TOOL).ok
+    assert check_path(path, MODEL, tool=TOOL, collision_N=40.0).ok
+    worst = check_path(path, MODEL, tool=TOOL, collision_N=20.0).worst
+    assert (worst.quantity, worst.limit) == ("predicted contact force", 16.0)
+
+
+def test_the_way_back_is_the_way_there() -> None:
+    path = down()
+    back = withdrawal(path)
+    np.testing.assert_array_equal(back.q_rad[0], path.q_rad[-1])
+    np.testing.assert_array_equal(back.q_rad[-1], path.q_rad[0])
+    assert check_guarded(back, GUARD, MODEL, tool=TOOL).ok
+
+
+def test_a_guard_and_boxes_are_checked() -> None:
+    with pytest.raises(ValueError, match="must be above 0"):
+        Guard(0.0, TIP)
+    box = KeepOut("thing", np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2]))
+    with pytest.raises(MotionRefused, match="thing"):
+        require_guarded(down(), GUARD, MODEL, keep_out=(box,), tool=TOOL)
+
+
+def test_a_stopped_arm_feels_nothing() -> None:
+    fault = ArmFault("reflex")
+    inner = FakeArm(Q_TOP_RAD, FakeClock(), faults={1: fault})
+    with FakeGuardedArm(inner, TOOL, LEVEL) as feeling:
+        still = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
+        with pytest.raises(ArmFault):
+            feeling.execute(still)
+        with pytest.raises(ArmFault, match="recover"):
+            feeling.execute_until_contact(down(), GUARD)

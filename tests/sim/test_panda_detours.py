@@ -1,0 +1,81 @@
+"""Free motions go around boxes, or say what is in the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hw.collision import KeepOut, Table, camera_box, persons_side
+from hw.limits import check_path
+from hw.types import Array, JointPath
+from sim.errors import NotExecutable
+from sim.panda.detours import free_path
+from sim.panda.moves import move_path
+from sim.panda.tool import held
+from sim.tasks import get_task
+
+TASK = get_task("scooping")
+TOOL = held(TASK.X_FT, TASK.keep_clear)
+LOW = np.array([-1.2, -1.0, -0.6, -2.7, -0.8, 1.0, -1.5])
+HIGH = np.array([1.2, 0.9, 0.6, -0.8, 0.8, 3.0, 2.0])
+
+
+def clear(q_rad: Array, boxes: tuple[KeepOut, ...]) -> bool:
+    still = JointPath(np.array([0.0, 1e-3]), np.stack([q_rad, q_rad]))
+    return check_path(still, "panda", None, boxes, TOOL).ok
+
+
+def scene(rng: np.random.Generator) -> tuple[KeepOut, ...]:
+    X_BC = np.eye(4)
+    X_BC[:3, 3] = [1.28, 0.0, 0.72]
+    middle = rng.uniform([0.35, -0.3, 0.2], [0.65, 0.3, 0.6])
+    half = rng.uniform(0.05, 0.12, 3)
+    return camera_box(X_BC), persons_side("right", 0.55), KeepOut("box", middle - half, middle + half)
+
+
+def blocked(rng: np.random.Generator) -> tuple[Array, Array, tuple[KeepOut, ...]]:
+    """Two clear postures with something between them."""
+    while True:
+        boxes = scene(rng)
+        ends = [q for q in rng.uniform(LOW, HIGH, (12, 7)) if clear(q, boxes)][:2]
+        if len(ends) == 2 and not check_path(move_path(*ends, "panda", 0.25), "panda", None, boxes, TOOL).ok:
+            return ends[0], ends[1], boxes
+
+
+def around(seeds: range) -> int:
+    found = 0
+    for seed in seeds:
+        q_from, q_to, boxes = blocked(np.random.default_rng(seed))
+        try:
+            path = free_path(q_from, q_to, "panda", TOOL, boxes)
+        except NotExecutable as error:
+            assert "no way around" in str(error)
+            continue
+        assert check_path(path, "panda", q_from, boxes, TOOL).ok
+        np.testing.assert_allclose(path.q_rad[-1], q_to)
+        found += 1
+    return found
+
+
+def test_random_blocked_motions_go_around() -> None:
+    assert around(range(2)) == 2
+
+
+@pytest.mark.slow
+def test_nearly_all_random_blocked_motions_go_around() -> None:
+    assert around(range(40)) >= 36
+
+
+def test_a_free_way_is_straight() -> None:
+    q_from, q_to = (LOW + HIGH) / 2.0, (LOW + HIGH) / 2.0 + 0.2
+    path, direct = free_path(q_from, q_to, "panda", TOOL), move_path(q_from, q_to, "panda", 0.25)
+    np.testing.assert_array_equal(path.q_rad, direct.q_rad)
+
+
+def test_what_stands_where_the_arm_shall_go_is_named() -> None:
+    q_from, q_to = (LOW + HIGH) / 2.0, (LOW + HIGH) / 2.0 + 0.2
+    wall = KeepOut("wall", np.array([0.3, -1.0, 0.0]), np.array([2.0, 1.0, 2.0]))
+    with pytest.raises(NotExecutable, match=r"not clear where it starts: keep-out of .* and wall"):
+        free_path(q_from, q_to, "panda", TOOL, (wall,))
+    with pytest.raises(NotExecutable, match="not clear"):
+        free_path(q_from, q_to, "panda", TOOL, (), Table(0.5))

@@ -35,8 +35,10 @@ class _Values(BaseModel):
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="which task, where a command has no --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
-    method: Annotated[str, Field(description="how to adapt: adaptsim, udr")] = "adaptsim"
+    method: Annotated[str, Field(description="how to adapt: adaptsim, random, udr, ...")] = "adaptsim"
     checkpoint: Annotated[str, Field(description="folder of a checkpoint; empty: the shipped one of the task")] = ""
+    solver: Annotated[str, Field(description="how policies are found: emulator, naf; empty: as pretrained")] = ""
+    object: Annotated[str, Field(description="TOML file with the ranges of an own object (docs/own-objects.md)")] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
@@ -54,6 +56,8 @@ class Config:
     world: str
     method: str
     checkpoint: str
+    solver: str
+    object: str
     seed: int
     particles: int
     workers: int

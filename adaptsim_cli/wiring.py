@@ -21,7 +21,6 @@ from adaptsim_cli.session.durable import make_folder
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (
-    Learner,
     Parts,
     Planner,
     Prediction,
@@ -48,19 +47,27 @@ _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
 
 @contextmanager
-def open_parts(config: Config, openers: Openers | None = None) -> Iterator[Parts]:
+def open_parts(config: Config, openers: Openers | None = None, session: str | None = None) -> Iterator[Parts]:
     """Everything a session needs, with its devices connected. `openers`: how those of a real lab are opened.
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from sim.tasks import get_task
+    from adaptsim_cli.session.conduct import default_name
+    from adaptsim_cli.wiring_solvers import solver_of
+    from sim.adaptation import make_method
+    from sim.checkpoint import load_checkpoint
 
-    task = get_task(config.task)
-    with _open_target(config, task, openers) as (task, target, executable, calibration):
-        learner, checkpoint, checkpoint_sha256 = _learner(config, task, executable)
+    own = task_of(config)
+    checkpoint = load_checkpoint(own, config.checkpoint or "default")
+    kept = places().data / "naf" / (session or default_name(config))
+    with (
+        _open_target(config, own, openers) as (task, target, executable, calibration),
+        solver_of(checkpoint, config.solver, config.workers, kept) as solver,
+    ):
+        learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
         origin = Provenance(
-            checkpoint=checkpoint,
-            checkpoint_sha256=checkpoint_sha256,
+            checkpoint=f"{own.name}/{checkpoint.path.name}",
+            checkpoint_sha256=checkpoint.sha256,
             world_sha256=_world_sha256(config.world) if config.hw == "fake" else "",
             calibration=calibration.source if calibration else "",
             calibration_sha256=_sha256(calibration.X_BC) if calibration else "",
@@ -85,9 +92,8 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
             planner = real.on_rig.planner
             yield real.mounted.task, real, _executable(task, planner, config.hw), real.on_rig.rig.hand_eye
     else:
-        with _open_lab(config, task) as (rig, planner):
-            target = OnRig(task, rig, tracker_of(task), planner)
-            yield task, target, _executable(task, planner, rig.arm.model), rig.hand_eye
+        with _open_lab(config, task) as on_rig:
+            yield on_rig.task, on_rig, _executable(task, on_rig.planner, on_rig.rig.arm.model), on_rig.rig.hand_eye
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
@@ -118,19 +124,24 @@ def versions() -> dict[str, str]:
 
 
 @contextmanager
-def _open_lab(config: Config, task: Task) -> Iterator[tuple[Rig, Planner]]:
+def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from adaptsim_cli.mounted import mounted
+    from adaptsim_cli.touch_off.store import tool_correction_of
     from sim.lab import SimulatedLab
     from sim.world import load_world
 
-    world, there = load_world(config.world, task), mounted(task, "panda")
+    world = load_world(config.world, task)
+    there = mounted(task, "panda", correction=tool_correction_of(config, places()))
+    table = there.correction.table
     nominal = SimulatedLab(task, world, config.seed).nominal_calibration()
     shipped = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
     eye, zeros_rad = calibration_of(config, places(), shipped)
-    with SimulatedLab(task, world, config.seed, home_q_rad=there.home_rad - zeros_rad, tool=there.tool) as lab:
+    home_rad = there.home_rad - zeros_rad
+    with SimulatedLab(task, world, config.seed, home_q_rad=home_rad, tool=there.tool, table=table) as lab:
         title, days = f"simulated lab, world {world.name}", config.calibration_days
-        rig = Rig("fake", title, lab.arm, lab.camera, lab.bench, eye, days)
-        yield rig, there.planner(zeros_rad)
+        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
+        rig = Rig("fake", title, lab.arm, lab.camera, lab.bench, over_table, days)
+        yield OnRig(there.task, rig, tracker_of(there.task), there.planner(zeros_rad))
 
 
 def _world_sha256(name_or_path: str) -> str:
@@ -178,14 +189,11 @@ class _SolverLearner:
         return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
 
-def _learner(config: Config, task: Task, executable: Executable | None) -> tuple[Learner, str, str]:
-    """(learner, name of its checkpoint, hash of its weights)."""
-    from sim.adaptation import make_method
-    from sim.checkpoint import load_checkpoint
+def task_of(config: Config) -> Task:
+    """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
+    from adaptsim_cli.wiring_checkpoints import task_for
 
-    checkpoint = load_checkpoint(task, config.checkpoint or "default")
-    learner = _SolverLearner(make_method(config.method, task, checkpoint), checkpoint.solver, executable)
-    return learner, f"{task.name}/{checkpoint.path.name}", checkpoint.sha256
+    return task_for(config.task, Path(config.object) if config.object else None)
 
 
 def _executable(task: Task, planner: Planner, arm: str) -> Executable:
@@ -210,23 +218,27 @@ def pretrain(
     executor: Executor,
     progress: Callable[[str, int, int], None],
 ) -> Path:
-    """Phase 1 with the settings' task and seed -> the folder of the checkpoint. Resumes what is in `out`.
+    """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
 
-    Raises UsageError on an unknown budget, SimError, SessionError.
+    Raises UsageError on an unknown budget or solver, SimError, SessionError.
     """
+    from adaptsim_cli.wiring_solvers import SOLVERS
     from sim.adaptation.phase1 import PretrainBudget, pretrain
-    from sim.tasks import get_task
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
     if budget not in budgets:
         raise UsageError(f"--budget {budget}: it is one of {', '.join(budgets)}")
     config = resolved.config
-    task, chosen = get_task(config.task), budgets[budget]()
+    solver = config.solver or SOLVERS[0]
+    if solver not in SOLVERS:
+        raise UsageError(f"--solver {solver}: it is one of {', '.join(SOLVERS)}")
+    task, chosen = task_of(config), budgets[budget]()
     if rollouts is not None:
         chosen = replace(chosen, rollouts=rollouts)
-    folder = out or resolved.places.pretraining / f"{task.name}-{budget}-seed{config.seed}"
+    parts = (task.name, Path(config.object).stem, config.solver, budget, f"seed{config.seed}")
+    folder = out or resolved.places.pretraining / "-".join(part for part in parts if part)
     make_folder(folder.absolute())
-    return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress)
+    return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress, solver)
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
@@ -263,12 +275,3 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
 
     card: dict[str, Any] = json.loads(json.dumps(read_card(folder, task), default=str))
     return card
-
-
-def verify_checkpoint(config: Config) -> dict[str, str]:
-    """Load a checkpoint against its card and its task. Raises CheckpointError, UnknownName."""
-    from sim.checkpoint import load_checkpoint
-    from sim.tasks import get_task
-
-    checkpoint = load_checkpoint(get_task(config.task), config.checkpoint or "default")
-    return {"task": config.task, "folder": str(checkpoint.path), "sha256": checkpoint.sha256}

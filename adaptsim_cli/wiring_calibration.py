@@ -129,7 +129,7 @@ def _real(
     rough_X_BC = None if rough is None else np.array(rough.X_AC)
     boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
     with ExitStack() as stack:
-        arm = open_arm(rig, BOARD, held.tool(), boxes, devices, Screen(as_json=True), stack)
+        arm = open_arm(rig, BOARD, held.tool(), boxes, rig.table.plane(), devices, Screen(as_json=True), stack)
         camera = stack.enter_context(devices.camera(rig.camera, infrared=True))
         stack.enter_context(arm)
         yield CalibrationRig(

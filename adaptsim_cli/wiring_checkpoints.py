@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -33,7 +32,6 @@ def reevaluate(config: Config, own: Path | None, rollouts: int, progress: Callab
     from sim.checkpoint import load_checkpoint
     from sim.rollouts import process_pool, run_many, serial_executor
 
-    logging.getLogger("drake").setLevel(logging.ERROR)
     task = task_for(config.task, own)
     checkpoint = load_checkpoint(task, config.checkpoint or "default")
     figures: list[Figure] = []

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-from adaptsim_cli.wiring_checkpoints import task_for
+from sim.tasks.task import Task
 
 
 def is_finished(folder: Path | None) -> bool:
@@ -17,24 +17,17 @@ def is_finished(folder: Path | None) -> bool:
 
 
 def write_report(
-    name: str,
-    own: Path | None,
-    folder: Path,
-    docs: Path | None,
-    executor: Executor,
-    progress: Callable[[str, int, int], None],
+    task: Task, folder: Path, docs: Path | None, executor: Executor, progress: Callable[[str, int, int], None]
 ) -> Path:
-    """Prove what the pretraining in `folder`, of the task `name` with the ranges in the file `own`, is worth -> the
-    document, `phase1.md` in `docs` (default: in `folder`).
+    """Prove what the pretraining in `folder` is worth -> the document, `phase1.md` in `docs` (default: in `folder`).
 
     Rollouts that an earlier call made are not made again. Raises DatasetError where the pretraining is not finished or
-    not of this task, RolloutError, UnknownName, ObjectError.
+    not of this task, RolloutError.
     """
     from adaptsim_cli.report import phase1
     from adaptsim_cli.session.durable import make_folder
     from sim.adaptation.proof import ProofSettings, load_pretrained, prove
 
-    task = task_for(name, own)
     proof = prove(load_pretrained(task, folder.absolute()), ProofSettings(), executor, progress)
     where = (docs or folder).absolute()
     make_folder(where)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,15 +19,18 @@ SOLVERS = ("emulator", "naf")
 
 @contextmanager
 def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[Solver]:
-    """The checkpoint's own solver where `name` is empty; NAF trains on `workers` processes (0: one a core) and keeps
-    rollouts and policies in `folder`, which is the session's alone.
+    """The checkpoint's own solver where `name` is empty, on `workers` processes (0: one a core).
+
+    The winners of an emulator are simulated. NAF keeps rollouts and policies in `folder`, which is the session's alone.
 
     Raises UsageError on an unknown name and where the checkpoint lacks what is asked for, UnknownName where a task has
     no NAF, CheckpointError where `folder` holds something else.
     """
+    from sim.confirmed import confirming
     from sim.naf_solver import NafSolver, session_naf
-    from sim.rollouts import process_pool
+    from sim.rollouts import process_pool, run_many
     from sim.rollouts.cache import CachedRollouts
+    from sim.task_policy import EmulatorSolver
 
     if name not in ("", *SOLVERS):
         raise UsageError(f"--solver {name}: it is one of {', '.join(SOLVERS)}")
@@ -36,9 +40,12 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
             f"--solver emulator: the checkpoint {checkpoint.path} was made with --solver naf and holds no emulator. "
             "Leave --solver out, or choose another checkpoint"
         )
-    if name != "naf" and not made_with_naf:
+    if name != "naf" and not isinstance(checkpoint.solver, EmulatorSolver | NafSolver):
         yield checkpoint.solver
         return
     with process_pool(workers or None) as crew:
+        if name != "naf" and not made_with_naf:
+            yield confirming(checkpoint.solver, partial(run_many, checkpoint.solver.task, executor=crew))
+            return
         roll = CachedRollouts(checkpoint.solver.task, folder / "rollouts", crew)
         yield session_naf(checkpoint.solver, roll, folder / "policies")

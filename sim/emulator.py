@@ -132,8 +132,10 @@ class Emulator:
         return self._probability(raw[..., -1]), raw[..., :-1]
 
     def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
-        """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error; `success`
-        is 0 or 1, the standard deviations are 0."""
+        """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
+
+        `success` is 0 or 1, the standard deviations are 0.
+        """
         size, n = self.task.observation.size, len(parameters)
         member = rng.integers(self.members, size=n)
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]

@@ -46,7 +46,7 @@ def show(
         screen.data(truth)
     else:
         screen.plain(f"{truth['world']}: {truth['description']}")
-        groups = ("parameters", "nuisance", "unmodelled", "sensing", "faults")
+        groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
         body = [(group, name, str(value)) for group in groups for name, value in truth[group].items()]
         body += [
             ("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row)) for i, row in enumerate(truth["X_BC"])

@@ -12,6 +12,10 @@ def pretrain(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
     budget: Annotated[str, typer.Option("--budget", help="How much of everything: full or small.")] = "full",
     rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
+    solver: Annotated[
+        str | None, typer.Option("--solver", help="emulator (default), or naf: the paper's, on true rollouts alone.")
+    ] = None,
+    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
     executor: Annotated[
@@ -22,7 +26,7 @@ def pretrain(
     report: Annotated[
         bool, typer.Option("--report", help="Show by true rollouts what it is worth: a document with figures.")
     ] = False,
-    docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: beside it.")] = None,
+    docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, train the adaptation policy, write a checkpoint.
@@ -41,7 +45,7 @@ def pretrain(
 
     if docs is not None and not report:
         raise UsageError("--docs says where the report goes: add --report")
-    resolved = config.load({"task": task, "seed": seed, "workers": workers})
+    resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, wiring.open_executor(resolved.config, executor, scheduler) as crew:
         if report and out is not None and wiring_proof.is_finished(out):
@@ -50,7 +54,7 @@ def pretrain(
             folder = wiring.pretrain(resolved, out, budget, rollouts, crew, progress)
         document = None
         if report:
-            document = wiring_proof.write_report(resolved.config.task, None, folder.parent, docs, crew, progress)
+            document = wiring_proof.write_report(wiring.task_of(resolved.config), folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     screen.plain(f"Use it: adaptsim run-iteration, with ADAPTSIM_CHECKPOINT={folder}")
     if document is not None:

@@ -14,6 +14,10 @@ def run_iteration(
     seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
     session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
     method: Annotated[str | None, typer.Option("--method", help="How to adapt: adaptsim or udr.")] = None,
+    solver: Annotated[
+        str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")
+    ] = None,
+    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object an iteration on stdout.")] = False,
@@ -24,12 +28,14 @@ def run_iteration(
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
+    from functools import partial
+
     from adaptsim_cli import config, wiring
     from adaptsim_cli.report import page
     from adaptsim_cli.session import conduct
 
-    flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw}
+    flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     resolved = config.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     request = conduct.Request(session, given, iterations, yes, as_json)
-    conduct.conduct(resolved, request, wiring.open_parts, page.write)
+    conduct.conduct(resolved, request, partial(wiring.open_parts, session=session), page.write)

@@ -49,8 +49,9 @@ def write(proof: Proof, folder: Path, command: str) -> Path:
 
 
 def section_name(proof: Proof) -> str:
-    """The task, and its targets where they are not those of the paper."""
-    return proof.pretrained.task.name + ("-wide" if proof.pretrained.wide else "")
+    """The task, and what is not the usual: targets beyond those of the paper, NAF as the solver."""
+    made = proof.pretrained
+    return made.task.name + ("-wide" if made.wide else "") + ("-naf" if made.by_naf else "")
 
 
 def merged(document: str, name: str, content: str) -> str:
@@ -77,10 +78,10 @@ def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
     r = held.reliability if held else None
     targets = "in Ω and the margin around it" if made.wide else "in Ω, as in the paper"
     text = template.render(
-        heading=made.task.title + (", targets beyond Ω" if made.wide else ""),
+        heading=made.task.title + (", targets beyond Ω" if made.wide else "") + (", by NAF" if made.by_naf else ""),
         plan=made.plan,
         command=command,
-        simulations=sum(s.simulations for s in proof.stages),
+        simulations=sum(s.simulations or 0 for s in proof.stages),
         held=held,
         rows=[("Ω and the margin around it", held.everywhere), *inside] if held else [],
         bins=list(zip(r.predicted, r.observed, r.low, r.high, r.count, strict=True)) if r else [],

@@ -79,10 +79,10 @@ def policies(pairs: Pairs) -> Figure:
         axes.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
         axes.grid(alpha=0.3)
     rollouts = pairs.emulated.shape[2]
-    left.set(xlabel="policy from true rollouts", ylabel=f"policy from the emulator (mean of {rollouts} rollouts)")
-    left.set_title("True reward of each pair (E, E_s)", fontsize=10)
+    left.set(xlabel="policy from true rollouts", ylabel="policy from the emulator")
+    left.set_title(f"True reward of each pair, {rollouts} rollouts", fontsize=10)
     left.legend(fontsize=8, loc="lower right")
-    right.set(xlabel="reward that the emulator expects", ylabel=f"true reward (mean of {rollouts} rollouts)")
+    right.set(xlabel="reward that the emulator expects", ylabel="true reward")
     right.set_title("The emulator's policies, all E in each target", fontsize=10)
     return figure
 
@@ -104,7 +104,7 @@ def learning(proof: Proof) -> Figure:
         right.errorbar(x, closed, [low, high], fmt="o-", markersize=4, capsize=3, color=colour, label=score["name"])
     right.axhline(0.0, color="black", linewidth=0.8)
     right.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
-    right.set(xlabel="iteration", ylabel="share of the gap UDR–oracle closed (95 %)")
+    right.set(xlabel="iteration", ylabel="share of the gap closed (95 %)")
     right.set_title("Unseen targets, true rollouts", fontsize=10)
     right.legend(fontsize=8, loc="lower right")
     return figure

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
 
-from hw.collision import KeepOut, Tool
+from hw.collision import KeepOut, Table, Tool
 from hw.ports import Arm, Camera
 
 if TYPE_CHECKING:
@@ -33,7 +33,14 @@ class Balance(Protocol):
 
 class OpenArm(Protocol):
     def __call__(
-        self, model: str, settings: FrankaSettings, *, tool: Tool, keep_out: tuple[KeepOut, ...], pedal: Pedal | None
+        self,
+        model: str,
+        settings: FrankaSettings,
+        *,
+        tool: Tool,
+        keep_out: tuple[KeepOut, ...],
+        table: Table,
+        pedal: Pedal | None,
     ) -> Arm: ...
 
 

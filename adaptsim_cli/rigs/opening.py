@@ -21,7 +21,7 @@ from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
-from hw.collision import KeepOut, Tool, camera_box
+from hw.collision import KeepOut, Table, Tool, camera_box
 from sim.tasks.task import Task
 
 
@@ -45,7 +45,7 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
     lab = mounted(task, rig.arm.model, rig, (camera_box(eye.X_BC),))
     screen = Screen(as_json=True)  # questions never mix with data
     with ExitStack() as stack:
-        arm = open_arm(rig, lab.task.name, lab.tool, lab.keep_out, openers, screen, stack)
+        arm = open_arm(rig, lab.task.name, lab.tool, lab.keep_out, lab.correction.table, openers, screen, stack)
         camera = stack.enter_context(openers.camera(rig.camera, infrared=False))
         scales = None
         if rig.balance is not None:
@@ -69,6 +69,7 @@ def open_arm(
     task: str,
     tool: Tool,
     keep_out: tuple[KeepOut, ...],
+    table: Table,
     openers: Openers,
     screen: Screen,
     stack: ExitStack,
@@ -77,5 +78,5 @@ def open_arm(
     pedal = None if rig.pedal is None else stack.enter_context(openers.pedal(rig.pedal.port))
     payload = rig.tool(task).payload
     settings = rig.arm.settings(None if payload is None else payload.payload())
-    bare = openers.arm(rig.arm.model, settings, tool=tool, keep_out=keep_out, pedal=pedal)
+    bare = openers.arm(rig.arm.model, settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
     return ConfirmedArm(bare, f"{rig.arm.model} at {rig.arm.address}", screen, pedal)

@@ -26,7 +26,7 @@ from adaptsim_cli.session.store import SessionStore
 
 OpenParts = Callable[[Config], AbstractContextManager[Parts]]
 
-_FROZEN = ("task", "hw", "world", "method", "seed", "particles")
+_FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particles")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
     that shows them when it is started again. Raises whatever stops a session, with how to go on.
     """
     root = resolved.places.sessions
-    asked = replace(resolved.config, world=absolute(resolved.config.world))
+    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
     name = request.session or default_name(asked)
     known = _known(root, name)
     config = _continued(asked, known, request) if known else asked
@@ -79,13 +79,14 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
 def default_name(config: Config) -> str:
     """The session that is meant when none is named: one of each task, world, method and seed."""
     place = Path(config.world).stem if config.hw == "fake" else config.hw
-    return re.sub(r"[^A-Za-z0-9._-]", "-", f"{config.task}-{place}-{config.method}-seed{config.seed}")
+    parts = (config.task, Path(config.object).stem, place, config.method, config.solver, f"seed{config.seed}")
+    return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
-def absolute(world: str) -> str:
-    """A world file by its whole path, so that a session can be continued from another folder."""
-    is_file = world.endswith(".toml") or "/" in world
-    return str(Path(world).expanduser().absolute()) if is_file else world
+def absolute(named: str) -> str:
+    """A file by its whole path, so that a session can be continued from another folder."""
+    is_file = named.endswith(".toml") or "/" in named
+    return str(Path(named).expanduser().absolute()) if is_file else named
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -115,6 +116,8 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         world_sha256=origin.world_sha256,
         seed=config.seed,
         method=config.method,
+        solver=config.solver,
+        object=config.object,
         particles=config.particles,
         trials=parts.task.adaptation.trials_per_iteration,
         created=datetime.now(UTC).isoformat(timespec="seconds"),

@@ -58,6 +58,8 @@ class Facts(Record):
     world_sha256: str = ""
     seed: int
     method: str
+    solver: str = ""  # how task policies are found; empty: as the checkpoint has it
+    object: str = ""  # file of an own object's ranges
     particles: int
     trials: int  # a particle and iteration
     created: str  # ISO 8601

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -31,7 +30,6 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[Tou
     from sim.tasks import get_task
     from sim.world import load_world
 
-    logging.getLogger("drake").setLevel(logging.ERROR)  # its warnings are about features that no scene uses
     task = get_task(config.task)
     world = load_world(config.world, task)
     known = current_calibration(config, places)

@@ -12,7 +12,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from hw.collision import BARE_HAND, KeepOut, Tool
+from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
@@ -70,8 +70,10 @@ class FrankaArm:
         *,
         tool: Tool = BARE_HAND,
         keep_out: tuple[KeepOut, ...] = (),
+        table: Table = LEVEL,
         pedal: Pedal | None = None,
     ) -> None:
+        self._table = table
         self._model, self._settings, self._start = model, settings, start
         self._tool, self._keep_out, self._pedal = tool, keep_out, pedal
         self._player: Player | None = None
@@ -124,8 +126,9 @@ class FrankaArm:
             fault=self._fault or _unwilling(reading),
             keep_out=self._keep_out,
             tool=self._tool,
+            table=self._table,
+            collision_N=self._settings.collision.contact_force_limit_N,
         )
-        self._refuse_hard_contact(path)
         motion = motion_of(self._from_held(path, frozen_array(reading.q_held_rad)), self._model)
         if self._pedal is not None and not self._pedal.enabled():
             raise MotionRefused(
@@ -182,14 +185,6 @@ class FrankaArm:
             return REQUESTED
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
-    def _refuse_hard_contact(self, path: JointPath) -> None:
-        most_N = self._settings.collision.contact_force_limit_N
-        if path.contact is not None and path.contact.force_N >= most_N:
-            raise MotionRefused(
-                f"{self._model}: predicted contact force {path.contact.force_N:g} N, the arm stops by itself at "
-                f"{most_N:g} N; nothing has moved, plan a lighter contact or raise the collision threshold"
-            )
-
     def _from_held(self, path: JointPath, q_held_rad: Array) -> JointPath:
         """`path`, begun at the joints that the arm's controller holds: a jump would be an error to the arm.
 
@@ -207,7 +202,9 @@ class FrankaArm:
         u = np.minimum(path.t_s / min(FADE_S, path.duration_s), 1.0)
         left = 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
         faded = JointPath(path.t_s, path.q_rad + left[:, None] * off, path.contact)
-        refuse_unless_safe(faded, self._model, q_held_rad, fault=None, keep_out=self._keep_out, tool=self._tool)
+        refuse_unless_safe(
+            faded, self._model, q_held_rad, fault=None, keep_out=self._keep_out, tool=self._tool, table=self._table
+        )
         return faded
 
     def _reading(self) -> Reading:
@@ -260,13 +257,14 @@ def open_franka(
     *,
     tool: Tool = BARE_HAND,
     keep_out: tuple[KeepOut, ...] = (),
+    table: Table = LEVEL,
     pedal: Pedal | None = None,
 ) -> FrankaArm:
     """The arm of `model` ("panda" or "fr3") at `settings.host`; entering it connects.
 
     With a pedal no motion begins unless it is held, and letting go of it stops the one that runs.
     """
-    return franka(model, settings, Timing(), tool=tool, keep_out=keep_out, pedal=pedal)
+    return franka(model, settings, Timing(), tool=tool, keep_out=keep_out, table=table, pedal=pedal)
 
 
 def franka(
@@ -276,6 +274,7 @@ def franka(
     *,
     tool: Tool = BARE_HAND,
     keep_out: tuple[KeepOut, ...] = (),
+    table: Table = LEVEL,
     pedal: Pedal | None = None,
 ) -> FrankaArm:
     """`open_franka` for tests and benchmarks over a simulator, which relax `timing`."""
@@ -287,5 +286,6 @@ def franka(
         lambda: PlayerProcess(model, settings, timing),
         tool=tool,
         keep_out=keep_out,
+        table=table,
         pedal=pedal,
     )

@@ -13,7 +13,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,11 +31,13 @@ from sim.adaptation.phase2 import AdaptSim
 from sim.adaptation.q_network import QNetwork
 from sim.adaptation.timing import Stopwatch
 from sim.baselines.random_search import RandomSearch
-from sim.checkpoint import CARD, load_tensors, save_checkpoint, save_tensors
+from sim.checkpoint import CARD, save_checkpoint
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorSettings, outcome_variance, train_emulator
 from sim.errors import DatasetError
 from sim.files import read_toml, write_toml
+from sim.naf_memory import NafMemory
+from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import build_dataset
 from sim.rollouts.denser import Denser
@@ -44,6 +46,7 @@ from sim.solver import Solver
 from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
+from sim.tensors import load_tensors, save_tensors
 
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
@@ -65,6 +68,7 @@ class PretrainBudget:
 
     rollouts: int = 16_384  # of the dataset, evenly over the space
     denser: int = 8_192  # and where the outcome is uncertain
+    naf_scale: float = 1.0  # of the paper's rollout budgets, with the solver naf
     further_updates: int = 20_000  # gradient steps of the policies that learn from the episodes of the first
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
@@ -103,17 +107,26 @@ class _Means:
 
 
 def pretrain(
-    task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor, progress: StageProgress
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seed: int,
+    executor: Executor,
+    progress: StageProgress,
+    solver: str = "emulator",
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
     Raises DatasetError when the folder holds another plan. Stop it at any time; the same call goes on.
     """
-    _agree_on_plan(task, folder, budget, seed)
+    _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
         means = _exact(task.exact(task), budget, executor)
+    elif solver == "naf":
+        progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
+        means = _by_naf(task, folder, budget, draws[0], executor)
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     with tensorboard(folder / "logs") as log:
@@ -141,6 +154,17 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
 def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
     spent = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
     return _Means(solver, None, partial(run_many, solver.task, executor=executor), spent)
+
+
+def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
+    """The paper's solver, on true rollouts alone."""
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    solver = NafSolver(task, roll, rules_of(task, budget.naf_scale), NafMemory(task))
+    path = folder / "naf.toml"
+    if not path.exists():
+        write_toml(path, {"misfit_limit": measure_misfit_limit(solver, np.random.default_rng(seed))})
+    limit = float(read_toml(path)["misfit_limit"])
+    return _Means(replace(solver, limit=limit), None, roll, {"budget": asdict(budget), **naf_facts(solver, limit)})
 
 
 def _learnt(
@@ -173,8 +197,9 @@ def _learnt(
     return _Means(EmulatorSolver(emulator), emulator, CachedRollouts(task, folder / "rollouts", executor), facts)
 
 
-def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int) -> None:
-    plan = {"task": task.name, "fingerprint": fingerprint(task), "seed": seed, "budget": asdict(budget)}
+def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
+    drawn = {"seed": seed, "solver": solver, "budget": asdict(budget)}
+    plan = {"task": task.name, "fingerprint": fingerprint(task), **drawn}
     path = folder / "plan.toml"
     if not path.exists():
         write_toml(path, plan)
@@ -200,7 +225,7 @@ def _policies(
     episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
     if not all(path.exists() for path in (online, episodes, report)):
         network, curve, seen = train_adaptation(
-            means.solver, means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
+            afresh(means.solver), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
         )
         save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
         save_tensors(online, network.state_dict())
@@ -235,7 +260,7 @@ def _evaluation(
         }
         methods[METHODS["random"]] = RandomSearch(task)
         results = evaluate(
-            means.solver, methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
+            afresh(means.solver), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
         )
         write_toml(path, asdict(results))
     progress(STAGES[4], 1, 1)

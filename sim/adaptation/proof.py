@@ -66,7 +66,7 @@ class StageCost:
     """What a stage of the pretraining took."""
 
     stage: str
-    simulations: int
+    simulations: int | None  # None: counted in a line for all stages
     wall_s: float | None  # None: not measured
     from_files: bool  # told by the times of its files
 
@@ -90,6 +90,11 @@ class Pretrained:
     def evaluation(self) -> Mapping[str, Any]:
         found: Mapping[str, Any] = self.card["evaluation"]
         return found
+
+    @property
+    def by_naf(self) -> bool:
+        """Its task policies are NAF's, from true rollouts alone."""
+        return bool(self.plan.get("solver") == "naf" and self.task.exact is None)
 
     @property
     def wide(self) -> bool:
@@ -179,6 +184,9 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     # An exact task keeps none of its rollouts: what was planned is the most that there were.
     evaluated = (kept if kept else int(made.card["simulations"]) - drawn) - episodes
     simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, max(0, evaluated), 0), strict=True))
+    if made.by_naf:  # which asks the simulator for every policy, in every stage
+        together = StageCost("all stages, NAF's own rollouts included", kept, None, False)
+        return (*(StageCost(stage, None, measured[stage], False) for stage in STAGES if stage in measured), together)
     costs = []
     for stage in STAGES:
         seconds, from_files = measured.get(stage), False

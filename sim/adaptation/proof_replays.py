@@ -49,7 +49,7 @@ class Agreement:
     opposite_repeated: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Replays:
     """What the replayed episodes say."""
 

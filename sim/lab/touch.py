@@ -14,7 +14,7 @@ from hw.collision import KeepOut, Tool
 from hw.contact import Detector
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.kinematics import forward
-from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
 from sim.lab import mounting
 from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
 from sim.lab.hand import Grip, LabHand
@@ -205,7 +205,7 @@ class _FeelingArm:
     def _measured(self, felt: Felt, unseen: Array, bias_Nm: Array, rng: np.random.Generator) -> Felt:
         """As the arm reports it: without what it does not know of its joints, with what its sensors add."""
         noise = NOISE_NM * rng.standard_normal(felt.torque_Nm.shape)
-        spikes = rng.uniform(size=len(felt.t_s)) < SPIKES_PER_S / limits.PATH_RATE_HZ
+        spikes = rng.uniform(size=len(felt.t_s)) < SPIKES_PER_S / PATH_RATE_HZ
         noise[spikes] += SPIKE_NM * rng.choice([-1.0, 1.0], size=(int(spikes.sum()), 7))
         ripple = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * felt.q_rad + self._phase_rad)
         return Felt(

@@ -168,7 +168,7 @@ class TouchCell:
         body = plant.AddRigidBody(_GRIP, self._grip, inertia)
         at = RigidTransform(vector(0.0, 0.0, FINGERTIP_M))
         above = plant.AddFrame(FixedOffsetFrame("fingers", flange, at))
-        self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), task.X_FT[:3, 1]))
+        self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), vector(*task.X_FT[:3, 1])))
         actuator = plant.AddJointActuator(_GRIP, self._grip_joint)
         actuator.set_controller_gains(PdControllerGains(p=GRIP_NM_RAD, d=GRIP_NMS_RAD))
         plant.set_gravity_enabled(self._grip, False)

@@ -122,7 +122,7 @@ class ToyDevices:
     def openers(self) -> Openers:
         return Openers(self._arm, self._camera, self._pedal, self._balance)
 
-    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, pedal: Any) -> FakeArm:
+    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, table: Any, pedal: Any) -> FakeArm:
         self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, pedal=pedal)
         self.arm = FakeArm(self.q_rad, FakeClock(), model=model, tool=tool, keep_out=keep_out)
         return self.arm

@@ -249,7 +249,7 @@ def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str],
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config], Any]:
     @contextmanager
-    def open_parts(config: Config) -> Iterator[Parts]:
+    def open_parts(config: Config, session: str | None = None) -> Iterator[Parts]:
         with lab:
             yield toy_parts(lab, **kinds)
 

@@ -67,7 +67,7 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     again = Sink()
     with (
         FrankaArm("fr3", hard, lambda: again) as one,
-        pytest.raises(MotionRefused, match=r"predicted contact force 50 N, the arm stops by itself at 40 N"),
+        pytest.raises(MotionRefused, match="predicted contact force"),
     ):
         one.execute(path(soft))
     assert again.given == []

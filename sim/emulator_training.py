@@ -74,10 +74,7 @@ def train_emulator(
     if len(dataset) < SMALLEST:
         raise DatasetError(f"{len(dataset)} rollouts are too few to learn from; at least {SMALLEST} are needed")
     rng = np.random.default_rng(seed)
-    order = np.asarray(rng.permutation(dataset.uniform), dtype=np.intp)
-    n_out = max(16, int(settings.held_out * dataset.uniform))
-    calibrate, judge = order[: n_out // 2], order[n_out // 2 : n_out]
-    train = np.concatenate([order[n_out:], np.arange(dataset.uniform, len(dataset))])
+    calibrate, judge, train = split(dataset, rng, settings)
     targets = _targets(task, dataset)
     y_mean, y_std = _scaling(targets.y[train], targets.known[train])
     data = _Data(
@@ -105,6 +102,14 @@ def train_emulator(
     tensors["misfit_limit"] = torch.tensor(_misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng))
     emulator = Emulator(task, tensors)
     return emulator, _judge(emulator, task, dataset, judge, len(train))
+
+
+def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings) -> tuple[Rows, Rows, Rows]:
+    """Rows to calibrate, to judge and to train with: only what fills the space evenly is held out."""
+    order = np.asarray(rng.permutation(dataset.uniform), dtype=np.intp)
+    n = max(16, int(settings.held_out * dataset.uniform))
+    denser = np.arange(dataset.uniform, len(dataset))
+    return order[: n // 2], order[n // 2 : n], np.concatenate([order[n:], denser])
 
 
 def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:

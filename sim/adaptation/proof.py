@@ -199,7 +199,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
 
 def _kept(folder: Path) -> int:
     """Rollouts of the episodes and of the evaluation."""
-    return sum(stored_count(path) for path in sorted(folder.glob("[!.]*.npz")))
+    return sum((stored_count(path) for path in sorted(folder.glob("[!.]*.npz"))), 0)
 
 
 def _held_out(made: Pretrained) -> HeldOut | None:
@@ -213,7 +213,7 @@ def _held_out(made: Pretrained) -> HeldOut | None:
 def _replayed(made: Pretrained, settings: ProofSettings) -> int:
     targets, particles, visits = made.episodes.rewards.shape
     wanted = min(targets, -(-settings.episodes // particles))
-    return wanted * particles * visits * made.task.adaptation.trials_per_iteration
+    return int(wanted * particles * visits * made.task.adaptation.trials_per_iteration)
 
 
 def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], None], total: int) -> Roll:

@@ -13,7 +13,7 @@ from hw.types import Array
 from sim.adaptation.proof_statistics import wilson
 from sim.adaptation.reevaluation import held_out_errors
 from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings
+from sim.emulator_training import EmulatorSettings, split
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import Requests, Rollouts
@@ -65,7 +65,7 @@ def held_out(
     Raises DatasetError when the figures are not those of the report: emulator, dataset and report then do not belong
     together.
     """
-    task, rows = emulator.task, held_out_rows(dataset.uniform, seed, settings)
+    task, (_, rows, _) = emulator.task, split(dataset, np.random.default_rng(seed), settings)
     requests, true = _requests(task, dataset, rows), _rollouts(dataset, rows)
     errors = held_out_errors(emulator, requests, true)
     everywhere = _errors(errors, true)
@@ -89,13 +89,6 @@ def held_out(
         reliability=reliability_bins(said, true.succeeded),
         position_errors=errors["position_error_median"],
     )
-
-
-def held_out_rows(uniform: int, seed: int, settings: EmulatorSettings) -> NDArray[np.intp]:
-    """The rows behind an emulator's report: the split that `train_emulator` draws first from its seed."""
-    order = np.random.default_rng(seed).permutation(uniform)
-    count = max(16, int(settings.held_out * uniform))
-    return np.asarray(order[count // 2 : count], dtype=np.intp)
 
 
 def reliability_bins(probability: Array, succeeded: NDArray[np.bool_]) -> Reliability:

@@ -64,7 +64,7 @@ def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np
     earned, expected = [], []
     for target in environments[: settings.targets]:
         contexts, seed = task.context.sample(rng, settings.rollouts), int(rng.integers(2**31))
-        actions = [policy.actions(contexts) for policy in (*learnt, *searched)]
+        actions = [policy.actions(contexts) for policy in learnt] + [policy.actions(contexts) for policy in searched]
         requests = [_at(task, target, contexts, a, np.random.default_rng(seed)) for a in actions]
         rewards = roll(_joined(requests)).rewards(task, np.tile(contexts, (len(actions), 1)))
         earned.append(rewards.reshape(2, n, -1))

@@ -78,7 +78,10 @@ def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
     r = held.reliability if held else None
     targets = "in Ω and the margin around it" if made.wide else "in Ω, as in the paper"
     text = template.render(
-        heading=made.task.title + (", targets beyond Ω" if made.wide else "") + (", by NAF" if made.by_naf else ""),
+        heading=made.task.title[:1].upper()
+        + made.task.title[1:]
+        + (", targets beyond Ω" if made.wide else "")
+        + (", by NAF" if made.by_naf else ""),
         plan=made.plan,
         command=command,
         simulations=sum(s.simulations or 0 for s in proof.stages),

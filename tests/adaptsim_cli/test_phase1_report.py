@@ -66,7 +66,7 @@ def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: p
     assert told["card"]["task"] == "pendulum"
     assert f"Report: {docs / 'phase1.md'}" in err
     text = (docs / "phase1.md").read_text()
-    assert "## Double pendulum" in text
+    assert "\n## Balance a double pendulum" in text
     assert "| every reward |" in text
     assert "### Emulator" not in text  # solved exactly
     pictures = sorted((docs / "figures").iterdir())

@@ -27,7 +27,7 @@ encoder_noise_mrad = 0.1
 joint_offset_mrad = 0.5
 clock_offset_ms = 12.0
 """
-PLACES_M = ((0.60, -0.02), (0.64, 0.02), (0.68, -0.015), (0.70, 0.015))
+PLACES_M = ((0.66, -0.02), (0.68, 0.015), (0.70, -0.01), (0.69, 0.02))
 
 
 @pytest.fixture

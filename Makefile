@@ -40,7 +40,7 @@ system:
 	fi
 
 demo: $(STAMP)
-	$(BIN)/adaptsim run-iteration --task scooping --world flat-mount --seed 0 --yes --session demo-$$(date +%Y%m%d-%H%M%S)
+	$(BIN)/adaptsim run-iteration --task scooping --world heavy-olive --seed 0 --yes --session demo-$$(date +%Y%m%d-%H%M%S)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --durations 10

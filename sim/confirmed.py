@@ -24,8 +24,8 @@ SCENARIOS = 8
 """Rollouts of each: the first of the scenarios that the emulator judged it by."""
 
 EMULATOR_WORTH = 10.0
-"""Rollouts that the emulator's expectation of an action counts as: its mean reward is off by about .15, that of n
-rollouts that succeed or fail by .5 / sqrt(n)."""
+"""Rollouts that the emulator's expectation of an action counts as, if its mean reward is off by .15 (assumed, not
+measured): that of n rollouts that succeed or fail is off by .5 / sqrt(n)."""
 
 
 @dataclass(frozen=True, eq=False)

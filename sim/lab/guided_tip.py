@@ -24,6 +24,7 @@ TIP_M = (0.002, -0.001, 0.165)
 LEAN_RAD = 0.5
 NEAR_RAD = (0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785)
 _LEAN_STD_RAD = 0.05
+_LEAN_SHARES = (1.0, 0.7, 0.4, 0.0)
 _AZIMUTHS_RAD = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # towards the camera, away from it, left, right
 
 
@@ -41,19 +42,25 @@ def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
 def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array:
     """(7,) true joints with the tip at `p_B_m` (3,) to the accuracy of a hand, leaning to the side of that number.
 
-    Raises SimError where the arm does not reach.
+    As a person would, it leans less where the arm does not reach. Raises SimError where it does not reach upright.
     """
     lean = LEAN_RAD + _LEAN_STD_RAD * rng.standard_normal()
     azimuth = _AZIMUTHS_RAD[number % len(_AZIMUTHS_RAD)] + _LEAN_STD_RAD * rng.standard_normal()
-    axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    down = np.diag([1.0, -1.0, -1.0])
+    aimed_m = p_B_m + AIM_STD_M * rng.standard_normal(3)
+    for share in _LEAN_SHARES:
+        q = _within_limits(aimed_m, share * lean, azimuth)
+        if len(q):
+            return np.asarray(q[np.linalg.norm(q - NEAR_RAD, axis=1).argmin()])
+    raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies out of the arm's reach")
+
+
+def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:
+    """(N, 7) joints, away from their ends, that bring the tip there with the hand leaning so."""
+    axis = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
     X_BF = np.eye(4)
-    X_BF[:3, :3] = Rotation.from_rotvec(lean * axis).as_matrix() @ down
-    X_BF[:3, 3] = p_B_m + AIM_STD_M * rng.standard_normal(3) - X_BF[:3, :3] @ np.array(TIP_M)
+    X_BF[:3, :3] = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+    X_BF[:3, 3] = p_B_m - X_BF[:3, :3] @ np.array(TIP_M)
     limits = LIMITS["panda"]
     q = inverse(X_BF, np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 61)[1:-1]).reshape(-1, 7)
     q = q[np.isfinite(q).all(axis=1)]
-    q = q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)]
-    if not len(q):
-        raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies out of the arm's reach")
-    return np.asarray(q[np.linalg.norm(q - NEAR_RAD, axis=1).argmin()])
+    return np.asarray(q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)])

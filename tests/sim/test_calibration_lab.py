@@ -20,6 +20,7 @@ from sim.kinect import default_X_BC
 from sim.lab import SimulatedLab
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
+from sim.lab.guided_tip import AIM_STD_M, TIP_M, touching_q_rad
 from sim.panda.moves import move_path
 from sim.panda.visits import postures
 from sim.tasks import get_task
@@ -159,3 +160,16 @@ def test_faults_come_at_their_motion_and_picture() -> None:
         assert bench.arm.state().fault is not None
     with lab(replace(world(), faults=Faults(camera_timeout=(1,)))) as bench, pytest.raises(CameraError):
         bench.camera.snapshot()
+
+
+def test_a_person_leans_the_arm_less_where_it_hardly_reaches() -> None:
+    leans = []
+    for x_m in (0.60, 0.72):
+        q_rad = touching_q_rad(np.array([x_m, 0.0, 0.006]), 0, np.random.default_rng(0))
+        X_BF = forward(q_rad)
+        assert np.linalg.norm((X_BF @ [*TIP_M, 1.0])[:3] - [x_m, 0.0, 0.006]) < 5 * AIM_STD_M
+        leans.append(float(np.arccos(-X_BF[2, 2])))
+    assert 0.3 < leans[0]
+    assert leans[1] < 0.8 * leans[0]
+    with pytest.raises(SimError, match="out of the arm's reach"):
+        touching_q_rad(np.array([1.0, 0.0, 0.006]), 0, np.random.default_rng(0))

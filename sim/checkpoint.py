@@ -18,6 +18,7 @@ from typing import Any
 from torch import Tensor
 
 from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.emulator import Emulator
 from sim.errors import CheckpointError
@@ -48,6 +49,9 @@ MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
 """Of the tensors of the adaptation policies."""
+PROSPECTS = "prospects."
+PAPERS = "adaptsim-iteration"
+"""The paper's method: what a card stands for that names none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,8 @@ class Checkpoint:
     card: Mapping[str, Any]
     solver: Solver
     networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
-    memory: MemoryName  # of the one that method "adaptsim" uses
+    prospects: Prospects | None  # None where the solver is NAF's, which has no answers without simulating
+    method: str  # what "adaptsim" stands for
 
     @property
     def sha256(self) -> str:
@@ -72,6 +77,7 @@ def save_checkpoint(
     emulator: Emulator | None,
     networks: Mapping[MemoryName, QNetwork],
     facts: Mapping[str, Any],
+    prospects: Prospects | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
@@ -81,6 +87,8 @@ def save_checkpoint(
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     for memory, network in networks.items():
         tensors |= {f"{PREFIXES[memory]}{name}": t.detach() for name, t in network.state_dict().items()}
+    if prospects is not None:
+        tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
     save_tensors(folder / MODEL, tensors)
     card = {
         "format": FORMAT,
@@ -113,15 +121,14 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
-    memory = card.get("memory", "iteration")
-    if not parts.get(memory):
-        raise CheckpointError(f"{path} holds no adaptation policy with memory {memory!r}: pretrain again")
+    ahead = _part(tensors, PROSPECTS)
     return Checkpoint(
         path=path,
         card=card,
         solver=_solver(task, path, card, tensors),
         networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
-        memory=memory,
+        prospects=restore_prospects(task, ahead) if ahead else None,
+        method=str(card.get("method", PAPERS)),
     )
 
 

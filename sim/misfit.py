@@ -1,4 +1,4 @@
-"""How unlike everything the simulator can express an observed trajectory is."""
+"""How unlike what the simulator can express an observed trajectory is."""
 
 from __future__ import annotations
 
@@ -30,9 +30,16 @@ def misfit(solver: Solver, context: Array, action: Array, observation: Array) ->
     unit = sobol(DRAWS, p + a + len(task.nuisance), np.random.default_rng(0))
     executed = action + (2.0 * unit[:, p : p + a] - 1.0) * task.action_noise
     parameters, nuisance = spread(task.parameters, unit[:, :p]), spread(task.nuisance, unit[:, p + a :])
-    there = task.relocate(solver.trajectories(parameters, executed, nuisance), np.tile(context, (DRAWS, 1)))
-    seen = task.observation
+    return float(np.sqrt(squared_misfits(solver, context, observation, parameters, executed, nuisance).min()))
+
+
+def squared_misfits(
+    solver: Solver, context: Array, observation: Array, parameters: Array, executed: Array, nuisance: Array
+) -> Array:
+    """(N,) mean squares of that distance for (N, p), (N, a), (N, n) in units, one by one."""
+    task, seen = solver.task, solver.task.observation
+    there = task.relocate(solver.trajectories(parameters, executed, nuisance), np.tile(context, (len(parameters), 1)))
     expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
     camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
     std = np.sqrt(camera**2 + solver.residual_std**2 + LEAST_STD**2)
-    return float(np.sqrt((((expected - observation) / std) ** 2).mean(axis=1)).min())
+    return np.asarray((((expected - observation) / std) ** 2).mean(axis=1))

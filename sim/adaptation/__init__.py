@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sim.adaptation.best import choose_best
 from sim.adaptation.judgement import verdict
 from sim.adaptation.method import Best, Iteration, Method, Particle, ParticleTrials, Trial
-from sim.errors import UnknownName
+from sim.errors import CheckpointError, UnknownName
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ __all__ = [
 ]
 
 METHODS = {
-    "adaptsim": "sim.adaptation.phase2:create",
+    "adaptsim": "sim.adaptation:make_default",
+    "adaptsim-belief": "sim.adaptation.belief:create",
     "adaptsim-iteration": "sim.adaptation.phase2:create_iteration",
     "adaptsim-state": "sim.adaptation.phase2:create_state",
     "adaptsim-history": "sim.adaptation.phase2:create_history",
@@ -45,3 +46,10 @@ def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     module, _, function = METHODS[name].partition(":")
     method: Method = getattr(import_module(module), function)(task, checkpoint)
     return method
+
+
+def make_default(task: Task, checkpoint: Checkpoint | None) -> Method:
+    """The AdaptSim that earned most on the held-out targets of the checkpoint. Raises CheckpointError."""
+    if checkpoint is None:
+        raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
+    return make_method(checkpoint.method, task, checkpoint)

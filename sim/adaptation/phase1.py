@@ -4,8 +4,9 @@ A task with an exact solver needs neither dataset nor emulator, and its rollouts
 
 The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors`, `rollouts/` (those of the
 episodes and of the evaluation, never simulated twice), `policy.safetensors` and the `episodes.safetensors` that it went
-through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes), the report of each
-stage, `timings.toml` (wall time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
+through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes),
+`prospects.safetensors` (what E are worth wherever the truth may lie), the report of each stage, `timings.toml` (wall
+time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from sim.adaptation.belief import Belief
 from sim.adaptation.episodes import Episodes, Roll
 from sim.adaptation.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
 from sim.adaptation.logs import Log, tensorboard
@@ -28,6 +30,7 @@ from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.meta_training import MetaCurve, MetaSettings, learn_from, train_adaptation
 from sim.adaptation.method import Method
 from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.adaptation.timing import Stopwatch
 from sim.baselines.random_search import RandomSearch
@@ -54,10 +57,12 @@ StageProgress = Callable[[str, int, int], None]
 FURTHER: tuple[MemoryName, ...] = ("history", "state")
 """Adaptation policies that learn from the episodes of the paper's."""
 
-METHODS = {"iteration": "adaptsim-iteration", "history": "adaptsim-history", "random": "random"}
+NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
+BELIEF, RANDOM = "adaptsim-belief", "random"
 """What the evaluation compares, by the names of `sim.adaptation.METHODS`."""
+COMPARED = len(NETWORKS) + 2
 
-STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "evaluation", "checkpoint")
+STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "prospects", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """Stands in for the first two stages."""
 
@@ -72,6 +77,7 @@ class PretrainBudget:
     further_updates: int = 20_000  # gradient steps of the policies that learn from the episodes of the first
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
+    prospects: ProspectSettings = field(default_factory=ProspectSettings)
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
 
     @classmethod
@@ -90,8 +96,8 @@ class PretrainBudget:
         trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
         rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
-        judged = self.evaluation.rollouts * (2 + len(METHODS) * self.evaluation.iterations)
-        evaluated = self.evaluation.targets * (len(METHODS) * session + PROPOSED * SCREENING + judged)
+        judged = self.evaluation.rollouts * (2 + COMPARED * self.evaluation.iterations)
+        evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
         dataset = 0 if task.exact else self.rollouts + self.denser
         return dataset + (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
 
@@ -131,7 +137,8 @@ def pretrain(
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     with tensorboard(folder / "logs") as log:
         networks = _policies(folder, means, budget, draws[2], progress, log)
-    results = _evaluation(folder, means, networks, budget, draws[3], progress)
+    ahead = _prospects(folder, means, budget.prospects, draws[2], progress)
+    results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress)
     path = folder / "checkpoint"
     if not (path / CARD).exists():
         facts = {
@@ -139,10 +146,10 @@ def pretrain(
             "simulations": budget.simulations(task),
             "policy": read_toml(folder / "policy.toml"),
             "evaluation": results,
-            "memory": best_memory(results),
+            "method": best_method(results),
         }
-        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts})
-    progress(STAGES[5], 1, 1)
+        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
+    progress(STAGES[6], 1, 1)
     return path
 
 
@@ -243,10 +250,25 @@ def _policies(
     return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
 
 
+def _prospects(
+    folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
+) -> Prospects | None:
+    """None with NAF: without an emulator they would cost a simulation each."""
+    if isinstance(means.solver, NafSolver):
+        return None
+    path = folder / "prospects.safetensors"
+    if not path.exists():
+        ahead = look_ahead(means.solver, seed, settings, lambda i, n: progress(STAGES[4], i, n))
+        save_tensors(path, ahead.tensors)
+    progress(STAGES[4], 1, 1)
+    return restore_prospects(means.solver.task, load_tensors(path))
+
+
 def _evaluation(
     folder: Path,
     means: _Means,
     networks: Mapping[MemoryName, QNetwork],
+    ahead: Prospects | None,
     budget: PretrainBudget,
     seed: int,
     progress: StageProgress,
@@ -254,23 +276,24 @@ def _evaluation(
     path, task = folder / "evaluation.toml", means.solver.task
     if not path.exists():
         methods: dict[str, Method] = {
-            METHODS[memory]: AdaptSim(task, network, memory)
-            for memory, network in networks.items()
-            if memory in METHODS
+            name: AdaptSim(task, networks[memory], memory) for memory, name in NETWORKS.items()
         }
-        methods[METHODS["random"]] = RandomSearch(task)
+        methods[RANDOM] = RandomSearch(task)
+        if ahead is not None:
+            methods[BELIEF] = Belief(means.solver, ahead)
         results = evaluate(
-            afresh(means.solver), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
+            afresh(means.solver), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[5], i, n)
         )
         write_toml(path, asdict(results))
-    progress(STAGES[4], 1, 1)
+    progress(STAGES[5], 1, 1)
     return read_toml(path)
 
 
-def best_memory(evaluation: Mapping[str, Any]) -> MemoryName:
-    """The memory whose policy earned more at the end of the sessions of the evaluation."""
-    last = {score["name"]: float(score["reward"][-1]) for score in evaluation["methods"]}
-    return "history" if last[METHODS["history"]] > last[METHODS["iteration"]] else "iteration"
+def best_method(evaluation: Mapping[str, Any]) -> str:
+    """The AdaptSim that earned most at the end of the sessions of the evaluation; of equals, the first."""
+    scores = [score for score in evaluation["methods"] if score["name"] != RANDOM]
+    last: dict[str, float] = {score["name"]: float(score["reward"][-1]) for score in scores}
+    return max(last, key=lambda name: last[name])
 
 
 def _summary(curve: MetaCurve) -> dict[str, Any]:

@@ -20,37 +20,24 @@ if TYPE_CHECKING:
     from sim.checkpoint import Checkpoint
 
 
-def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
-    """AdaptSim with what its checkpoint found best: seeing the last iteration, or the whole session.
-
-    Raises CheckpointError when there is no checkpoint.
-    """
-    checkpoint = _given(task, checkpoint)
-    return _with(task, checkpoint, checkpoint.memory)
-
-
 def create_iteration(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """AdaptSim as in the paper: a particle moves by what its last iteration showed. Raises CheckpointError."""
-    return _with(task, _given(task, checkpoint), "iteration")
+    return _with(task, checkpoint, "iteration")
 
 
 def create_state(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """AdaptSim-State of the paper: it sees only how the last trials ended. Raises CheckpointError."""
-    return _with(task, _given(task, checkpoint), "state")
+    return _with(task, checkpoint, "state")
 
 
 def create_history(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """AdaptSim that sees all parameters, trajectories and rewards of the session. Raises CheckpointError."""
-    return _with(task, _given(task, checkpoint), "history")
+    return _with(task, checkpoint, "history")
 
 
-def _given(task: Task, checkpoint: Checkpoint | None) -> Checkpoint:
+def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> AdaptSim:
     if checkpoint is None:
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
-    return checkpoint
-
-
-def _with(task: Task, checkpoint: Checkpoint, memory: MemoryName) -> AdaptSim:
     if memory not in checkpoint.networks:
         raise CheckpointError(
             f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain again with "

@@ -183,7 +183,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     kept = _kept(made.folder / "rollouts")
     # An exact task keeps none of its rollouts: what was planned is the most that there were.
     evaluated = (kept if kept else int(made.card["simulations"]) - drawn) - episodes
-    simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, max(0, evaluated), 0), strict=True))
+    simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, 0, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # which asks the simulator for every policy, in every stage
         together = StageCost("all stages, NAF's own rollouts included", kept, None, False)
         return (*(StageCost(stage, None, measured[stage], False) for stage in STAGES if stage in measured), together)

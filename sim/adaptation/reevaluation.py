@@ -19,7 +19,6 @@ from sim.adaptation import choose_best, make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.adaptation.meta_training import sample_targets
-from sim.adaptation.phase1 import METHODS
 from sim.baselines.udr import Udr
 from sim.checkpoint import Checkpoint
 from sim.emulator import Emulator
@@ -185,7 +184,7 @@ def _sessions(checkpoint: Checkpoint, roll: Roll, rng: np.random.Generator, prog
         progress(i + 1, EXACT_TARGETS)
     behind = int(stored.get("targets", 0))
     last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}
-    said = {"adaptsim": last.get(METHODS.get(checkpoint.memory)), "udr": stored.get("udr")}
+    said = {"adaptsim": last.get(checkpoint.method), "udr": stored.get("udr")}
     return [
         _figure(f"mean reward of {name}", float(said[name]), behind, np.array(values), "more", _mean, rng)
         for name, values in earned.items()

@@ -22,11 +22,13 @@ from sim.adaptation.proof_emulator import Errors, HeldOut, reliability_bins
 from sim.adaptation.proof_policies import Pairs
 from sim.adaptation.proof_replays import Agreement
 from sim.adaptation.proof_statistics import Estimate, rank_correlation
+from sim.adaptation.prospects import ProspectSettings
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 
 BUDGET = PretrainBudget(
     meta=MetaSettings(steps=80, parallel=8),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=3, iterations=2, rollouts=1, oracle=16),
     further_updates=20,
 )

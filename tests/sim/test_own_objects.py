@@ -8,6 +8,7 @@ import pytest
 from sim.adaptation.evaluation import EvaluationSettings
 from sim.adaptation.meta_training import MetaSettings
 from sim.adaptation.phase1 import PretrainBudget, pretrain
+from sim.adaptation.prospects import ProspectSettings
 from sim.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, ObjectError
 from sim.own_objects import OwnObject, load_object, with_ranges
@@ -27,6 +28,7 @@ h = [2, 2.6]
 TINY = PretrainBudget(
     further_updates=20,
     meta=MetaSettings(steps=20, parallel=2),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=1, oracle=4),
 )
 

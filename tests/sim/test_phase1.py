@@ -13,6 +13,7 @@ from sim.adaptation.memory import new_policy
 from sim.adaptation.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
 from sim.adaptation.phase1 import STAGES, PretrainBudget, pretrain
 from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.prospects import ProspectSettings
 from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import load_checkpoint
 from sim.errors import DatasetError, RolloutError
@@ -26,6 +27,7 @@ TINY = PretrainBudget(
     further_updates=50,
     emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
     meta=MetaSettings(steps=24, parallel=8, updates=1),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
 calls = []

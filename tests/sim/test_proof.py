@@ -16,6 +16,7 @@ from sim.adaptation.phase1 import STAGES, PretrainBudget, pretrain
 from sim.adaptation.proof import PARTS, ProofSettings, is_finished, load_pretrained, prove, stage_costs
 from sim.adaptation.proof_emulator import reliability_bins
 from sim.adaptation.proof_policies import PairSettings, compare_policies, search_policies
+from sim.adaptation.prospects import ProspectSettings
 from sim.adaptation.timing import TIMINGS
 from sim.errors import DatasetError
 from sim.rollouts import serial_executor
@@ -26,6 +27,7 @@ BUDGET = PretrainBudget(
     denser=64,
     emulator=dataclasses.replace(SETTINGS, least_steps=400, most_steps=400),
     meta=MetaSettings(steps=128, parallel=16, updates=1),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
     further_updates=30,
 )
@@ -109,7 +111,7 @@ def test_what_each_stage_took(folder):
     stages = {cost.stage: cost for cost in stage_costs(load_pretrained(TOY, folder))}
     assert stages[STAGES[0]].simulations == 1088
     assert stages[STAGES[2]].simulations == 9 * 16 * 2
-    assert stages[STAGES[4]].simulations > 0
+    assert stages[STAGES[5]].simulations > 0
     assert all(cost.wall_s >= 0.0 and not cost.from_files for cost in stages.values())
     (folder / TIMINGS).unlink()
     without = {cost.stage: cost for cost in stage_costs(load_pretrained(TOY, folder))}

@@ -1,0 +1,81 @@
+"""What the policies of some E would earn, wherever in the margin the truth may lie.
+
+Computed once in pretraining and stored in the checkpoint: a session only weighs its columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hw.types import Array
+from sim.errors import CheckpointError
+from sim.sampling import sobol, spread
+from sim.solver import Solver
+from sim.tasks.task import Task
+
+
+@dataclass(frozen=True)
+class ProspectSettings:
+    """How finely one looks ahead."""
+
+    candidates: int = 128
+    truths: int = 2048
+    contexts: int = 8  # that a reward is averaged over
+    draws: int = 2  # of nuisance and action error, at each of them
+
+
+@dataclass(frozen=True, eq=False)
+class Prospects:
+    """`rewards[i, j]` is what the policy trained for `candidates[i]` is expected to earn where `truths[j]` is true."""
+
+    candidates: Array  # (C, p) in Omega, in units
+    truths: Array  # (T, p) in Omega and its margin, in units
+    rewards: Array  # (C, T)
+
+    @property
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything to be stored; `restore_prospects` restores it."""
+        return {
+            "candidates": torch.from_numpy(self.candidates),
+            "truths": torch.from_numpy(self.truths),
+            "rewards": torch.from_numpy(self.rewards.astype(np.float16)),
+        }
+
+
+def look_ahead(
+    solver: Solver,
+    seed: int,
+    settings: ProspectSettings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Prospects:
+    """Both sets fill their space evenly; the same contexts, errors and nuisance for all rewards."""
+    task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
+    candidates = spread(task.parameters, sobol(s.candidates, len(task.parameters), rng))
+    truths = spread(task.margin, sobol(s.truths, len(task.margin), rng))
+    contexts = task.context.sample(rng, s.contexts)
+    policies = solver.policies(candidates[:, None, :], rng)
+    drawn = int(rng.integers(2**31))
+    rewards = np.empty((s.candidates, s.truths), dtype=np.float16)
+    for i, policy in enumerate(policies):
+        actions = np.broadcast_to(policy.actions(contexts), (s.truths, s.contexts, len(task.action)))
+        rewards[i] = solver.expected_rewards(truths, contexts, actions, np.random.default_rng(drawn), s.draws)
+        if progress is not None:
+            progress(i + 1, s.candidates)
+    return Prospects(candidates, truths, rewards.astype(np.float64))
+
+
+def restore_prospects(task: Task, tensors: Mapping[str, Tensor]) -> Prospects:
+    """Raises CheckpointError when the tensors are not those of prospects of this task."""
+    try:
+        found = Prospects(*(tensors[name].double().numpy() for name in ("candidates", "truths", "rewards")))
+    except KeyError as error:
+        raise CheckpointError(f"not prospects: {error} is missing; pretrain again") from error
+    parameters = len(task.parameters)
+    if found.candidates.shape[1] != parameters or found.truths.shape[1] != parameters:
+        raise CheckpointError(f"prospects of {found.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
+    return found

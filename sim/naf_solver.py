@@ -22,7 +22,7 @@ from sim.errors import UnknownName
 from sim.misfit import misfit
 from sim.naf import NafPolicy, NafSettings, Training, naf_training, train_together
 from sim.naf_memory import NafMemory, policy_key
-from sim.policy_reuse import PAPER_RULES, ReuseRules, TrainingPlan, features, plan_training
+from sim.policy_reuse import ReuseRules, TrainingPlan, features, plan_training
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, run_many
 from sim.sampling import sobol, spread
@@ -138,11 +138,11 @@ def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -
 
 
 def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
-    """The paper's for this task, all budgets times `scale`. Raises UnknownName for a task that has none."""
-    if task.exact is not None:
-        raise UnknownName(f"{task.name} has no solver naf: its task policies are exact. Leave --solver out")
-    rules = PAPER_RULES.get(task.name, PAPER_RULES["scooping"])
-    return rules.scaled(scale)
+    """The task's, all budgets times `scale`. Raises UnknownName for a task that has none."""
+    if task.reuse is None:
+        why = "its task policies are exact" if task.exact else "it says nothing of how NAF's policies are reused"
+        raise UnknownName(f"{task.name} has no solver naf: {why}. Leave --solver out")
+    return task.reuse.scaled(scale)
 
 
 def naf_facts(solver: NafSolver, misfit_limit: float) -> dict[str, Any]:

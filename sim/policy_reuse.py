@@ -6,9 +6,7 @@ first one. With the numbers of Table A1 it never binds, since a policy reaches i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -40,15 +38,6 @@ class ReuseRules:
             max(1, round(factor * b)) for b in (self.first_budget, self.least_budget, self.max_budget)
         )
         return replace(self, first_budget=first, least_budget=least, max_budget=most)
-
-
-PAPER_RULES: Mapping[str, ReuseRules] = MappingProxyType(
-    {
-        "pushing": ReuseRules(0.16, first_budget=10_000, least_budget=2_500, max_budget=30_000, discount=0.9),
-        "scooping": ReuseRules(0.16, first_budget=1_200, least_budget=300, max_budget=4_000, discount=0.9),
-    }
-)
-"""Table A1, by task; the least budget is ours. The pendulum has none there: it is solved exactly."""
 
 
 @dataclass(frozen=True, eq=False)

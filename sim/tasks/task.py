@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pydrake.multibody.plant as drake_plant
     import pydrake.multibody.tree as drake_tree
 
+    from sim.policy_reuse import ReuseRules
     from sim.solver import Solver
 
 
@@ -183,6 +184,7 @@ class Task:
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # how a person calls it, e.g. "piece of food"
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
+    reuse: ReuseRules | None = None  # of policies that NAF trains (Table A1); None: it trains none
     exact: Callable[[Task], Solver] | None = None
     """Makes the solver of a task whose answers are exact; None: they are learnt from a dataset, as an emulator."""
     build_scene: BuildScene | None = None  # None: no lab scene

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.policy_reuse import PAPER_RULES, ReuseRules, features, plan_training
+from sim.policy_reuse import ReuseRules, features, plan_training
+from sim.tasks import get_task
 
 RULES = ReuseRules(distance=0.16, first_budget=1200, least_budget=300, max_budget=4000, discount=0.9)
 
@@ -66,7 +67,7 @@ def test_distributions_differ_by_their_means_and_their_widths():
 
 
 def test_the_least_budget_of_the_papers_numbers_never_binds():
-    for rules in PAPER_RULES.values():
+    for rules in (get_task(name).reuse for name in ("pushing", "scooping")):
         plan = plan_training((), np.zeros(1), rules)
         budgets = [plan.budget]
         while plan.budget:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from perception.types import ObjectTrack, Outcome
+from sim.policy_reuse import ReuseRules
 from sim.tasks.task import AdaptationSettings, Observation, Task
 from sim.types import Dimension, Space
 
@@ -116,6 +117,7 @@ TOY = Task(
     nuisance=NUISANCE,
     action_noise=np.array([0.01, 0.02]),
     observation=OBSERVATION,
+    reuse=ReuseRules(0.16, first_budget=1_200, least_budget=300, max_budget=4_000, discount=0.9),
     adaptation=AdaptationSettings(
         horizon=8, delta=0.15, discount=0.9, threshold=0.5, trials_per_iteration=2, learning_rate=1e-3
     ),

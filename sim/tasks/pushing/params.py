@@ -9,6 +9,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import OutOfRange
+from sim.policy_reuse import ReuseRules
 from sim.tasks.pushing.mount import mounting
 from sim.tasks.task import AdaptationSettings, Observation
 from sim.types import Dimension, Space
@@ -70,6 +71,8 @@ OBSERVATION = Observation(
 ADAPTATION = AdaptationSettings(
     horizon=8, delta=0.15, discount=0.9, threshold=0.8, trials_per_iteration=2, learning_rate=3e-4
 )
+REUSE = ReuseRules(0.16, first_budget=10_000, least_budget=2_500, max_budget=30_000, discount=0.9)
+"""Table A1; the least budget is ours."""
 
 START_M: Array = frozen_array([0.56, 0.0], (2,))
 """Where the bottle stands before the push."""

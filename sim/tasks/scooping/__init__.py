@@ -12,6 +12,7 @@ from sim.tasks.scooping.params import (
     OBSERVATION,
     PARAMETERS,
     REFERENCE_CONTEXT,
+    REUSE,
     X_FT,
     Unmodelled,
 )
@@ -31,6 +32,7 @@ TASK = Task(
     action_noise=ACTION_NOISE,
     observation=OBSERVATION,
     adaptation=ADAPTATION,
+    reuse=REUSE,
     unmodelled=Unmodelled,
     simulate=simulate,
     build_scene=build_scene,

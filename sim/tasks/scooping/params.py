@@ -9,6 +9,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import OutOfRange
+from sim.policy_reuse import ReuseRules
 from sim.tasks.task import AdaptationSettings, Observation
 from sim.types import Dimension, Space
 
@@ -65,6 +66,8 @@ OBSERVATION = Observation(
 ADAPTATION = AdaptationSettings(
     horizon=8, delta=0.15, discount=0.9, threshold=0.5, trials_per_iteration=2, learning_rate=1e-3
 )
+REUSE = ReuseRules(0.16, first_budget=1_200, least_budget=300, max_budget=4_000, discount=0.9)
+"""Table A1; the least budget is ours."""
 
 BLADE_LENGTH_M = 0.10
 BLADE_WIDTH_M = 0.08

@@ -14,13 +14,15 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept import Kept
 
 from hw.types import Array
 from perception.types import ObjectTrack
@@ -49,7 +51,7 @@ class Row:
     method: str
     seed: int
     reward: float
-    ci95: tuple[float, float]
+    ci95: Sequence[float]
     real_trials: int
     wall_s: float
 
@@ -66,18 +68,20 @@ def main() -> None:
     task = get_task(arguments.task)
     checkpoint = load_checkpoint(task, arguments.checkpoint)
     names = arguments.worlds or list_worlds(task)
-    rows: list[Row] = []
+    rows, kept = list[Row](), Kept(Path(arguments.keep) if arguments.keep else None)
     with process_pool(arguments.workers) as executor:
         for name in names:
-            for row in in_world(task, load_world(name, task), checkpoint, executor, arguments):
-                print(json.dumps(row.__dict__), flush=True)
-                rows.append(row)
+            for method, seed, make in in_world(task, load_world(name, task), checkpoint, executor, arguments):
+                found = kept.row(f"{name} {method}", seed, make)
+                print(json.dumps(found), flush=True)
+                rows.append(Row(**found))
     print(table(rows))
 
 
 def in_world(
     task: Task, world: World, checkpoint: Checkpoint, executor: Executor, arguments: argparse.Namespace
-) -> Iterable[Row]:
+) -> Iterable[tuple[str, int, Callable[[], dict[str, Any]]]]:
+    """(method, seed, what makes its row), for each that was asked for."""
     there = replace(task, simulate=partial(simulate_in, task.name, world))
 
     def roll(requests: Any) -> Any:
@@ -86,32 +90,41 @@ def in_world(
     settings = EvaluationSettings()
     solver, n = checkpoint.solver, arguments.rollouts
 
-    def row(method: str, seed: int, policy: SolvedPolicy, trials: int, since: float) -> Row:
+    def row(method: str, seed: int, policy: SolvedPolicy, trials: int, since: float) -> dict[str, Any]:
         rewards = rewards_of(task, policy, roll, n, np.random.default_rng((seed, 1)))
         half = 1.96 * float(rewards.std(ddof=1)) / n**0.5
         mean = float(rewards.mean())
         ci95 = (round(mean - half, 3), round(mean + half, 3))
-        return Row(task.name, world.name, method, seed, round(mean, 3), ci95, trials, round(time.time() - since, 1))
+        return asdict(
+            Row(task.name, world.name, method, seed, round(mean, 3), ci95, trials, round(time.time() - since))
+        )
 
-    began, rng = time.time(), np.random.default_rng(0)
-    udr = policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
-    yield row("udr", 0, udr, 0, began)
+    def udr() -> dict[str, Any]:
+        began, rng = time.time(), np.random.default_rng(0)
+        return row("udr", 0, policy_for(solver, Udr(task).start(1, rng)[0].samples, rng), 0, began)
 
-    began = time.time()
-    grid = spread(task.parameters, sobol(arguments.candidates, len(task.parameters), rng))
-    policies = solver.policies(grid[:, None, :], rng)
-    screened = [rewards_of(task, p, roll, SCREENING, np.random.default_rng(2)).mean() for p in policies]
-    left = [policies[i] for i in np.argsort(screened)[-FINAL:]]
-    again = [rewards_of(task, p, roll, AGAIN, np.random.default_rng(3)).mean() for p in left]
-    yield row("oracle", 0, left[int(np.argmax(again))], arguments.candidates * SCREENING + len(left) * AGAIN, began)
+    def oracle() -> dict[str, Any]:
+        began, rng = time.time(), np.random.default_rng(3)
+        grid = spread(task.parameters, sobol(arguments.candidates, len(task.parameters), rng))
+        policies = solver.policies(grid[:, None, :], rng)
+        screened = [rewards_of(task, p, roll, SCREENING, np.random.default_rng(2)).mean() for p in policies]
+        left = [policies[i] for i in np.argsort(screened)[-FINAL:]]
+        again = [rewards_of(task, p, roll, AGAIN, np.random.default_rng(3)).mean() for p in left]
+        trials = arguments.candidates * SCREENING + len(left) * AGAIN
+        return row("oracle", 0, left[int(np.argmax(again))], trials, began)
 
+    def session(method: str, seed: int) -> dict[str, Any]:
+        began, rng = time.time(), np.random.default_rng((seed, 0))
+        history = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
+        best = choose_best(task, history).particle
+        trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
+        return row(method, seed, policy_for(solver, best.samples, rng), trials, began)
+
+    yield "udr", 0, udr
+    yield "oracle", 0, oracle
     for method in arguments.methods:
         for seed in range(arguments.seeds):
-            began, rng = time.time(), np.random.default_rng((seed, 0))
-            history = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
-            best = choose_best(task, history).particle
-            trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
-            yield row(method, seed, policy_for(solver, best.samples, rng), trials, began)
+            yield method, seed, partial(session, method, seed)
 
 
 def rewards_of(task: Task, policy: SolvedPolicy, roll: Roll, n: int, rng: np.random.Generator) -> Array:
@@ -154,6 +167,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--candidates", type=int, default=16, help="E that the oracle chooses from")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rollouts", type=int, default=40, help="behind each reward")
+    parser.add_argument("--keep", help="file that keeps the rows, so that a second run makes only what is missing")
     parser.add_argument("--workers", type=int, default=None)
     return parser.parse_args()
 

@@ -132,17 +132,18 @@ class Belief:
     def _compare(self, trial: Trial) -> Array:
         task, truths = self.solver.task, self.prospects.truths
         a = len(task.action)
-        unit = sobol(DRAWS, a + len(task.nuisance), np.random.default_rng(0))
+        draws = DRAWS if len(task.nuisance) or np.any(task.action_noise) else 1
+        unit = sobol(draws, a + len(task.nuisance), np.random.default_rng(0))
         executed = trial.action + (2.0 * unit[:, :a] - 1.0) * task.action_noise
         nuisance = spread(task.nuisance, unit[:, a:])
         squared = squared_misfits(
             self.solver,
             trial.context,
             trial.observation,
-            np.repeat(truths, DRAWS, axis=0),
+            np.repeat(truths, draws, axis=0),
             np.tile(executed, (len(truths), 1)),
             np.tile(nuisance, (len(truths), 1)),
-        ).reshape(len(truths), DRAWS)
+        ).reshape(len(truths), draws)
         density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
         return np.asarray(np.log(density.mean(axis=1)))
 

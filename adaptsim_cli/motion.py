@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
+    from sim.panda.correction import ToolCorrection
     from sim.preview import Preview
     from sim.tasks.task import Task
 
@@ -93,6 +94,7 @@ class Lab:
     arm: str
     rig: RigDescription | None = None
     keep_out: tuple[KeepOut, ...] = ()  # on top of the rig's
+    correction: ToolCorrection | None = None  # what its touch-off found
 
 
 def lab_of(resolved: Resolved, arm: str | None) -> Lab:
@@ -101,6 +103,7 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     Raises UsageError, SessionError for a calibration that cannot be read.
     """
     from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.touch_off.store import touch_offs
     from adaptsim_cli.wiring_calibration import camera_box, current_calibration
     from hw.limits import LIMITS
 
@@ -111,7 +114,9 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
         return Lab(arm or "panda")
     known = current_calibration(config, resolved.places)
     boxes = () if known is None else camera_box(known.hand_eye().X_BC)
-    return Lab(config.hw, rig_of(config, tasks_with_tools()), boxes)
+    touched = touch_offs(config, resolved.places).current()
+    correction = None if touched is None else touched.correction()
+    return Lab(config.hw, rig_of(config, tasks_with_tools()), boxes, correction)
 
 
 def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
@@ -126,7 +131,7 @@ def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[s
     from sim.tasks import get_task
 
     task = get_task(task_name)
-    there = mounted(task, lab.arm, lab.rig, lab.keep_out)
+    there = mounted(task, lab.arm, lab.rig, lab.keep_out, lab.correction)
     where = values.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
     how = values.point(task.action, action, middle, "--action")

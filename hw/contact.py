@@ -7,11 +7,15 @@ known, friction) go into the tare, spikes are filtered, and where the touch bega
 
 from __future__ import annotations
 
+from bisect import bisect_left, insort
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import cos, sin
 
 import numpy as np
 
-from hw.kinematics import forward, jacobian
+from hw.kinematics import CRAIG, FLANGE_M, JOINTS, forward, jacobian
 from hw.types import PATH_RATE_HZ, Array, Contact, Guard
 
 MEDIAN_OF = 25
@@ -41,36 +45,79 @@ def predicted_force_N(guard: Guard, speed_m_s: float) -> float:
     return guard.force_N + STIFFNESS_N_M * STOP_S * speed_m_s + IMPACT_NS_M * speed_m_s
 
 
+def vertical_force_N(q_rad: Sequence[float], torque_Nm: Sequence[float], p_F_m: Sequence[float]) -> float:
+    """The vertical part of `contact_force` for one posture: joints and torques (7,), the point (3,), in plain floats.
+
+    Arrays of three numbers cost a control cycle far more than the arithmetic does.
+    """
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    px = py = pz = 0.0
+    joints = []
+    for (a, d, sine), angle in zip(CRAIG, q_rad, strict=True):
+        if sine:
+            yx, yy, yz, zx, zy, zz = sine * zx, sine * zy, sine * zz, -sine * yx, -sine * yy, -sine * yz
+        px, py, pz = px + a * xx + d * zx, py + a * xy + d * zy, pz + a * xz + d * zz
+        c, s = cos(angle), sin(angle)
+        xx, xy, xz, yx, yy, yz = (
+            c * xx + s * yx, c * xy + s * yy, c * xz + s * yz, c * yx - s * xx, c * yy - s * xy, c * yz - s * xz,
+        )  # fmt: skip
+        joints.append((zx, zy, zz, px, py, pz))
+    u, v, w = p_F_m[0], p_F_m[1], p_F_m[2] + FLANGE_M
+    px, py, pz = px + u * xx + v * yx + w * zx, py + u * xy + v * yy + w * zy, pz + u * xz + v * yz + w * zz
+    a11 = a12 = a13 = a22 = a23 = a33 = b1 = b2 = b3 = 0.0  # J J' f = J torque
+    for (zx, zy, zz, ox, oy, oz), torque in zip(joints, torque_Nm, strict=True):
+        rx, ry, rz = px - ox, py - oy, pz - oz
+        j1, j2, j3 = zy * rz - zz * ry, zz * rx - zx * rz, zx * ry - zy * rx
+        a11, a12, a13 = a11 + j1 * j1, a12 + j1 * j2, a13 + j1 * j3
+        a22, a23, a33 = a22 + j2 * j2, a23 + j2 * j3, a33 + j3 * j3
+        b1, b2, b3 = b1 + j1 * torque, b2 + j2 * torque, b3 + j3 * torque
+    c31, c32, c33 = a12 * a23 - a22 * a13, a12 * a13 - a11 * a23, a11 * a22 - a12 * a12
+    return (c31 * b1 + c32 * b2 + c33 * b3) / (c31 * a13 + c32 * a23 + c33 * a33)
+
+
 class Detector:
-    """Says when a guarded motion has touched; fed with what the arm measures, 1 kHz, in pieces of any length.
+    """Says when a guarded motion has touched; fed with what the arm measures, at 1 kHz.
 
     The magnitude counts, not the sign: drivers differ in which way round they report, and a pull is a touch too.
     """
 
     def __init__(self, guard: Guard) -> None:
-        self._guard = guard
-        self._tared: list[Array] = []
-        self._zero_Nm: Array | None = None
-        self._last_N = np.zeros(MEDIAN_OF - 1)
+        self._force_N, self._tare_s, self._p_F_m = guard.force_N, guard.tare_s, guard.p_F_m.tolist()
+        self._tared, self._sum_Nm = 0, [0.0] * JOINTS
+        self._zero_Nm: list[float] | None = None
+        self._last_N: deque[float] = deque([0.0] * MEDIAN_OF)
+        self._in_order_N = [0.0] * MEDIAN_OF
+        self.touched = False
         self.largest_N = 0.0
 
-    def feed(self, t_s: Array, q_rad: Array, torque_Nm: Array) -> int | None:
-        """Path times (M,), measured joints and torques (M, 7) -> the index at which it has touched, or None."""
-        in_tare = t_s < self._guard.tare_s
-        self._tared += list(torque_Nm[in_tare])
-        if in_tare.all():
-            return None
+    def feel(self, t_s: float, q_rad: Sequence[float], torque_Nm: Sequence[float]) -> bool:
+        """Path time, measured joints and torques (7,) of one cycle -> whether it has touched, in it or before."""
+        if t_s < self._tare_s:
+            self._sum_Nm = [total + torque for total, torque in zip(self._sum_Nm, torque_Nm, strict=True)]
+            self._tared += 1
+            return False
         if self._zero_Nm is None:
-            self._zero_Nm = np.mean(self._tared, axis=0) if self._tared else np.zeros(7)
-        first = int(np.argmin(in_tare))
-        force = contact_force(q_rad[first:], torque_Nm[first:] - self._zero_Nm, self._guard.p_F_m)[:, 2]
-        longer = np.concatenate([self._last_N, force])
-        self._last_N = longer[len(longer) - MEDIAN_OF + 1 :]
-        quiet = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(longer, MEDIAN_OF), axis=-1))
-        above = np.flatnonzero(quiet >= self._guard.force_N)
-        seen = quiet[: above[0] + 1] if len(above) else quiet
-        self.largest_N = max(self.largest_N, float(seen.max()))
-        return first + int(above[0]) if len(above) else None
+            self._zero_Nm = [total / max(self._tared, 1) for total in self._sum_Nm]
+        above_zero = [torque - zero for torque, zero in zip(torque_Nm, self._zero_Nm, strict=True)]
+        force = vertical_force_N(q_rad, above_zero, self._p_F_m)
+        del self._in_order_N[bisect_left(self._in_order_N, self._last_N.popleft())]
+        insort(self._in_order_N, force)
+        self._last_N.append(force)
+        quiet = abs(self._in_order_N[MEDIAN_OF // 2])
+        self.largest_N = max(self.largest_N, quiet)
+        self.touched = self.touched or quiet >= self._force_N
+        return self.touched
+
+    def feed(self, t_s: Array, q_rad: Array, torque_Nm: Array) -> int | None:
+        """Path times (M,), joints and torques (M, 7) -> the index at which it has touched first, or None.
+
+        Nothing behind that index is felt: there an arm brakes, and what it measures then is fed in its turn.
+        """
+        before = self.touched
+        for i, sample in enumerate(zip(t_s.tolist(), q_rad.tolist(), torque_Nm.tolist(), strict=True)):
+            if self.feel(*sample) and not before:
+                return i
+        return None
 
 
 @dataclass(frozen=True, eq=False)

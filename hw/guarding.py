@@ -12,7 +12,7 @@ from hw.braking import check_braking
 from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool, point_heights, table_clearance
 from hw.errors import MotionRefused
 from hw.kinematics import forward, link_poses
-from hw.limits import COLLISION_SHARE, CONTACT_FORCE_N, LimitReport, Worst, check_path
+from hw.limits import COLLISION_SHARE, CONTACT_FORCE_N, LimitReport, Worst, check_path, refuse_beyond
 from hw.types import PATH_RATE_HZ, Array, Guard, JointPath
 
 SPEED_M_S = 0.020
@@ -65,9 +65,7 @@ def require_guarded(
             f"{'has no contact window' if path.contact is None else 'is of a tool without such points'}, nothing moved"
         )
     report = check_guarded(path, guard, model, q_now_rad, keep_out, tool, table, collision_N)
-    if not report.ok:
-        broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
-        raise MotionRefused(f"{model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path")
+    refuse_beyond(report)
     if not check_braking(path, model).ok:
         raise MotionRefused(f"{model}: this guarded motion has moments without a stop along it; slow it down")
     return report

@@ -22,7 +22,7 @@ D1_M, D3_M, D5_M, FLANGE_M = 0.333, 0.316, 0.384, 0.107
 A4_M, A7_M = 0.0825, 0.088
 
 # a_{i-1}, d_i in metres, sine of alpha_{i-1} (its cosine is 1 where the sine is 0, else 0)
-_CRAIG = (
+CRAIG = (
     (0.0, D1_M, 0),
     (0.0, 0.0, -1),
     (0.0, D3_M, 1),
@@ -45,7 +45,7 @@ def link_poses(q_rad: ArrayLike) -> Array:
     poses[..., 0, :3, :3] = np.eye(3)
     x, y, z = (np.broadcast_to(axis, (*lead, 3)) for axis in np.eye(3))
     p = np.zeros((*lead, 3))
-    for i, (a, d, sine) in enumerate(_CRAIG):
+    for i, (a, d, sine) in enumerate(CRAIG):
         if sine:
             y, z = sine * z, -sine * y
         p = p + a * x + d * z

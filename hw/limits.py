@@ -38,6 +38,7 @@ __all__ = [
     "brake",
     "check_braking",
     "check_path",
+    "refuse_beyond",
     "require",
 ]
 
@@ -137,14 +138,21 @@ def require(
 ) -> LimitReport:
     """`check_path` and a stop along the path at any time. Raises MotionRefused with every broken limit."""
     report = check_path(path, model, q_now_rad, keep_out, tool, table, collision_N)
-    if not report.ok:
-        broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
-        raise MotionRefused(f"{model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path")
+    refuse_beyond(report)
     stops = check_braking(path, model)
     if not stops.ok:
         late = float(stops.at_s[~np.isfinite(stops.duration_s)][0])
         raise MotionRefused(f"{model}: no stop along the path from t = {late:.3f} s keeps the limits; slow it down")
     return report
+
+
+def refuse_beyond(report: LimitReport) -> None:
+    """Raises MotionRefused with every broken limit of a report, the worst first."""
+    if not report.ok:
+        broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
+        raise MotionRefused(
+            f"{report.model}: " + "; ".join(map(str, broken)) + "; nothing has moved, plan another path"
+        )
 
 
 def _joint_checks(path: JointPath, limits: JointLimits) -> list[Worst]:

@@ -8,6 +8,12 @@ from hw.errors import ArmFault
 from hw.types import Array, JointPath
 
 
+def refuse_while_stopped(fault: str | None) -> None:
+    """Raises ArmFault while the arm is stopped by `fault`."""
+    if fault is not None:
+        raise ArmFault(f"the arm is stopped ({fault}); recover it before the next motion")
+
+
 def refuse_unless_safe(
     path: JointPath,
     model: str,
@@ -23,6 +29,5 @@ def refuse_unless_safe(
 
     `table` is where the table top is; `collision_N` the force at which this arm stops by itself, where it is known.
     """
-    if fault is not None:
-        raise ArmFault(f"the arm is stopped ({fault}); recover it before the next motion")
+    refuse_while_stopped(fault)
     limits.require(path, model, q_now_rad, keep_out, tool, table, collision_N)

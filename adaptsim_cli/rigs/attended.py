@@ -12,12 +12,14 @@ from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.mounted import MountedTask
 from adaptsim_cli.rigs.confirmed import ConfirmedArm
 from adaptsim_cli.rigs.openers import Balance
+from adaptsim_cli.session.clear import clear_to_move
 from adaptsim_cli.session.on_rig import Found, OnRig
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from hw.errors import BalanceError
+from hw.ports import Arm
 from hw.types import Array
 from perception.types import Outcome
 
@@ -64,6 +66,14 @@ class Scales:
         self._asked = True
 
 
+def offer_recovery(arm: Arm, screen: Screen) -> None:
+    """Clear the arm's fault, if it has one, where a person types so. Nothing moves."""
+    if (fault := arm.state().fault) is not None:
+        screen.note(f"The arm reports: {fault}")
+        if screen.ask("Type recover to clear it (nothing moves), Enter to leave it:") == "recover":
+            arm.recover()
+
+
 @dataclass(frozen=True, eq=False)
 class AttendedRig:
     """A `Target`: `OnRig`, and before its trials a confirmation, a weighing and the way home."""
@@ -89,11 +99,7 @@ class AttendedRig:
 
     def checks(self) -> tuple[Check, ...]:
         """Those of the rig; a fault that a person lets go of is cleared first."""
-        if (fault := self.arm.state().fault) is not None:
-            self.screen.note(f"The arm reports: {fault}")
-            answer = self.screen.ask("Type recover to clear it (nothing moves), Enter to leave it:")
-            if answer == "recover":
-                self.arm.recover()
+        offer_recovery(self.arm, self.screen)
         return self.on_rig.checks()
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
@@ -116,7 +122,7 @@ class AttendedRig:
             return
         path = free_path(q_rad, lab.home_rad, lab.model, lab.tool, lab.keep_out, lab.correction.table)
         lab.check(path)
-        question = f"THE REAL ROBOT moves home for {path.duration_s:.1f} s. Enter to start, q to stop:"
+        question = clear_to_move(True, "goes home", path.duration_s) + ". Enter to start, q to stop:"
         while (answer := self.screen.ask(question)) != "":
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; everything completed is stored")

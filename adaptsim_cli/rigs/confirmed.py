@@ -4,53 +4,42 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Self
+from typing import TYPE_CHECKING
 
 from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.rigs.openers import Pedal
+from adaptsim_cli.rigs.openers import Pedal, RealArm
+from hw.around import AroundArm
+from hw.collision import Tool
 from hw.errors import MotionRefused
-from hw.ports import Arm
-from hw.types import ArmState, Execution, JointPath
+from hw.types import Contact, Execution, Guard, JointPath
+
+if TYPE_CHECKING:
+    from hw.franka.settings import Payload
 
 PATIENCE_S = 30.0
 """How long a motion waits for the pedal to be pressed."""
 _LOOK_S = 0.02
 
 
-class ConfirmedArm:
-    """`hw.ports.Arm` around a real one. No way leads around the typed word: `execute` itself asks for it."""
+class ConfirmedArm(AroundArm[RealArm]):
+    """`hw.ports.GuardedArm` around a real one. No way leads around the typed word: what moves it asks for it."""
 
     def __init__(
         self,
-        arm: Arm,
+        arm: RealArm,
         where: str,
         screen: Screen,
         pedal: Pedal | None,
         *,
+        table: str = "nothing on the table but the object",
         now_s: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._arm, self._where, self._screen, self._pedal = arm, where, screen, pedal
+        super().__init__(arm)
+        self._where, self._screen, self._pedal, self._table = where, screen, pedal, table
         self._now_s, self._pause = now_s, pause
         self._confirmed = False
-
-    @property
-    def model(self) -> str:
-        return self._arm.model
-
-    def __enter__(self) -> Self:
-        self._arm.__enter__()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._arm.__exit__(*exc)
-
-    def state(self) -> ArmState:
-        return self._arm.state()
-
-    def recover(self) -> None:
-        self._arm.recover()
 
     def execute(self, path: JointPath) -> Execution:
         """Raises StoppedByOperator where it is not confirmed, MotionRefused where the pedal is not held in time."""
@@ -58,13 +47,23 @@ class ConfirmedArm:
         self._await_pedal()
         return self._arm.execute(path)
 
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """Raises as `execute`, and what a guarded motion raises."""
+        self.confirm()
+        self._await_pedal()
+        return self._arm.execute_until_contact(path, guard)
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """What hangs on the flange from now on. Nothing moves."""
+        self._arm.carry(tool, payload)
+
     def confirm(self) -> None:
         """Have the arm's model typed before its first motion. Raises StoppedByOperator."""
         if self._confirmed:
             return
         self._screen.note(
-            f"THE REAL ROBOT, {self._where}, is about to move for the first time. Nobody in its range, nothing on the "
-            "table but the object, a hand at the arm's stop button" + (", a foot at the pedal." if self._pedal else ".")
+            f"THE REAL ROBOT, {self._where}, is about to move for the first time. Nobody in its range, {self._table}, "
+            "a hand at the arm's stop button" + (", a foot at the pedal." if self._pedal else ".")
         )
         while (answer := self._screen.ask(f"Type {self.model} when that is so, q to stop:")) != self.model:
             if answer == "q":

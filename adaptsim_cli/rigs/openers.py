@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
 
 from hw.collision import KeepOut, Table, Tool
-from hw.ports import Arm, Camera
+from hw.ports import Camera, GuardedArm, Hand
 
 if TYPE_CHECKING:
     from adaptsim_cli.rigs.description import BalancePart, CameraPart
-    from hw.franka.settings import FrankaSettings
+    from hw.franka.settings import FrankaSettings, Payload
 
 
 class Pedal(Protocol):
@@ -31,6 +31,14 @@ class Balance(Protocol):
     def mass_kg(self) -> float: ...
 
 
+class RealArm(GuardedArm, Protocol):
+    """The arm of a lab, which is told what its hand holds."""
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """For the checks, and for the arm's own compensation of weight. Nothing moves. Raises HardwareError."""
+        ...
+
+
 class OpenArm(Protocol):
     def __call__(
         self,
@@ -41,7 +49,7 @@ class OpenArm(Protocol):
         keep_out: tuple[KeepOut, ...],
         table: Table,
         pedal: Pedal | None,
-    ) -> Arm: ...
+    ) -> RealArm: ...
 
 
 class OpenCamera(Protocol):
@@ -56,12 +64,14 @@ class Openers:
     camera: OpenCamera
     pedal: Callable[[str], Pedal]
     balance: Callable[[BalancePart], Balance]
+    hand: Callable[[str, str], Hand]  # of the model, at the arm's address
 
 
 def real_devices() -> Openers:
     """The adapters of `hw`. Their SDKs are loaded when a device is entered, and DeviceUnavailable says what lacks."""
     from hw.camera.k4a import open_kinect
     from hw.franka.arm import open_franka
+    from hw.franka.hand import SDKS, FrankaHand
     from hw.serial import balance, enable_pedal
 
     return Openers(
@@ -69,4 +79,5 @@ def real_devices() -> Openers:
         camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
         pedal=enable_pedal.EnablePedal,
         balance=lambda part: balance.Balance(part.port, part.protocol),
+        hand=lambda model, address: FrankaHand(address, SDKS[model]),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -19,6 +20,7 @@ from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.records import RigFacts
+from adaptsim_cli.touch_off.store import touch_offs
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from hw.collision import KeepOut, Table, Tool, camera_box
@@ -37,13 +39,18 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
     """The devices of the rig file, connected, the arm last. Nothing moves.
 
     Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal),
-    CalibrationMissing, NotExecutable (the tool cannot be held), DeviceUnavailable, CameraError.
+    SessionError (a touch-off cannot be read), CalibrationMissing, NotExecutable (the tool cannot be held),
+    DeviceUnavailable, CameraError.
     """
     rig = rig_of(config, tasks_with_tools())
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     eye, zeros_rad = calibration_of(config, places, None)
-    lab = mounted(task, rig.arm.model, rig, (camera_box(eye.X_BC),))
+    known = touch_offs(config, places).current()  # what it found counts more than what the rig file says
+    correction = None if known is None else known.correction()
+    lab = mounted(task, rig.arm.model, rig, (camera_box(eye.X_BC),), correction)
     screen = Screen(as_json=True)  # questions never mix with data
+    if known is not None:
+        screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
     with ExitStack() as stack:
         arm = open_arm(rig, lab.task.name, lab.tool, lab.keep_out, lab.correction.table, openers, screen, stack)
         camera = stack.enter_context(openers.camera(rig.camera, infrared=False))
@@ -58,7 +65,7 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
 
         title = f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         over_table = replace(eye, X_BC=lab.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in the frame W
-        devices = Rig(config.hw, title, arm, camera, Person(), over_table, config.calibration_days)
+        devices = Rig(config.hw, title, arm, camera, Person(), over_table, config.calibration_days, wait=time.sleep)
         planner = lab.planner(zeros_rad)
         on_rig = OnRig(lab.task, devices, tracker_of(lab.task), planner, facts)
         yield AttendedRig(on_rig, arm, lab, zeros_rad, screen, scales)
@@ -73,10 +80,14 @@ def open_arm(
     openers: Openers,
     screen: Screen,
     stack: ExitStack,
+    on_table: str = "nothing on the table but the object",
 ) -> ConfirmedArm:
-    """The arm, not connected yet, behind its confirmation; the pedal of the rig, connected on `stack`."""
+    """The arm, not connected yet, behind its confirmation; the pedal of the rig, connected on `stack`.
+
+    `on_table` is what the confirmation asks for.
+    """
     pedal = None if rig.pedal is None else stack.enter_context(openers.pedal(rig.pedal.port))
     payload = rig.tool(task).payload
     settings = rig.arm.settings(None if payload is None else payload.payload())
     bare = openers.arm(rig.arm.model, settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
-    return ConfirmedArm(bare, f"{rig.arm.model} at {rig.arm.address}", screen, pedal)
+    return ConfirmedArm(bare, f"{rig.arm.model} at {rig.arm.address}", screen, pedal, table=on_table)

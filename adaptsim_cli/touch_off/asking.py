@@ -7,10 +7,10 @@ from typing import Protocol
 
 from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.session.clear import clear_to_move
 from adaptsim_cli.touch_off.parts import TouchRig
 
-TYPED = "clear"
-"""What a person types before a real arm moves."""
+NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run without it, at a terminal"
 
 
 class Operator(Protocol):
@@ -36,16 +36,10 @@ class Attended:
     screen: Screen
 
     def begin(self, rig: TouchRig) -> None:
-        if not rig.is_real:
-            self._go_on("The simulated robot moves. Enter to start, q to stop:")
-            return
-        question = (
-            "THE REAL ROBOT moves, slowly, and touches the table. Table empty, nobody in reach, the stop button in "
-            f"your hand? Type {TYPED} to start, q to stop:"
-        )
-        while (answer := self.screen.ask(question)) != TYPED:
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; nothing has moved")
+        if rig.is_real:
+            rig.confirm()
+        else:
+            self._go_on(clear_to_move(False, "touches the table, slowly") + ". Enter to start, q to stop:")
 
     def empty_hand(self, rig: TouchRig) -> None:
         self._go_on(f"Take the {rig.tool_name} out of the hand; the fingers will open and close. Enter when empty:")
@@ -68,7 +62,7 @@ class Unattended:
 
     def begin(self, rig: TouchRig) -> None:
         if rig.is_real:
-            raise UsageError("--yes never confirms the motion of a real arm; run without it, at a terminal")
+            raise UsageError(NEVER_CONFIRMS)
 
     def empty_hand(self, rig: TouchRig) -> None:
         return

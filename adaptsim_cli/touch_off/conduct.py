@@ -11,9 +11,9 @@ from typing import Any
 from adaptsim_cli import console, wiring
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.console import Screen
-from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator
+from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.touch_off import flow, shows
-from adaptsim_cli.touch_off.asking import Attended, Unattended
+from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.touch_off.rigs import open_touch_rig
@@ -33,7 +33,9 @@ class Request:
 def touch_off(resolved: Resolved, request: Request) -> None:
     """The whole touch-off. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
-    if config.hw != "fake" or not request.yes:
+    if config.hw != "fake" and request.yes:
+        raise UsageError(NEVER_CONFIRMS)
+    if not request.yes:
         console.require_terminal()
     operator = Unattended() if request.yes else Attended(screen)
     store = touch_offs(config, resolved.places)

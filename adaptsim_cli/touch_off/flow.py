@@ -16,7 +16,7 @@ from adaptsim_cli.touch_off.asking import Operator
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import DIFFER_M, Result, Touched, differ, solve, table_of
-from hw.collision import LEVEL, Table
+from hw.collision import Table
 from hw.contact import began
 from hw.errors import HandError, NoContact
 from hw.kinematics import forward
@@ -73,7 +73,7 @@ def touch_off(rig: TouchRig, operator: Operator, screen: Screen) -> Found:
     rig.tool_there(False)
     rig.hand.home()
     rig.hand.move(0.0)
-    fingers = _touch_all(rig, rig.empty, rig.plan.table, LEVEL, screen)
+    fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.table, screen)
     table, _, _ = table_of(fingers)
     _go(rig, rig.home_rad, rig.empty)
     take_tool(rig, operator)

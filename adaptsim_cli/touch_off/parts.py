@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hw.collision import Tool
+from hw.collision import LEVEL, Table, Tool
 from hw.ports import GuardedArm, Hand
 from hw.types import Array, JointPath
 from sim.panda.touching import Bench, Probe
@@ -45,6 +45,8 @@ class TouchRig:
     home_rad: Array  # (7,) where the tool is handed over and the arm returns to, in true joints
     way: Callable[[Array, Array, Tool], JointPath]  # between postures (7,), true joints. Raises NotExecutable
     tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away
+    table: Table = LEVEL  # where the table is taken to be at first
+    confirm: Callable[[], None] = lambda: None  # has a real arm's first motion confirmed. Raises StoppedByOperator
 
     @property
     def is_real(self) -> bool:

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
+from adaptsim_cli.touch_off.joining import touch_rig
+from adaptsim_cli.touch_off.parts import Grasp, TouchRig
+from adaptsim_cli.touch_off.real import open_real_touch_rig
 from adaptsim_cli.wiring_calibration import calibration_key, current_calibration
-from hw.collision import KeepOut, Tool, camera_box
-from hw.errors import DeviceUnavailable
-from hw.ports import GuardedArm, Hand
-from hw.types import Array, JointPath
-from sim.tasks.task import Task
+from hw.collision import camera_box
+
+__all__ = ["open_touch_rig", "touch_rig"]
 
 
 @contextmanager
 def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
-    """Arm and hand, connected. Raises SimError, DeviceUnavailable, SessionError."""
-    if config.hw != "fake":
-        raise DeviceUnavailable(
-            f"hw = {config.hw}: the driver of this arm does not report external torques yet, so it cannot stop at a "
-            "touch, and nothing has moved. Use --hw fake for the simulated lab"
-        )
+    """Arm and hand, connected. Nothing moves.
+
+    Raises SimError, DeviceUnavailable, SessionError; for a real lab also UsageError and CalibrationMissing.
+    """
+    opened = _lab(config, places, grasp) if config.hw == "fake" else open_real_touch_rig(config, places, grasp)
+    with opened as rig:
+        yield rig
+
+
+@contextmanager
+def _lab(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
     from sim.lab import READY_RAD, SimulatedLab
     from sim.lab.touch import TouchLab
     from sim.tasks import get_task
@@ -49,47 +54,3 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[Tou
             keep_out=keep_out,
             tool_there=lab.offer_tool,
         )
-
-
-def touch_rig(
-    *,
-    name: str,
-    title: str,
-    key: str,
-    arm: GuardedArm,
-    hand: Hand,
-    task: Task,
-    grasp: Grasp,
-    zeros_rad: Array,
-    keep_out: tuple[KeepOut, ...],
-    tool_there: Callable[[bool], None],
-) -> TouchRig:
-    """Any arm that feels, any hand, with the plan for the task's tool. Raises UnknownName, NotExecutable."""
-    from sim.panda.detours import free_path
-    from sim.panda.feelers import empty_hand, feeling, touchable
-    from sim.panda.planning import home
-    from sim.panda.tool import held
-    from sim.panda.touch_plan import table_probes, tool_probes
-    from sim.panda.touching import Bench
-
-    touched, model = touchable(task), arm.model
-
-    def way(q_from: Array, q_to: Array, tool: Tool) -> JointPath:
-        return free_path(q_from, q_to, model, tool, keep_out)
-
-    return TouchRig(
-        name=name,
-        title=title,
-        key=key,
-        tool_name=f"tool of {task.name}",
-        arm=arm,
-        hand=hand,
-        grasp=grasp,
-        empty=Bench(model, np.eye(4), empty_hand(), keep_out),
-        loaded=Bench(model, task.X_FT, feeling(task, task.X_FT), keep_out),
-        plan=Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m)),
-        zeros_rad=zeros_rad,
-        home_rad=home(task.X_FT, model, held(task.X_FT, task.keep_clear)),
-        way=way,
-        tool_there=tool_there,
-    )

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Self
-
 import numpy as np
 
+from hw.around import AroundArm
 from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
 from hw.contact import Detector
-from hw.errors import ArmFault, NoContact
+from hw.errors import NoContact
 from hw.fake.arm import FakeArm
 from hw.guarding import require_guarded
 from hw.kinematics import jacobian, link_poses
-from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+from hw.refusal import refuse_while_stopped
+from hw.types import Array, Contact, Execution, Guard, JointPath, frozen_array
 
 STIFFNESS_N_M = 4000.0
 
 
-class FakeGuardedArm:
+class FakeGuardedArm(AroundArm[FakeArm]):
     """`arm` with a table that its tool truly meets at `plane`; measured joints are those commanded.
 
     `torque_Nm(path)` (N, 7) is added to what a contact gives: noise, spikes, a push of somebody's hand.
@@ -34,34 +34,23 @@ class FakeGuardedArm:
         collision_N: float | None = None,
     ) -> None:
         """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
-        self._arm, self._tool, self._plane, self._keep_out = arm, tool, plane, keep_out
+        super().__init__(arm)
+        self._tool, self._plane, self._keep_out = tool, plane, keep_out
+        self.carried: list[object] = []
         self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
         self._collision_N = collision_N
-
-    @property
-    def model(self) -> str:
-        return self._arm.model
-
-    def __enter__(self) -> Self:
-        self._arm.__enter__()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._arm.__exit__(*exc)
-
-    def state(self) -> ArmState:
-        return self._arm.state()
 
     def execute(self, path: JointPath) -> Execution:
         return self._arm.execute(path)
 
-    def recover(self) -> None:
-        self._arm.recover()
+    def carry(self, tool: Tool, payload: object) -> None:
+        """What hangs on the flange from now on; `carried` keeps all that was."""
+        self._tool = tool
+        self.carried.append(payload)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         state = self._arm.state()
-        if state.fault is not None:
-            raise ArmFault(f"the arm is stopped ({state.fault}); recover it before the next motion")
+        refuse_while_stopped(state.fault)
         require_guarded(path, guard, self.model, state.q_rad, self._keep_out, self._tool, LEVEL, self._collision_N)
         torque_Nm = self._torque(path, guard)
         detector = Detector(guard)

@@ -1,4 +1,4 @@
-"""A Franka arm behind `hw.ports.Arm`: what is refused, what is asked of the player process, what a failure means.
+"""A Franka arm behind `hw.ports.GuardedArm`: what is refused, what is asked of the player, what a failure means.
 
 Times are `time.monotonic()`, which all processes of a computer share.
 """
@@ -8,58 +8,34 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol, Self
-
-import numpy as np
+from dataclasses import replace
+from typing import Self
 
 from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool
-from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
-from hw.franka import reflexes
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.franka.checks import Check, Checks
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Outcome, Timing
-from hw.franka.playback import Motion, motion_of
+from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Timing
+from hw.franka.parts import Pedal, Player
+from hw.franka.playback import TOUCH, Motion, Played, motion_of
 from hw.franka.process import PlayerProcess
-from hw.franka.settings import FrankaSettings
-from hw.franka.stops import StopReport, stop_report
-from hw.limits import START_TOLERANCE_RAD
-from hw.refusal import refuse_unless_safe
-from hw.types import ArmState, Array, Execution, JointPath, frozen_array
+from hw.franka.settings import FrankaSettings, Payload
+from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
+from hw.franka.stops import WHY, StopReport, stop_report
+from hw.franka.touching import contact_of, way_back
+from hw.refusal import refuse_while_stopped
+from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
 
-FADE_S = 0.5
-SAME_RAD = 1e-6
-"""States come in single precision: the held joints may differ by as much from what was commanded last."""
+__all__ = ["FrankaArm", "Pedal", "Player", "franka", "open_franka"]
 
-_WHY = {
-    "pedal": "the enabling pedal was released",
-    "request": "a stop was requested",
-    "silence": "the program was silent for too long",
-    "orphaned": "the program ended",
-}
 _THEN = "look at the arm and recover it, then redo the trial"
 
 
-class Pedal(Protocol):
-    """What is asked of an enabling pedal (`hw.serial.enable_pedal.EnablePedal`)."""
-
-    def enabled(self) -> bool: ...
-    def why_not(self) -> str: ...
-
-
-class Player(Protocol):
-    """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
-
-    @property
-    def alive(self) -> bool: ...
-    def reading(self) -> Reading: ...
-    def recover(self) -> Reading: ...
-    def play(self, motion: Motion, word: Callable[[], bytes]) -> Outcome: ...
-    def close(self) -> None: ...
-
-
 class FrankaArm:
-    """`hw.ports.Arm`. `open_franka` makes one.
+    """`hw.ports.GuardedArm`. `open_franka` makes one.
 
-    `last_execution` and `last_stop` tell of the last motion, stopped ones included.
+    `last_execution` and `last_stop` tell of the last motion, stopped ones included; of a guarded motion they tell of
+    its way there, or of its way back where that was stopped.
     """
 
     def __init__(
@@ -73,13 +49,13 @@ class FrankaArm:
         table: Table = LEVEL,
         pedal: Pedal | None = None,
     ) -> None:
-        self._table = table
-        self._model, self._settings, self._start = model, settings, start
-        self._tool, self._keep_out, self._pedal = tool, keep_out, pedal
+        self._model, self._start, self._pedal = model, start, pedal
+        self._checks = Checks(model, keep_out, tool, table, settings.collision.contact_force_limit_N)
         self._player: Player | None = None
         self._entered = False
         self._fault: str | None = None
         self._stop = threading.Event()
+        self._carried: Payload | None = None  # since the settings were given to the player
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
 
@@ -110,7 +86,7 @@ class FrankaArm:
             time.monotonic(),
             frozen_array(reading.q_rad, (7,), "q_rad"),
             frozen_array(reading.dq_rad_s, (7,), "dq_rad_s"),
-            self._fault or _unwilling(reading),
+            self._fault or reading.unwilling,
         )
 
     def execute(self, path: JointPath) -> Execution:
@@ -118,29 +94,43 @@ class FrankaArm:
 
         Raises MotionRefused, ArmFault or StoppedByPedal; the two last with the way to standstill where it was braked.
         """
-        reading = self._reading()
-        refuse_unless_safe(
-            path,
-            self._model,
-            frozen_array(reading.q_rad),
-            fault=self._fault or _unwilling(reading),
-            keep_out=self._keep_out,
-            tool=self._tool,
-            table=self._table,
-            collision_N=self._settings.collision.contact_force_limit_N,
-        )
-        motion = motion_of(self._from_held(path, frozen_array(reading.q_held_rad)), self._model)
-        if self._pedal is not None and not self._pedal.enabled():
-            raise MotionRefused(
-                f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
+        self._play(self._admitted(path, self._checks.free, FADE_S))
+        assert self.last_execution is not None
+        return self.last_execution
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """Play `path` until the guard's force, brake, and go back to its start.
+
+        Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped where
+        it is, on the way there or back).
+        """
+        motion = self._admitted(path, self._checks.until(guard), SLOW_FADE_S)
+        played = self._play(motion, guard)
+        search, stop = self.last_execution, self.last_stop
+        contact = contact_of(played, motion.path)
+        self._play(self._way_back(played, motion.path, self._checks.back_from(guard)))
+        self.last_execution, self.last_stop = search, stop
+        if contact is None:
+            raise NoContact(
+                f"{self._model}: the arm came to the end of its path, {path.duration_s:.1f} s, and touched nothing; it "
+                "is back at the start"
             )
-        self._stop.clear()
-        self.last_execution = self.last_stop = None
-        return self._play(motion)
+        return contact
 
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread."""
         self._stop.set()
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """What hangs on the flange from now on: for the checks, and for the arm's own compensation of weight.
+
+        Nothing moves. Raises DeviceUnavailable, or ArmFault where the arm does not take it.
+        """
+        try:
+            self._connected().carry(payload)
+        except Failure as failure:
+            raise self._error(failure) from failure
+        self._checks, self._carried = replace(self._checks, tool=tool), payload
 
     def recover(self) -> None:
         """Clear a fault, with a new player where the old one is gone. Never resumes a motion.
@@ -152,16 +142,45 @@ class FrankaArm:
             reading = player.recover()
         except Failure as failure:
             raise self._error(failure) from failure
-        unwilling = _unwilling(reading)
-        if unwilling is not None:
-            self._fault = unwilling
-            raise ArmFault(f"{self._model} does not recover: {unwilling}")
-        self._fault = None
+        self._fault = reading.unwilling
+        if self._fault is not None:
+            raise ArmFault(f"{self._model} does not recover: {self._fault}")
 
-    def _play(self, motion: Motion) -> Execution:
+    def _admitted(self, path: JointPath, check: Check, fade_s: float) -> Motion:
+        """`path` as the player takes it. Raises ArmFault and MotionRefused; nothing has moved."""
+        reading = self._reading()
+        refuse_while_stopped(self._fault or reading.unwilling)
+        check(path, frozen_array(reading.q_rad))
+        motion = motion_of(from_held(path, frozen_array(reading.q_held_rad), self._model, check, fade_s), self._model)
+        if self._pedal is not None and not self._pedal.enabled():
+            raise MotionRefused(
+                f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
+            )
+        self._stop.clear()
+        self.last_execution = self.last_stop = None
+        return motion
+
+    def _way_back(self, played: Played, path: JointPath, check: Check) -> Motion:
+        """From where a guarded motion has ended to its start. Raises ArmFault and StoppedByPedal: it stays there."""
         assert self._player is not None
         try:
-            outcome = self._player.play(motion, self._word)
+            held_rad = frozen_array(self._player.reading().q_held_rad)
+            motion = way_back(played, path, held_rad, self._model, check)
+        except Failure as failure:
+            raise self._error(failure, moving=True) from failure
+        except MotionRefused as error:
+            raise self._stopped(ArmFault, f"no way back from where it touched ({error})") from error
+        if self._pedal is not None and not self._pedal.enabled():
+            raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
+        if self._stop.is_set():
+            raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
+        return motion
+
+    def _play(self, motion: Motion, guard: Guard | None = None) -> Played:
+        """Raises ArmFault and StoppedByPedal."""
+        assert self._player is not None
+        try:
+            outcome = self._player.play(motion, self._word, guard)
         except Failure as failure:
             raise self._error(failure, moving=True) from failure
         except BaseException:  # Ctrl-C: the player hears no word any more and brakes
@@ -174,38 +193,26 @@ class FrankaArm:
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
             raise self._error(outcome.failure, moving=True, after_s=float(played.t_s[-1]) if len(played.t_s) else 0.0)
-        if self.last_stop is not None:
-            self._fault = _WHY[self.last_stop.why]
+        if self.last_stop is not None and self.last_stop.why != TOUCH:
             kind = StoppedByPedal if self.last_stop.why == "pedal" else ArmFault
-            raise kind(f"{self._model}: {self._fault} {self.last_stop}; {_THEN}")
-        return execution
+            raise self._stopped(kind, WHY[self.last_stop.why], f" {self.last_stop}{self._pedal_now(kind)}")
+        return played
+
+    def _stopped(self, kind: type[ArmFault], why: str, how: str = "") -> ArmFault:
+        """A fault that lasts until `recover`."""
+        self._fault = why
+        return kind(f"{self._model}: {why}{how}; {_THEN}")
+
+    def _pedal_now(self, kind: type[ArmFault]) -> str:
+        """What is the matter with a pedal that stopped the arm, if it still is: let go, silent, or unplugged."""
+        if kind is not StoppedByPedal or self._pedal is None or self._pedal.enabled():
+            return ""
+        return f" ({self._pedal.why_not()})"
 
     def _word(self) -> bytes:
         if self._stop.is_set():
             return REQUESTED
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
-
-    def _from_held(self, path: JointPath, q_held_rad: Array) -> JointPath:
-        """`path`, begun at the joints that the arm's controller holds: a jump would be an error to the arm.
-
-        The difference is a bending of the arm under load; it fades over `FADE_S`, and what results is checked again.
-        """
-        off = q_held_rad - path.q_rad[0]
-        if np.abs(off).max() <= SAME_RAD:
-            return path
-        if np.abs(off).max() > START_TOLERANCE_RAD:
-            joint = int(np.abs(off).argmax())
-            raise MotionRefused(
-                f"{self._model}: distance from the arm of joint {joint + 1}, as its controller holds it, is "
-                f"{abs(off[joint]):.4g} rad, limit {START_TOLERANCE_RAD:g} rad; nothing has moved, plan from there"
-            )
-        u = np.minimum(path.t_s / min(FADE_S, path.duration_s), 1.0)
-        left = 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
-        faded = JointPath(path.t_s, path.q_rad + left[:, None] * off, path.contact)
-        refuse_unless_safe(
-            faded, self._model, q_held_rad, fault=None, keep_out=self._keep_out, tool=self._tool, table=self._table
-        )
-        return faded
 
     def _reading(self) -> Reading:
         try:
@@ -223,7 +230,10 @@ class FrankaArm:
         if self._player is None:
             try:
                 self._player = self._start()
+                if self._carried is not None:
+                    self._player.carry(self._carried)
             except Failure as failure:
+                self._drop_player()
                 raise DeviceUnavailable(failure.text) from failure
         return self._player
 
@@ -243,12 +253,6 @@ class FrankaArm:
         if self._player is not None:
             self._player.close()
             self._player = None
-
-
-def _unwilling(reading: Reading) -> str | None:
-    """Why the arm would not move, or None."""
-    words = reflexes.of_mode(reading.mode)
-    return "; ".join(filter(None, (words, reflexes.in_words(reading.reasons)))) or None
 
 
 def open_franka(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hw.franka.driver import LOST, Failure, Reading, Step, error_names, failure, mode_name
-from hw.franka.settings import FrankaSettings
+from hw.franka.settings import FrankaSettings, Payload
 
 Drive = Callable[[Any, Any, Step], None]
 """(SDK module, its Robot, step): call `step` every millisecond until it says that its joints are the last."""
@@ -54,6 +54,12 @@ class Connection:
         except self._errors as error:
             raise self._failure(error) from error
 
+    def carry(self, payload: Payload) -> None:
+        try:
+            _load(self._robot, payload)
+        except self._errors as error:
+            raise self._failure(error) from error
+
     def _stopped(self, error: Exception) -> Failure:
         said = self._failure(error)
         if said.kind == LOST:
@@ -70,7 +76,7 @@ class Connection:
 
 def _configure(robot: Any, settings: FrankaSettings) -> None:
     """Collision thresholds, joint impedance and payload; everything else of the arm stays as Desk has it."""
-    collision, load = settings.collision, settings.payload
+    collision = settings.collision
     robot.set_collision_behavior(
         collision.torque_contact_Nm.tolist(),
         collision.torque_collision_Nm.tolist(),
@@ -78,7 +84,11 @@ def _configure(robot: Any, settings: FrankaSettings) -> None:
         collision.force_collision_N.tolist(),
     )
     robot.set_joint_impedance(settings.joint_impedance_Nm_rad.tolist())
-    robot.set_load(load.mass_kg, load.com_F_m.tolist(), load.inertia_F_kg_m2.ravel(order="F").tolist())
+    _load(robot, settings.payload)
+
+
+def _load(robot: Any, payload: Payload) -> None:
+    robot.set_load(payload.mass_kg, payload.com_F_m.tolist(), payload.inertia_F_kg_m2.ravel(order="F").tolist())
 
 
 def _reading(state: Any) -> Reading:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from hw.franka import reflexes, versions
+from hw.franka.settings import Payload
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,12 @@ class Reading:
     mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
     reasons: tuple[str, ...] = ()  # reflexes that are present, or that ended the last motion while the mode is Reflex
 
+    @property
+    def unwilling(self) -> str | None:
+        """Why the arm would not move, or None."""
+        words = reflexes.of_mode(self.mode)
+        return "; ".join(filter(None, (words, reflexes.in_words(self.reasons)))) or None
+
 
 class SdkState(Protocol):
     """What a cycle reads of either SDK's RobotState."""
@@ -28,6 +35,8 @@ class SdkState(Protocol):
     def q(self) -> Sequence[float]: ...
     @property
     def dq(self) -> Sequence[float]: ...
+    @property
+    def tau_ext_hat_filtered(self) -> Sequence[float]: ...  # Nm that external forces put on the joints, estimated
     @property
     def control_command_success_rate(self) -> float: ...
 
@@ -47,6 +56,10 @@ class Driver(Protocol):
 
     def recover(self) -> None:
         """Clear reflexes. Never moves."""
+        ...
+
+    def carry(self, payload: Payload) -> None:
+        """What the hand holds from now on. Never moves, not to be called during a motion."""
         ...
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from hw.franka.driver import Failure
 from hw.franka.playback import Motion, Played
-from hw.franka.settings import FrankaSettings
+from hw.franka.settings import FrankaSettings, Payload
+from hw.types import Guard
 
 ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
 WHY = {PEDAL: "pedal", REQUESTED: "request"}
@@ -37,6 +38,7 @@ class Read:
 @dataclass(frozen=True)
 class Play:
     motion: Motion
+    guard: Guard | None = None  # brake at a touch
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,12 @@ class Recover:
     pass
 
 
-Request = Connect | Read | Play | Recover
+@dataclass(frozen=True)
+class Carry:
+    payload: Payload
+
+
+Request = Connect | Read | Play | Recover | Carry
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,17 +2,19 @@
 
 The path is followed on the arm's own clock: after a lost cycle the next sample is the one that is due, not the next
 in line. A stop bends the path's time as `hw.braking` does, from the next moment for which a stop within the limits was
-found beforehand. At the end the last sample is held until the arm stands still.
+found beforehand. At the end the last sample is held until the arm stands still. A guarded motion stops itself so, in
+the cycle in which its detector has felt a touch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hw.braking import check_braking, joint_spline, path_time
+from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
 from hw.types import PATH_RATE_HZ, Array, JointPath
@@ -24,6 +26,9 @@ STILL_RAD_S = 0.01
 STILL_CYCLES = 20
 HOLD_S = 0.5
 """The longest wait for standstill after the last sample."""
+
+TOUCH = "touch"
+"""Why a guarded motion stops, where nobody else stopped it before."""
 
 RATE_WINDOW = 100
 """Cycles over which the arm computes its own success rate; it means nothing before (libfranka, `RobotState`)."""
@@ -65,6 +70,9 @@ class Played:
     stop_wanted: str = ""  # why it braked; empty where it did not
     wanted_at: int = -1  # row in which the stop was wanted
     braked_at: int = -1  # row of the first sample off the path's own time
+    braked_from: int = -1  # sample of the path from which it was braked; -1: it went to its end
+    torque_Nm: Array = field(default_factory=lambda: np.zeros((0, 7)))  # (M, 7) external, of a guarded motion alone
+    largest_N: float = 0.0  # the largest force that its detector felt
 
     @property
     def success_rate(self) -> float:
@@ -72,15 +80,21 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle; `wanted` says why to stop now, or nothing."""
+    """`step` is the arm's cycle; `wanted` says why to stop now, or nothing; `detector` when it has touched."""
 
-    def __init__(self, motion: Motion, wanted: Callable[[], str], clock: Callable[[], float]) -> None:
-        self._motion, self._wanted, self._clock = motion, wanted, clock
+    def __init__(
+        self,
+        motion: Motion,
+        wanted: Callable[[], str],
+        clock: Callable[[], float],
+        detector: Detector | None = None,
+    ) -> None:
+        self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
         self.spline = joint_spline(motion.path)
         self._samples = motion.path.q_rad.tolist()  # what is commanded; the tail is replaced by a stop
         longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
         self._t, self._clock_s = np.zeros(longest), np.zeros(longest)
-        self._q_c, self._q, self._dq = (np.zeros((longest, 7)) for _ in range(3))
+        self._q_c, self._q, self._dq, self._torque = (np.zeros((longest, 7)) for _ in range(4))
         self._tick = self._rows = self._still = 0
         self._rate_sum, self._rate_count = 0.0, 0
         self._reason, self._wanted_at, self._braked_at, self._stop_tick = "", -1, -1, -1
@@ -89,8 +103,9 @@ class Playback:
         """`hw.franka.driver.Step`."""
         self._tick += round(dt_s * PATH_RATE_HZ)
         tick, row = self._tick, self._rows
-        if not self._reason and tick < len(self._samples) - 1:
-            self._reason = self._wanted()
+        touched = self._felt(tick, row, state)
+        if not self._reason:
+            self._reason = (self._wanted() if tick < len(self._samples) - 1 else "") or touched
             if self._reason:
                 self._wanted_at = row
                 self._brake(tick)
@@ -111,7 +126,17 @@ class Playback:
         elapsed = self._tick + 1 if n else 1
         reported = self._rate_sum / self._rate_count if self._rate_count else 1.0
         logs = (self._t[:n], self._clock_s[:n], self._q_c[:n], self._q[:n], self._dq[:n])
-        return Played(*logs, n / elapsed, reported, self._reason, self._wanted_at, self._braked_at)
+        stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
+        if self._detector is None:
+            return Played(*logs, n / elapsed, reported, *stop)
+        return Played(*logs, n / elapsed, reported, *stop, self._torque[:n], self._detector.largest_N)
+
+    def _felt(self, tick: int, row: int, state: SdkState) -> str:
+        if self._detector is None:
+            return ""
+        torque_Nm = state.tau_ext_hat_filtered
+        self._torque[row] = torque_Nm
+        return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 
     def _brake(self, tick: int) -> None:
         motion = self._motion

@@ -17,11 +17,13 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
+from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import ORPHANED, SILENT, WHY, Connect, Outcome, Play, Recover, Request
+from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, Outcome, Play, Recover, Request
 from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, Motion, Playback
+from hw.types import Guard
 
 REST_READINGS = 2000
 
@@ -55,9 +57,9 @@ class Listener:
         return next((why for letter, why in WHY.items() if letter in said), "")
 
 
-def play(driver: Driver, motion: Motion, listener: Listener) -> Outcome:
-    """Play `motion`. Failures are part of the outcome."""
-    playback = Playback(motion, listener.wanted, time.monotonic)
+def play(driver: Driver, motion: Motion, listener: Listener, guard: Guard | None = None) -> Outcome:
+    """Play `motion`, with a guard until it touches. Failures are part of the outcome."""
+    playback = Playback(motion, listener.wanted, time.monotonic, None if guard is None else Detector(guard))
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits
     listener.begin()
@@ -98,10 +100,12 @@ def serve(program: Connection, listener: Listener, connect: Callable[[Connect], 
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif isinstance(request, Play):
-                answer = play(driver, request.motion, listener)
+                answer = play(driver, request.motion, listener, request.guard)
             else:
                 if isinstance(request, Recover):
                     driver.recover()
+                elif isinstance(request, Carry):
+                    driver.carry(request.payload)
                 answer = driver.reading()
         except Failure as failure:
             answer = failure

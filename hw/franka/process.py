@@ -14,9 +14,10 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import Connect, Outcome, Play, Read, Recover, Request, Timing
+from hw.franka.messages import Carry, Connect, Outcome, Play, Read, Recover, Request, Timing
 from hw.franka.playback import HOLD_S, Motion
-from hw.franka.settings import FrankaSettings
+from hw.franka.settings import FrankaSettings, Payload
+from hw.types import Guard
 
 WORD_EVERY_S = 0.005
 """How often the player is told, during a motion, to go on or to stop."""
@@ -70,11 +71,17 @@ class PlayerProcess:
     def recover(self) -> Reading:
         return _known(self._ask(Recover()), Reading)
 
-    def play(self, motion: Motion, word: Callable[[], bytes]) -> Outcome:
-        """Play `motion`; `word` is asked every 5 ms what to tell the player: ALIVE, PEDAL or REQUESTED."""
+    def carry(self, payload: Payload) -> Reading:
+        return _known(self._ask(Carry(payload)), Reading)
+
+    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome:
+        """Play `motion`, with a guard until it touches.
+
+        `word` is asked every 5 ms what to tell the player: ALIVE, PEDAL or REQUESTED.
+        """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
-            self._send(Play(motion))
+            self._send(Play(motion, guard))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._connection.poll(WORD_EVERY_S):
                     return _known(self._receive(), Outcome)

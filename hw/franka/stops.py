@@ -9,12 +9,19 @@ import numpy as np
 from hw.franka.playback import STILL_RAD_S, Played
 from hw.kinematics import forward
 
+WHY = {
+    "pedal": "the enabling pedal was released",
+    "request": "a stop was requested",
+    "silence": "the program was silent for too long",
+    "orphaned": "the program ended",
+}
+
 
 @dataclass(frozen=True)
 class StopReport:
     """Times on the arm's clock, ways of the flange as measured, all counted from when the player wanted the stop."""
 
-    why: str  # "pedal", "request", "silence" or "orphaned"
+    why: str  # "pedal", "request", "silence", "orphaned" or "touch"
     at_s: float  # path time
     braking_after_s: float  # until the first command off the path's own time
     still_after_s: float  # until every joint was measured slower than `STILL_RAD_S`, for good

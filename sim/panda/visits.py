@@ -62,7 +62,7 @@ def way(
         if report.ok:
             return path
         reason = str(report.worst)
-    raise NotExecutable(f"{model}: no free way there: {reason}; leave this place out")
+    raise NotExecutable(f"{model}: no free way there: {reason}")
 
 
 def _ways(q_from: Array, q_to: Array, q_home: Array, model: str) -> Iterator[JointPath]:

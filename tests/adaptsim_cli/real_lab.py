@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import io
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import pytest
+from rich.console import Console
 
-from adaptsim_cli import wiring_calibration
+from adaptsim_cli import console, wiring_calibration
 from adaptsim_cli.config import Resolved
+from adaptsim_cli.console import Screen
 from adaptsim_cli.rigs.openers import Openers
 from calib.records import BoardRecord
 from calib.saved import SavedCalibration, UncertaintyRecord
-from hw.collision import Tool
+from hw.collision import Table, Tool
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.fake import FakeArm, FakeCamera, FakeClock
+from hw.fake import FakeArm, FakeCamera, FakeClock, FakeGuardedArm, FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
 from perception.board_types import Board
 from sim.kinect import default_X_BC
@@ -71,6 +76,39 @@ def calibrated(resolved: Resolved) -> None:
     wiring_calibration.calibrations(resolved.config, resolved.places).save(calibration(), b"")
 
 
+def own_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """`folder` with a home of its own, none of the user's settings, and a terminal that is taken for granted."""
+    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(folder / "home"))
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(console, "require_terminal", lambda *_: None)
+    return folder
+
+
+def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
+    """What the person at the terminal types from now on."""
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{answer}\n" for answer in answers)))
+
+
+def quiet() -> Screen:
+    return Screen(console=Console(file=io.StringIO(), width=200, markup=False))
+
+
+def said(screen: Screen) -> str:
+    """What a `quiet` one was told, on one line."""
+    file = screen._console.file
+    assert isinstance(file, io.StringIO)
+    return " ".join(file.getvalue().split())
+
+
+class Untouched:
+    """Openers that may not be asked for anything."""
+
+    def __getattr__(self, name: str) -> object:
+        raise AssertionError(f"{name} was opened")
+
+
 @dataclass
 class ToyPedal:
     """`held` says for each look in turn whether it is pressed; the last stays."""
@@ -117,15 +155,23 @@ class ToyDevices:
     balance: ToyBalance = field(default_factory=lambda: ToyBalance([0.5]))
     lacking: str = ""  # of this device the driver is not installed
     opened: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    plane: Table | None = None  # where the arm truly meets the table; None: nowhere
+    hand: FakeHand = field(default_factory=FakeHand)
     arm: FakeArm | None = None
+    feeling: FakeGuardedArm | None = None  # the one around it
 
     def openers(self) -> Openers:
-        return Openers(self._arm, self._camera, self._pedal, self._balance)
+        return Openers(self._arm, self._camera, self._pedal, self._balance, self._hand)
 
-    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, table: Any, pedal: Any) -> FakeArm:
-        self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, pedal=pedal)
+    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, table: Any, pedal: Any) -> FakeGuardedArm:
+        self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
         self.arm = FakeArm(self.q_rad, FakeClock(), model=model, tool=tool, keep_out=keep_out)
-        return self.arm
+        self.feeling = FakeGuardedArm(self.arm, tool, self.plane, keep_out=keep_out)
+        return self.feeling
+
+    def _hand(self, model: str, address: str) -> FakeHand:
+        self._open("hand", model=model, address=address)
+        return self.hand
 
     def _camera(self, part: Any, *, infrared: bool) -> FakeCamera:
         self._open("camera", part=part, infrared=infrared)

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from real_lab import READY_RAD, RIG, ToyBalance, ToyDevices, ToyPedal, calibrated, write_rig
-from rich.console import Console
+from real_lab import (
+    READY_RAD,
+    RIG,
+    ToyBalance,
+    ToyDevices,
+    ToyPedal,
+    Untouched,
+    calibrated,
+    own_place,
+    quiet,
+    said,
+    typing,
+    write_rig,
+)
 from toy_rig import ToyLab, toy_parts
 
-from adaptsim_cli import app, config, console, wiring, wiring_calibration
+from adaptsim_cli import app, config, wiring, wiring_calibration
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Attended, Screen
+from adaptsim_cli.console import Attended
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.mounted import mounted
 from adaptsim_cli.rigs.attended import AT_HOME_RAD, AttendedRig, Scales
@@ -41,31 +52,12 @@ KEY = TrialKey(1, 0)
 
 @pytest.fixture(autouse=True)
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(name)
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(console, "require_terminal", lambda *_: None)
-    return tmp_path
-
-
-def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{answer}\n" for answer in answers)))
+    return own_place(tmp_path, monkeypatch)
 
 
 def resolved(place: Path, text: str = RIG) -> Resolved:
     write_rig(place, text)
     return config.load({"hw": "panda", "task": "scooping"})
-
-
-def quiet() -> Screen:
-    return Screen(console=Console(file=io.StringIO(), width=200, markup=False))
-
-
-def said(screen: Screen) -> str:
-    file = screen._console.file
-    assert isinstance(file, io.StringIO)
-    return " ".join(file.getvalue().split())
 
 
 @contextmanager
@@ -74,13 +66,6 @@ def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[Attend
     calibrated(there)
     with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
         yield real
-
-
-class Untouched:
-    """Openers that may not be asked for anything."""
-
-    def __getattr__(self, name: str) -> object:
-        raise AssertionError(f"{name} was opened")
 
 
 def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
@@ -200,7 +185,7 @@ def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch:
         np.testing.assert_allclose(devices.arm.state().q_rad, real.mounted.home_rad, atol=AT_HOME_RAD)
         assert devices.arm.executed[0].duration_s > 1.0, "slowly"
         text = said(real.screen)
-        assert text.index("moves home for") < text.index("on the balance") < text.index("Put the piece of food at")
+        assert text.index("goes home") < text.index("on the balance") < text.index("Put the piece of food at")
         assert "412.3 g" in text
         assert real.on_rig.facts is not None
         facts = real.on_rig.facts()

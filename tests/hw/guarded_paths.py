@@ -17,7 +17,7 @@ MODEL = "panda"
 TIP = frozen_array([0.0, 0.0, 0.1034])
 TOOL = Tool("fingertips", HAND[:1], TIP[None])
 GUARD = Guard(4.0, TIP)
-XY_M = (0.5, 0.0)
+XY_M, TOP_M = (0.5, 0.0), 0.02
 _NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])
 
 
@@ -32,7 +32,7 @@ def over(height_m: float, q_near: Array = _NEAR) -> Array:
     return np.asarray(least_squares(off, q_near, xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
 
 
-Q_TOP_RAD = frozen_array(over(0.02))
+Q_TOP_RAD = frozen_array(over(TOP_M))
 
 
 @cache
@@ -41,7 +41,7 @@ def down(way_m: float = 0.034, speed_m_s: float = 0.012) -> JointPath:
     knots = np.linspace(0.0, way_m, 7)
     postures = [Q_TOP_RAD]
     for depth in knots[1:]:
-        postures.append(over(0.02 - depth, postures[-1]))
+        postures.append(over(TOP_M - depth, postures[-1]))
     duration_s = 2.1875 * way_m / speed_m_s
     t_s = np.arange(round(1000 * (duration_s + 0.25)) + 1) / 1000
     u = np.clip((t_s - 0.25) / duration_s, 0.0, 1.0)

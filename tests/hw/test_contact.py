@@ -9,7 +9,7 @@ import pytest
 from guarded_paths import GUARD, MODEL, Q_TOP_RAD, TIP, TOOL, down, over
 
 from hw.collision import LEVEL, KeepOut, Table
-from hw.contact import Detector, began, contact_force, predicted_force_N
+from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
 from hw.errors import ArmFault, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.guarding import DEPTH_M, SPEED_M_S, check_guarded, require_guarded, withdrawal
@@ -30,6 +30,15 @@ def test_a_force_on_the_point_is_found_from_the_torques() -> None:
     q, force_N = Q_TOP_RAD[None], np.array([3.0, -2.0, 7.0])
     torque_Nm = force_N @ jacobian(q, TIP)[0, :3]
     np.testing.assert_allclose(contact_force(q, torque_Nm[None], TIP)[0], force_N, atol=1e-9)
+
+
+def test_one_posture_in_plain_floats_gives_the_same_force() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        q, torque_Nm, p_F_m = rng.uniform(-2.0, 2.0, 7), rng.standard_normal(7), 0.1 * rng.standard_normal(3)
+        expected = contact_force(q[None], torque_Nm[None], p_F_m)[0, 2]
+        given = vertical_force_N(q.tolist(), torque_Nm.tolist(), p_F_m.tolist())
+        assert given == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("height_m", [-0.008, 0.0, 0.006])
@@ -74,6 +83,20 @@ def test_the_detector_may_be_fed_in_pieces() -> None:
             break
     assert whole == at
     assert whole is not None
+
+
+def test_the_largest_force_counts_what_is_felt_while_it_brakes() -> None:
+    path = down()
+    rising_N = np.maximum(path.t_s - 2.0, 0.0) * 20.0
+    torque_Nm = rising_N[:, None] * jacobian(path.q_rad, TIP)[:, 2]
+    detector = Detector(GUARD)
+    at = detector.feed(path.t_s, path.q_rad, torque_Nm)
+    assert at is not None
+    assert rising_N[at] == pytest.approx(GUARD.force_N, abs=0.3)  # the median is 12 ms late
+    assert detector.largest_N == pytest.approx(GUARD.force_N, abs=0.03)
+    after = slice(at + 1, at + 101)
+    assert detector.feed(path.t_s[after], path.q_rad[after], torque_Nm[after]) is None
+    assert detector.largest_N == pytest.approx(GUARD.force_N + 2.0, abs=0.3)
 
 
 def test_a_guarded_motion_keeps_to_its_own_limits() -> None:

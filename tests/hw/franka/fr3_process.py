@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -64,6 +65,10 @@ class Fr3Process:
         """Put the arm there, at rest, all faults forgotten."""
         self.tell("place " + " ".join(f"{v:.12f}" for v in np.asarray(q_rad)))
 
+    def plane(self, height_m: float, p_F_m: ArrayLike, stiffness_N_m: float = 2e4, noise_Nm: float = 0.15) -> None:
+        """A springy table top under the flange's point; far below, the arm feels noise alone."""
+        self.tell(f"plane {height_m} {stiffness_N_m} {noise_Nm} " + " ".join(f"{v:.9f}" for v in np.asarray(p_F_m)))
+
     def received(self) -> list[list[float] | None]:
         """The commanded joints of the last motion, cycle by cycle, None where none came."""
         rows: list[list[float] | None] = json.loads(self.tell("report"))["received"]
@@ -73,9 +78,9 @@ class Fr3Process:
         """(M, 7): the commanded joints of the last motion."""
         return np.array([q for q in self.received() if q is not None])
 
-    def at(self, seconds: float, do: Callable[[], object]) -> threading.Thread:
-        """A thread that does something so long into the next motion, as the arm counts its time."""
-        self.tell(f"mark {seconds}")
+    def at(self, seconds: float, do: Callable[[], object], after: int = 0) -> threading.Thread:
+        """A thread that does something so long into the next motion but `after`, as the arm counts its time."""
+        self.tell(f"mark {seconds} {after}")
 
         def wait() -> None:
             assert self._process.stderr is not None
@@ -103,6 +108,23 @@ class Fr3Process:
                 return before
             before += line
         raise AssertionError(f"the simulated FR3 ended before it said {word!r}: {before}")
+
+
+class HandPedal:
+    """A pedal that a test holds and lets go of."""
+
+    def __init__(self, *, held: bool = True) -> None:
+        self.held, self.released_s = held, 0.0
+
+    def release(self) -> None:
+        self.released_s = time.monotonic()
+        self.held = False
+
+    def enabled(self) -> bool:
+        return self.held
+
+    def why_not(self) -> str:
+        return "the pedal is released"
 
 
 def own_host() -> str:

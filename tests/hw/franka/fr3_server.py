@@ -7,8 +7,12 @@ then obeys lines on stdin, each answered by "done":
     reflex SECONDS NAME ...  raise these so long into the next motion
     strict CYCLES            from now on so many cycles in a row without a command are a reflex, as on the arm
     press, release           the stop button
-    mark SECONDS             write a line to stderr so long into the next motion
+    mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
+    plane HEIGHT STIFFNESS NOISE X Y Z   a level, springy plane under the flange's point X Y Z, in m, N/m and Nm
+    threshold FORCE          the plane's force in N at which the arm stops by itself
     report                   the commands of the last motion, as JSON
+
+The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise and a constant error.
 
 Added to franky-sim: reflexes with their reasons, a motion that is refused before they are cleared, the stop button, the
 success rate of the last 100 cycles, and an interface version of choice. PACE "exact" keeps to 1 kHz and loses the
@@ -39,13 +43,34 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
+from hw.kinematics import forward, jacobian
+
 # Order of libfranka's error flags on the wire.
 REFLEXES = {"joint_position_limits_violation": 0, "joint_reflex": 6, "cartesian_reflex": 7} | {
     "communication_constraints_violation": 25
 }
 PATIENCE_S = 0.2
+TORQUE_ERROR_NM = 0.8
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
+
+
+class Plane:
+    """A level plane that presses back where a point fixed to the flange is below it."""
+
+    def __init__(self, height_m: float, stiffness_N_m: float, noise_Nm: float, p_F_m: Any) -> None:
+        self._height_m, self._stiffness_N_m, self._noise_Nm, self._p_F_m = height_m, stiffness_N_m, noise_Nm, p_F_m
+        self._rng = np.random.default_rng(0)
+        self.force_N, self.reported_Nm = 0.0, np.zeros(7)
+
+    def act(self, q_rad: Any) -> Any:
+        """Joints (7,) -> torques (7,) on them; what the arm takes them to be goes into `reported_Nm`."""
+        X_BF = forward(q_rad)
+        deep_m = self._height_m - float((X_BF[:3, :3] @ self._p_F_m + X_BF[:3, 3])[2])
+        self.force_N = max(deep_m, 0.0) * self._stiffness_N_m
+        torque_Nm = self.force_N * jacobian(q_rad, self._p_F_m)[2]
+        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + self._noise_Nm * self._rng.standard_normal(7)
+        return torque_Nm
 
 
 class Recovery(AutomaticErrorRecoveryCommand):
@@ -68,13 +93,16 @@ class Fr3Server(FrankaRobotServer):
         self.moving, self.missed = 0, 0
         self.received: list[list[float] | None] = []
         self.recent: deque[bool] = deque(maxlen=100)
-        self.mark_s = 0.0
+        self.mark_s, self.mark_after = 0.0, 0
+        self.plane = Plane(-1.0, 0.0, 0.0, np.zeros(3))
+        self.threshold_N = float("inf")
         self._came: list[float] | None = None
 
     def start_motion(self, *mode: Any) -> None:
         if self.reasons or self.pressed:
             raise RuntimeError("not before the recovery")  # franky-sim answers that the motion is aborted
         self.moving, self.missed, self.received = 0, 0, []
+        self.mark_after -= 1
         self.recent.clear()
         super().start_motion(*mode)
 
@@ -87,7 +115,7 @@ class Fr3Server(FrankaRobotServer):
             self.moving += 1
             self.received.append(self._came)
             self.recent.append(self._came is not None)
-            if self.mark_s and self.moving >= self.mark_s * 1000:
+            if self.mark_s and self.mark_after < 0 and self.moving >= self.mark_s * 1000:
                 self.mark_s = 0.0
                 sys.stderr.write("mark\n")
                 sys.stderr.flush()
@@ -95,6 +123,8 @@ class Fr3Server(FrankaRobotServer):
             if self.planned and self.moving >= self.planned[0] * 1000:
                 self.abort(self.planned[1], MoveStatus.kReflexAborted)
                 self.planned = None
+            elif self.plane.force_N > self.threshold_N:
+                self.abort(("cartesian_reflex",), MoveStatus.kReflexAborted)
             elif self.missed >= self.most_missed:
                 self.abort(("communication_constraints_violation",), MoveStatus.kReflexAborted)
             elif self.pressed:
@@ -115,7 +145,17 @@ class Fr3Server(FrankaRobotServer):
         mode = RobotMode.kUserStopped if self.pressed else RobotMode.kReflex if self.reasons else state.robot_mode
         flags = tuple(i in {REFLEXES[name] for name in self.reasons} for i in range(41))
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
-        return state.replace(robot_mode=mode, errors=flags, reflex_reason=flags, control_command_success_rate=rate)
+        felt = {"tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist())}
+        return state.replace(
+            robot_mode=mode, errors=flags, reflex_reason=flags, control_command_success_rate=rate, **felt
+        )
+
+    def push(self) -> None:
+        """Let the plane act on the joints, on top of what the controller asks of them."""
+        arm = self.robot
+        torque_Nm = self.plane.act(np.array([arm.data.qpos[at] for at in arm._qpos_addrs]))
+        for at, torque in zip(arm._dof_addrs, torque_Nm, strict=True):
+            arm.data.qfrc_applied[at] += torque
 
     def take_place(self) -> None:
         """Be where the test wants the arm, at rest, with nothing left of what happened before."""
@@ -125,6 +165,7 @@ class Fr3Server(FrankaRobotServer):
                 arm.data.qpos[position], arm.data.qvel[velocity] = q, 0.0
             self._FrankaRobotServer__holding_q = tuple(self.place)
             self.reasons, self.pressed, self.planned, self.place = (), False, None, None
+            self.threshold_N = float("inf")
 
     def wait_for_command(self) -> None:
         if self.udp_connected and self.current_motion_id:
@@ -157,7 +198,13 @@ def obey(server: Fr3Server) -> None:
         elif word in ("press", "release"):
             server.pressed = word == "press"
         elif word == "mark":
+            server.mark_after = int(rest[1])
             server.mark_s = float(rest[0])
+        elif word == "plane":
+            height, stiffness, noise, *point = map(float, rest)
+            server.plane = Plane(height, stiffness, noise, np.array(point))
+        elif word == "threshold":
+            server.threshold_N = float(rest[0])
         elif word == "report":
             say(json.dumps({"received": server.received}))
         elif word == "place":
@@ -180,6 +227,7 @@ def main(host: str, interface: str, pace: str, *q: str) -> None:
         while True:
             server.take_place()
             server.process_commands()
+            server.push()
             sim.step()
             server.send_state()
             if pace != "exact":

@@ -44,6 +44,8 @@ class FakeSdk:
     mode: str = "Idle"
     calls: list[tuple[str, Any]] = field(default_factory=list)
     lost_cycles: tuple[int, ...] = ()
+    feels: Callable[[list[float]], list[float]] = lambda q: [0.0] * 7  # joints -> torques of external forces
+    q_rad: list[float] = field(default_factory=lambda: list(Q_RAD))
 
     JointPositions = JointPositions
 
@@ -64,7 +66,7 @@ class FakeSdk:
 class FakeRobot:
     def __init__(self, sdk: FakeSdk) -> None:
         self.sdk = sdk
-        self._q = list(Q_RAD)
+        self._q = list(sdk.q_rad)
         self._cycle = 0
 
     def did(self, name: str, what: Any = None) -> None:
@@ -92,6 +94,7 @@ class FakeRobot:
             q=self._q,
             q_d=self._q,
             dq=[0.0] * 7,
+            tau_ext_hat_filtered=self.sdk.feels(self._q),
             control_command_success_rate=0.9,
             robot_mode=SimpleNamespace(name=("k" if self.sdk.k else "") + self.sdk.mode),
             current_errors=errors,

@@ -10,7 +10,8 @@ import numpy as np
 from hw.franka.driver import Reading
 from hw.franka.messages import Outcome
 from hw.franka.playback import Motion, Played
-from hw.types import Array
+from hw.franka.settings import Payload
+from hw.types import Array, Guard
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
@@ -24,6 +25,7 @@ class Sink:
     mode: str = "Idle"
     alive: bool = True
     given: list[Motion] = field(default_factory=list)
+    carried: list[Payload] = field(default_factory=list)
 
     def reading(self) -> Reading:
         return Reading(tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode)
@@ -31,7 +33,11 @@ class Sink:
     def recover(self) -> Reading:
         return self.reading()
 
-    def play(self, motion: Motion, word: Callable[[], bytes]) -> Outcome:
+    def carry(self, payload: Payload) -> Reading:
+        self.carried.append(payload)
+        return self.reading()
+
+    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome:
         self.given.append(motion)
         q = motion.path.q_rad
         self.q_rad, self.held_off_rad = q[-1], np.zeros(7)

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parent))
-from fr3_process import READY_RAD, RELAXED, Fr3Process, arm_at, fr3
+from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka import FrankaArm, FrankaSettings, Payload, open_franka
@@ -45,23 +44,6 @@ def shared() -> Iterator[Fr3Process]:
 def server(shared: Fr3Process) -> Fr3Process:
     shared.place(READY_RAD)
     return shared
-
-
-class HandPedal:
-    """A pedal that a test holds and lets go of."""
-
-    def __init__(self, *, held: bool = True) -> None:
-        self.held, self.released_s = held, 0.0
-
-    def release(self) -> None:
-        self.released_s = time.monotonic()
-        self.held = False
-
-    def enabled(self) -> bool:
-        return self.held
-
-    def why_not(self) -> str:
-        return "the pedal is released"
 
 
 def pause(pid: int, seconds: float) -> None:

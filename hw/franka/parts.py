@@ -1,0 +1,31 @@
+"""What a Franka arm asks of the pedal and of the process that plays its motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from hw.franka.driver import Reading
+from hw.franka.messages import Outcome
+from hw.franka.playback import Motion
+from hw.franka.settings import Payload
+from hw.types import Guard
+
+
+class Pedal(Protocol):
+    """What is asked of an enabling pedal (`hw.serial.enable_pedal.EnablePedal`)."""
+
+    def enabled(self) -> bool: ...
+    def why_not(self) -> str: ...
+
+
+class Player(Protocol):
+    """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
+
+    @property
+    def alive(self) -> bool: ...
+    def reading(self) -> Reading: ...
+    def recover(self) -> Reading: ...
+    def carry(self, payload: Payload) -> Reading: ...
+    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome: ...
+    def close(self) -> None: ...

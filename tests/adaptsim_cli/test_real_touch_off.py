@@ -1,0 +1,194 @@
+"""A touch-off of a real lab without its devices: what they are given, who confirms, what is found, who uses it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
+from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
+from real_lab import (
+    RIG,
+    ToyDevices,
+    ToyPedal,
+    Untouched,
+    calibrated,
+    calibration,
+    own_place,
+    quiet,
+    said,
+    typing,
+    write_rig,
+)
+from touch_rig import few
+
+from adaptsim_cli import app, config, wiring_calibration
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.rigs.confirmed import ConfirmedArm
+from adaptsim_cli.rigs.opening import open_real
+from adaptsim_cli.touch_off.asking import Attended
+from adaptsim_cli.touch_off.flow import touch_off
+from adaptsim_cli.touch_off.parts import Grasp, TouchRig
+from adaptsim_cli.touch_off.real import open_real_touch_rig
+from adaptsim_cli.touch_off.store import record, touch_offs
+from calib.errors import CalibrationMissing
+from calib.saved import OffsetsRecord
+from hw.collision import LEVEL, Table
+from hw.errors import ArmFault
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm, FakeHand
+from hw.franka import Payload
+from sim.errors import NotExecutable, UnknownName
+from sim.tasks import get_task
+
+SCOOPING = get_task("scooping")
+TRUE = Table(-0.004, 0.003, -0.002)
+BELIEVED = "[table]\nheight_m = -0.002\n"
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    return own_place(tmp_path, monkeypatch)
+
+
+def resolved(place: Path, text: str = RIG + BELIEVED, task: str = "scooping") -> Resolved:
+    write_rig(place, text)
+    return config.load({"hw": "panda", "task": task})
+
+
+@contextmanager
+def opened(there: Resolved, devices: ToyDevices) -> Iterator[TouchRig]:
+    calibrated(there)
+    with open_real_touch_rig(there.config, there.places, Grasp(), devices.openers()) as rig:
+        yield rig
+
+
+@dataclass(frozen=True)
+class HandingOver(Attended):
+    """A person who really holds the tool between the fingers."""
+
+    hand: FakeHand
+
+    def hand_over(self, rig: TouchRig) -> None:
+        super().hand_over(rig)
+        self.hand.between_m = rig.grasp.width_m
+
+
+def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    typing(monkeypatch, "panda", "", "")
+    with opened(there, devices) as rig:
+        assert list(devices.opened) == ["pedal", "arm", "hand"]
+        assert devices.opened["hand"] == {"model": "panda", "address": "172.16.0.2"}
+        assert [box.name for box in devices.opened["arm"]["keep_out"]] == ["the camera", "the person's side (left)"]
+        assert devices.opened["arm"]["table"] == rig.table == Table(-0.002)
+        assert devices.opened["arm"]["pedal"] is devices.pedal
+        assert rig.is_real
+        found = touch_off(replace(rig, plan=few()), HandingOver(quiet(), devices.hand), quiet())
+        saved = record(found, rig, "2026-01-01T00:00:00+00:00", {"adaptsim": "test"})
+    assert devices.feeling is not None
+    assert [payload.mass_kg for payload in devices.feeling.carried] == [0.0, 0.12], "empty, then with the tool"
+    assert devices.hand.commands == ["home", "move", "move", "grasp"]
+    c = found.result.correction
+    assert c.table.height_m == pytest.approx(TRUE.height_m, abs=5e-4)
+    assert c.table.slope_x == pytest.approx(TRUE.slope_x, abs=1e-3)
+    assert (c.height_m, c.pitch_rad) == (pytest.approx(0.0, abs=3e-4), pytest.approx(0.0, abs=5e-3))
+    touch_offs(there.config, there.places).save(saved)
+    with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
+        assert real.mounted.correction == saved.correction(), "not what the rig file says of table and tool"
+        assert devices.opened["arm"]["table"] == saved.correction().table
+
+
+def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock()), FakeClock(), quiet()
+    pedal = ToyPedal([False, True])
+    feeling = FakeGuardedArm(bare, TOOL, LEVEL)
+    arm = ConfirmedArm(feeling, "panda", screen, pedal, table="empty", now_s=clock.now_s, pause=clock.sleep)
+    with arm:
+        typing(monkeypatch, "q")
+        with pytest.raises(StoppedByOperator):
+            arm.execute_until_contact(down(), GUARD)
+        typing(monkeypatch, "panda")
+        contact = arm.execute_until_contact(down(), GUARD)
+        arm.carry(TOOL, Payload(0.3))
+    assert contact.force_N >= GUARD.force_N
+    assert "Nobody in its range, empty, a hand at" in said(screen)
+    assert "Hold the pedal" in said(screen)
+    assert [payload.mass_kg for payload in feeling.carried] == [0.3]
+
+
+def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
+    there, devices = resolved(place), ToyDevices()
+    zeros_rad = (0.0, 1e-3, 0.0, -2e-3, 0.0, 0.0, 0.0)
+    offsets = OffsetsRecord(
+        adopted=True, reason="", offsets_rad=zeros_rad, suspected_rad=zeros_rad, sigma_rad=(None,) * 7
+    )
+    known = calibration().model_copy(update={"joint_offsets": offsets})
+    wiring_calibration.calibrations(there.config, there.places).save(known, b"")
+    with open_real_touch_rig(there.config, there.places, Grasp(), devices.openers()) as rig:
+        assert tuple(rig.zeros_rad) == zeros_rad
+
+
+def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    typing(monkeypatch, "clear", "q")
+    with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
+        touch_off(rig, Attended(quiet()), quiet())
+    assert devices.arm is not None
+    assert devices.arm.executed == []
+    assert devices.hand.commands == []
+
+
+def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    openers = devices.openers()
+
+    def stopped(*args: object, **given: object) -> object:
+        arm = openers.arm(*args, **given)  # type: ignore[arg-type]
+        assert devices.arm is not None
+        devices.arm._fault = "cartesian_reflex"
+        return arm
+
+    calibrated(there)
+    for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
+        typing(monkeypatch, answer, "panda", "")
+        with open_real_touch_rig(there.config, there.places, Grasp(), replace(openers, arm=stopped)) as rig:
+            assert rig.arm.state().fault == fault
+            if fault:
+                with pytest.raises(ArmFault, match="recover"):
+                    touch_off(rig, Attended(quiet()), quiet())
+
+
+def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
+    def refused(there: Resolved, kind: type[Exception], match: str) -> None:
+        with (
+            pytest.raises(kind, match=match),
+            open_real_touch_rig(there.config, there.places, Grasp(), Untouched()),  # type: ignore[arg-type]
+        ):
+            pass
+
+    refused(resolved(place), CalibrationMissing, "adaptsim calibrate --hw panda")
+    calibrated(resolved(place))
+    refused(resolved(place, task="pushing"), UnknownName, "no corners to touch")
+    refused(resolved(place, RIG + "[table]\nx_m = [0.3, 0.6]\n"), NotExecutable, r"outside of the work area.*\[table\]")
+
+
+def test_the_command_refuses_yes_and_names_a_missing_driver(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    calibrated(resolved(place))
+    monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", Untouched)
+    assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
+    assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
+    for lacking in ("arm", "hand", "pedal"):
+        devices = ToyDevices(lacking=lacking)
+        monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", devices.openers)
+        assert app.run(["touch-off", "--hw", "panda"]) == 3
+        assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
+        assert devices.arm is None or not devices.arm.executed
+    assert not list(place.glob("**/touch-off.json"))

@@ -22,6 +22,7 @@ from perception.types import ObjectTrack, Outcome
 BEFORE_S = 0.05
 """Frames this long before the motion are used, and all after it: the recording ends when the bottle rests."""
 TIPPED_DEG = 30.0
+_NOTICED_S = 0.010  # simulations look every 20 ms: so much after it happened, on the average
 _SEEN = 0.35  # confidence from which a place counts
 _WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
 _STEP = 3  # clutter is looked for in each third row and column
@@ -79,8 +80,8 @@ def track_bottle(
     end = np.full(3, np.nan) if X_BT is None else transform(inverse(X_BT), state[-1])
     outcome = _outcome(t_s, state, sure, tilt_deg)
     if outcome is Outcome.TIPPED:
-        fell = _fell(sure, tilt_deg)
-        state[fell:] = state[fell]
+        fell, where_m = _fell(t_s, sure, tilt_deg, state)
+        state[fell:] = where_m
     flags = (*_sight_flags(t_s, sights, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
     return ObjectTrack(t_s, state, outcome, end, confidence, flags)
 
@@ -155,11 +156,18 @@ def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array) -> Outcome:
     return Outcome.UPRIGHT
 
 
-def _fell(sure: Mask, tilt_deg: Array) -> int:
-    """Number of the first frame in which a bottle that has fallen leans too far and never stands again."""
+def _fell(t_s: Array, sure: Mask, tilt_deg: Array, state: Array) -> tuple[int, Array]:
+    """Number of the first frame in which a bottle that has fallen leans too far and never stands again, and where
+    (3,) it was when a simulation would have noticed: between that frame and the one before, which may be 17 mm apart.
+    """
     stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
-    after = int(stands[-1]) + 1 if len(stands) else 0
-    return after + int(np.flatnonzero(sure[after:])[0])
+    last = int(stands[-1]) if len(stands) else -1
+    fell = last + 1 + int(np.flatnonzero(sure[last + 1 :])[0])
+    if last < 0:
+        return fell, state[fell]
+    passed_s = np.interp(TIPPED_DEG, tilt_deg[[last, fell]], t_s[[last, fell]])
+    share = (passed_s + _NOTICED_S - t_s[last]) / (t_s[fell] - t_s[last])
+    return fell, state[last] + min(share, 1.0) * (state[fell] - state[last])
 
 
 def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str, ...]:

@@ -190,7 +190,8 @@ def hand(push: Push, rng: np.random.Generator) -> Callable[[float], Array]:
 class Result:
     """Errors of one push."""
 
-    xy_mm: Array  # (N,) a frame in which the bottle was located
+    xy_mm: Array  # (N,) a frame in which the bottle was located and had not fallen
+    fell_mm: float  # where it is counted from its fall on; NaN for one that stands
     frames: int
     rest_mm: float  # in the last frame; NaN where it was not located there
     found_mm: float
@@ -225,12 +226,14 @@ def judged(
     observed_mm = _apart_mm(push, times_s, track.at(times_s)[:, :2])
     tipped = lean_deg(push.X_BO[-1]) > TIPPED_DEG
     located = track.confidence > 0
+    stood = located & (track.t_s + start_s < push.fell_s)
     out = not (
         BOTTLE_AREA[0] < push.X_BO[-1, 0, 3] < BOTTLE_AREA[1] and BOTTLE_AREA[2] < push.X_BO[-1, 1, 3] < BOTTLE_AREA[3]
     )
     silent = xy_mm[track.confidence > 0.9] if not track.flags else np.zeros(1)
     return Result(
-        xy_mm[located],
+        xy_mm[stood],
+        float(xy_mm[-1]) if tipped else float("nan"),
         len(located),
         float(xy_mm[-1]) if located[-1] else float("nan"),
         1e3 * float(np.linalg.norm(detection.xy_m - push.X_BO[0, :2, 3])),
@@ -256,12 +259,14 @@ def shown(rows: dict[str, list[Result | None]]) -> None:
             print(f"{name}: none tracked")
             continue
         xy = np.concatenate([r.xy_mm for r in results])
+        fell = np.array([r.fell_mm for r in results if r.tipped] or [np.nan])
         rest, found = np.array([r.rest_mm for r in results]), np.array([r.found_mm for r in results])
         flagged, tipped = sum(bool(r.flags) for r in results), sum(r.tipped for r in results)
         print(
             f"{name}: {len(results)} of {len(all_results)} pushes, "
-            f"located in {len(xy)} of {sum(r.frames for r in results)} frames, {tipped} tipped\n"
+            f"{len(xy)} of {sum(r.frames for r in results)} frames located before a fall, {tipped} tipped\n"
             f"  XY mm: mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
+            f"where it fell: mean {fell.mean():.2f}, max {fell.max():.2f}\n  "
             f"at rest: mean {np.nanmean(rest):.2f}, max {np.nanmax(rest):.2f}   before: mean {found.mean():.2f}, "
             f"max {found.max():.2f}\n"
             f"  observation mm, mean / largest: {_observed(results, tipped=False)} where it stands, "

@@ -41,7 +41,7 @@ def residuals(views: Sequence[ViewOutcome]) -> str:
     for tick in y.ticks(4):
         canvas.line(left, y(tick), right, y(tick), "grid")
         canvas.text(left - 6, y(tick) + 4, plain(round(tick, 6)), anchor="end")
-    step = max(1, len(views) // 18)
+    step = -(-len(views) // 12)  # so that names stay apart on a narrow screen too
     for i, view in enumerate(views):
         if i % step == 0:
             canvas.text(x(i), bottom + 16, view.name, anchor="middle")

@@ -91,7 +91,12 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
     canvas.rect(left, top, right - left, bottom - top, "table", 6)
     canvas.grid(x, y)
-    canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
+    canvas.text(
+        (left + right) / 2,
+        bottom + 36,
+        "x in metres, away from the robot; y upwards, to the robot's left",
+        anchor="middle",
+    )
     if len(corners):
         canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
         canvas.text(x(corners[0, 0]), y(corners[0, 1]) + 16, "where the object is placed")
@@ -101,6 +106,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
         pixels = [(x(px), y(py)) for px, py in path]
         if trial.goal_m is not None:
             gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
+            canvas.line(*pixels[-1], gx, gy, f"miss {css}")
             for rise in (-5.0, 5.0):
                 canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
         canvas.curve(pixels, f"track {css}", told)

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
+from math import dist
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,9 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+MEASURED = ("rollouts", "tracking", "adaptation", "training")
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,13 @@ class TrialView:
     def outcome(self) -> str:
         return self.record.outcome.value.replace("_", " ")
 
+    @property
+    def miss(self) -> str:
+        """How far from its goal the object came to rest; "" where there is no goal."""
+        if self.record.goal_m is None:
+            return ""
+        return f"{1e3 * dist(self.record.track.state[-1][:2], self.record.goal_m):.0f} mm from the goal"
+
 
 @dataclass(frozen=True)
 class IterationView:
@@ -60,6 +71,15 @@ class IterationView:
     @property
     def mean(self) -> float:
         return float(np.mean([t.record.reward for t in self.trials]))
+
+    @property
+    def timing_s(self) -> dict[str, float]:
+        """What the iteration's time went into; `storing` is what the total holds beyond what is named."""
+        if self.result is None:
+            return {}
+        spent = self.result.timing_s
+        storing_s = spent["total"] - sum(spent[kind] for kind in MEASURED)
+        return {kind: spent[kind] for kind in MEASURED} | {"storing": storing_s, "total": spent["total"]}
 
 
 def write(store: SessionStore, out: Path | None = None) -> Path:
@@ -100,7 +120,7 @@ def render(store: SessionStore) -> str:
         goals=any(trial.goal_m is not None for trial in trials),
         figure_table=figures.table_view(trials, facts.context, newest) if trials and not facts.curves else "",
         figure_curves=[(label, figures.curve_view(trials, label, column, newest)) for label, column in curves],
-        kinds=("rollouts", "tracking", "adaptation", "training", "total"),
+        kinds=(*MEASURED, "storing", "total"),
     )
 
 
@@ -155,10 +175,9 @@ def _mean(samples: Samples) -> Row:
 
 
 def _quantities(dimensions: tuple[DimensionRecord, ...], values: Row) -> str:
-    return ", ".join(
-        f"{d.name} {plain(float(f'{v:.3g}'))}{' ' + d.unit if d.unit else ''}"
-        for d, v in zip(dimensions, values, strict=True)
-    )
+    """Name, value and unit of each; a line does not break within one of them."""
+    told = (f"{d.name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True))
+    return ", ".join(text.replace(" ", NO_BREAK) for text in told)
 
 
 def _named(facts: Facts, params: Mapping[str, float]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from toy_session import ScriptedOperator, attended, run
 
-from adaptsim_cli.report import page
+from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.operator import Overrule, Redo
 from adaptsim_cli.session.runner import run_iteration
@@ -106,3 +106,28 @@ def test_ticks_are_round_and_inside() -> None:
 )
 def test_numbers_read_well(value: float, text: str) -> None:
     assert plain(value) == text
+
+
+def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store: SessionStore) -> None:
+    record = store.trials(0)[0]
+    x, y = record.track.state[-1][:2]
+    aimed = record.model_copy(update={"goal_m": (x + 0.03, y - 0.04)})
+    assert page.TrialView(aimed, (), "", "", "").miss == "50 mm from the goal"
+    assert page.TrialView(record, (), "", "", "").miss == ""
+    drawn = figures.table_view([aimed], store.facts.context, 0)
+    assert drawn.count('class="miss c0"') == 1
+    assert "miss" not in figures.table_view([record], store.facts.context, 0)
+
+
+def test_the_times_of_an_iteration_add_up(store: SessionStore) -> None:
+    row = re.search(r"<tbody>\s*<tr>(.*?)</tr>", page.render(store), re.DOTALL)
+    assert row is not None
+    cells = [float(cell) for cell in re.findall(r">([-\d.]+)</td>", row[1])]
+    *parts, total, _ = cells[1:]
+    assert len(parts) == 5
+    assert sum(parts) == pytest.approx(total, abs=0.3)
+
+
+def test_a_line_never_breaks_within_a_quantity(store: SessionStore) -> None:
+    (first, *_) = re.findall(r'<p class="detail">([^<]+)</p>', page.render(store))
+    assert all(" " not in part for part in first.replace(" · ", ", ").strip().split(", "))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+import termios
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -64,6 +65,8 @@ class Screen:
     def ask_text(self, question: str) -> str:
         """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
         self._console.print(Text(question, style="bold"), end=" ")
+        if sys.stdin.isatty():  # what was typed before the question is no answer to it: Enter may start a motion
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)
         answer = sys.stdin.readline()
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")

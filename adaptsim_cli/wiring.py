@@ -72,6 +72,7 @@ def open_parts(config: Config, openers: Openers | None = None, session: str | No
             calibration=calibration.source if calibration else "",
             calibration_sha256=_sha256(calibration.X_BC) if calibration else "",
             versions=versions(),
+            camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
         yield Parts(task, target, learner, origin)
 

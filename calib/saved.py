@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from calib import timing
 from calib.records import FORMAT, BoardRecord, Matrix, Numbers, Record
-from calib.types import Acceptance, Check, HandEye, Mounting, Solution
+from calib.types import Acceptance, Check, HandEye, Mounting, Solution, Verdict
 from hw.types import Array
 
 FILE = "calibration.json"
@@ -115,7 +116,12 @@ class SavedCalibration(Record):
         if self.mounting != "fixed":
             raise ValueError("a camera on the wrist has no constant pose in the base")
         u = self.uncertainty
-        return HandEye(np.array(self.X_AC), u.sigma_mm, u.sigma_deg, self.source, self.created)
+        return HandEye(np.array(self.X_AC), u.sigma_mm, u.sigma_deg, self.source, self.created, self.camera_late_s())
+
+    def camera_late_s(self) -> float:
+        """How late the camera's stamps are on the arm's clock, as the swing of the board showed; 0 where unmeasured."""
+        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Verdict.NOT_MEASURED)
+        return 1e-3 * (next(found, None) or 0.0)
 
     def offsets_rad(self) -> Array:
         """(7,) true joint position minus what the arm reports; zeros where not estimated or not adopted."""

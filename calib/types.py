@@ -37,6 +37,7 @@ class HandEye:
     sigma_deg: float  # one standard deviation of the rotation
     source: str  # where it comes from, in words
     created: str  # ISO 8601 date, "" where not known
+    camera_late_s: float = 0.0  # camera stamps less arm stamps of the same moment; 0 where it was not measured
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "X_BC", frozen_array(self.X_BC, (4, 4), "X_BC"))

@@ -46,7 +46,7 @@ def view(
     )
     if not have.missing:
         return head
-    return Group(head, Text(f"          missing: {have.missing[0]}", style="yellow"))
+    return Group(head, Padding(Text(f"missing: {have.missing[0]}", style="yellow"), (0, 0, 0, 10)))
 
 
 def calibration(record: SavedCalibration) -> RenderableType:

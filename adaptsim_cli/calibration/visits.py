@@ -12,6 +12,7 @@ import numpy as np
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.session.clear import clear_to_move
 from calib import poses
 from calib.coverage import Coverage
 from hw.types import Array
@@ -68,11 +69,8 @@ class Automatic:
             raise UsageError("--yes never confirms the motion of a real arm; run without it, at a terminal")
         if self.unattended:
             return
-        who = "THE REAL ROBOT moves" if self.rig.is_real else "The simulated robot moves"
-        question = (
-            f"{who} the board to {len(self.q_rad)} places, slowly, one after the other, without asking again. "
-            "Table clear, board firm in the gripper, nobody in reach? Enter to start, q to stop:"
-        )
+        what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
+        question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper? Enter to start, q to stop:"
         while (answer := self.screen.ask(question)) != "":
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; nothing has moved")

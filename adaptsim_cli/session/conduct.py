@@ -125,6 +125,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         checkpoint_sha256=origin.checkpoint_sha256,
         calibration=origin.calibration,
         calibration_sha256=origin.calibration_sha256,
+        camera_late_s=origin.camera_late_s,
         versions=origin.versions,
         title=parts.task.title,
         object_name=parts.task.object_name,
@@ -144,6 +145,7 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     for what, was, found in (
         ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration", facts.calibration_sha256, now.calibration_sha256),
+        ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("world", facts.world_sha256, now.world_sha256),
     ):
         if was != found:
@@ -152,6 +154,10 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
                 "its trials cannot be compared with new ones. Restore it, or name another --session"
             )
     return store
+
+
+def _ms(t_s: float) -> str:
+    return f"{1e3 * t_s:.3f} ms"
 
 
 def _ready(session: Session, config: Config) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import moments, recording
+from adaptsim_cli.session.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.parts import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.preflight import Check, rig_checks
@@ -21,6 +22,9 @@ from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 from sim.tasks.task import Task
 from sim.types import ToolMotion
+
+SETTLE_S = 2.0
+"""How long a recording goes on after the motion: what was pushed slides or falls until it rests."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ class OnRig:
         wanted_m = tracker.placement(drawn)
         operator.placed(task.object_name, wanted_m, rig.is_real)
         rig.bench.place(wanted_m, key.number, key.attempt)
-        frame, model = rig.camera.snapshot(), rig.camera.model()
+        frame, model = self.in_time(rig.camera.snapshot()), rig.camera.model()
         detection = tracker.find(frame, model, rig.hand_eye.X_BC)
         context = tracker.context(drawn, detection)
         if not task.context.contains(context):
@@ -69,6 +73,10 @@ class OnRig:
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
         return Found(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
+
+    def in_time(self, frame: Frame) -> Frame:
+        """A frame whose stamp is of the arm's clock: without what calibration found the camera's to be late by."""
+        return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +121,22 @@ class MotionPlan:
 
     @property
     def announced(self) -> str:
-        who = "THE REAL ROBOT" if self.found.target.is_real else "The simulated robot"
-        return f"{who} moves for {self.duration_s:.1f} s"
+        target = self.found.target
+        flange, X_FT = target.planner.flange, target.task.X_FT
+        speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
+        what = f"comes to the {target.task.object_name}, makes its motion and goes back"
+        return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
     def execute(self) -> Recorded:
         """Approach, record the motion, go back."""
         approach, motion, back = self.paths
-        arm, camera = self.found.target.rig.arm, self.found.target.rig.camera
+        rig = self.found.target.rig
+        arm, camera = rig.arm, rig.camera
         arm.execute(approach)
         camera.start_recording()
         played = arm.execute(motion)
-        frames = tuple(camera.stop_recording())
+        rig.wait(SETTLE_S)
+        frames = tuple(map(self.found.target.in_time, camera.stop_recording()))
         arm.execute(back)
         return Recorded(self.found, self.motion, played, frames)
 
@@ -164,7 +177,8 @@ class Recorded:
         seen_m = np.array([[*found.detection.xy_m, 0.0], *track.state[:, :3]])
         fallen = track.outcome is Outcome.TIPPED
         kept, images = moments.key_frames(self.frames, model, X_BC, seen_m, played.t_start_s, wanted, fallen=fallen)
-        mcap = recording.encode(found.frame, self.frames, model, X_BC, played, self._tool_pose(), track)
+        late_s = rig.hand_eye.camera_late_s
+        mcap = recording.encode(found.frame, self.frames, model, X_BC, played, self._tool_pose(), track, late_s)
         facts = found.target.facts
         told = {} if facts is None else {"rig.json": to_json(facts())}
         files = {recording.FILE: mcap, "overlay.jpg": found.overlay, **images, **told}

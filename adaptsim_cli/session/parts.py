@@ -118,6 +118,8 @@ class Rig:
     bench: Bench
     hand_eye: HandEye
     calibration_days: int = 30  # the age from which it is warned of
+    wait: Callable[[float], None] = lambda _: None
+    """Lets so many seconds pass. A simulated lab's motion returns with the object at rest, so nothing is waited for."""
 
     @property
     def is_real(self) -> bool:
@@ -134,6 +136,7 @@ class Provenance:
     calibration: str  # "" where there is no camera
     calibration_sha256: str
     versions: dict[str, str]
+    camera_late_s: float = 0.0  # subtracted from the camera's time stamps
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ def failures(checks: Sequence[Check]) -> str:
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Check:
     """Never fails; one that is older than `calibration_days` says so and how to look whether it still holds."""
     detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
+    detail += f", {1e3 * eye.camera_late_s:.1f} ms subtracted from the camera's time stamps"
     days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0
     if days >= calibration_days:
         detail += f". It is {days} days old: has the camera moved? adaptsim calibrate check, one minute"

@@ -65,8 +65,12 @@ def encode(
     execution: Execution,
     X_BT_at: Callable[[float], Array],
     track: ObjectTrack,
+    camera_late_s: float = 0.0,
 ) -> bytes:
-    """The whole recording in memory, so that it can be written whole. Messages are in order of time."""
+    """The whole recording in memory, so that it can be written whole. Messages are in order of time.
+
+    `camera_late_s` was subtracted from the camera's stamps; it is only noted, for who wants to undo that.
+    """
     messages = [*_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH), *_images(frames, _COLOUR, _DEPTH)]
     for t_s, measured, commanded in zip(
         execution.t_s, execution.q_measured_rad, execution.q_commanded_rad, strict=True
@@ -86,7 +90,7 @@ def encode(
     writer.start(profile="ros2", library="adaptsim")
     schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(_TOPICS.values()))}
     channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in _TOPICS.items()}
-    writer.add_attachment(0, 0, "camera.json", "application/json", _camera_json(model, X_BC, execution))
+    writer.add_attachment(0, 0, "camera.json", "application/json", _camera_json(model, X_BC, execution, camera_late_s))
     for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
         writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
     writer.finish()
@@ -189,7 +193,7 @@ def _ns(t_s: float) -> int:
     return round(t_s * 1e9)
 
 
-def _camera_json(model: CameraModel, X_BC: Array, execution: Execution) -> bytes:
+def _camera_json(model: CameraModel, X_BC: Array, execution: Execution, camera_late_s: float) -> bytes:
     def intrinsics(i: Intrinsics) -> dict[str, object]:
         return {"width": i.width, "height": i.height, "K": i.K.tolist(), "distortion": i.distortion.tolist()}
 
@@ -199,6 +203,7 @@ def _camera_json(model: CameraModel, X_BC: Array, execution: Execution) -> bytes
         "depth": intrinsics(model.depth),
         "X_CD": model.X_CD.tolist(),
         "X_BC": np.asarray(X_BC).tolist(),
+        "camera_late_s": camera_late_s,
         "t_start_s": execution.t_start_s,
         "control_success_rate": execution.control_success_rate,
     }

@@ -41,7 +41,7 @@ class LabCamera:
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
         colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_snapshot(room.t_s))
-        return Frame(room.t_s, colour, depth_mm)
+        return Frame(self._stamped(room.t_s), colour, depth_mm)
 
     def start_recording(self) -> None:
         self._need_connection()
@@ -79,7 +79,11 @@ class LabCamera:
         slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
         poses = room.cell.poses(room.positions_at(slices_s))
         colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_frame(number))
-        return Frame(t_s, colour, depth_mm)
+        return Frame(self._stamped(t_s), colour, depth_mm)
+
+    def _stamped(self, t_s: float) -> float:
+        """What the camera's own clock says at a moment of the arm's."""
+        return t_s + 1e-3 * self._room.world.sensing.clock_offset_ms
 
     @cached_property
     def _renderer(self) -> Renderer:

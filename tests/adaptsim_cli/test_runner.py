@@ -12,6 +12,7 @@ from toy_rig import PARAMETERS, ToyLab
 from toy_session import NAME, ScriptedOperator, attended, no_space, run, unattended
 
 from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
+from adaptsim_cli.session.on_rig import SETTLE_S
 from adaptsim_cli.session.operator import Overrule, Proposal, Redo
 from adaptsim_cli.session.redoing import redo
 from adaptsim_cli.session.runner import run_iteration
@@ -77,6 +78,15 @@ def test_the_context_is_what_the_camera_measured(tmp_path: Path) -> None:
     trial = run(tmp_path).trials(0)[0]
     assert trial.context != trial.drawn_context
     assert np.allclose(trial.context, trial.drawn_context, atol=0.005)
+
+
+def test_the_camera_goes_on_until_the_object_rests(tmp_path: Path) -> None:
+    lab, events = ToyLab(0), []
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    object.__setattr__(session.parts.target.rig, "wait", lambda t_s: events.append((len(lab.executions), t_s)))  # type: ignore[attr-defined]
+    lab.hooks["stop_recording"] = lambda trial, _: events.append((trial, 0.0))
+    run_iteration(session)
+    assert events == [pair for n in range(1, 5) for pair in ((n, SETTLE_S), (n, 0.0))]
 
 
 def test_an_operator_can_overrule_the_outcome(tmp_path: Path) -> None:

@@ -1,0 +1,82 @@
+"""The boxes that a rig file has by itself (camera, the person's side) leave the work area to the arm.
+
+A trial counts as direct where its three paths are those of a lab without boxes, as detoured where the boxes change
+them, as refused where there is none.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import product
+
+import numpy as np
+import pytest
+
+from adaptsim_cli.mounted import MountedTask, mounted
+from adaptsim_cli.rigs.description import PersonPart
+from hw.collision import KeepOut, Side, camera_box
+from hw.types import Array
+from sim.errors import NotExecutable
+from sim.kinect import default_X_BC
+from sim.tasks import get_task
+from sim.tasks.task import Task
+
+OTHERS = (("pushing", "panda"), ("scooping", "fr3"), ("pushing", "fr3"))
+
+
+def boxes(side: Side, from_m: float | None = None) -> tuple[KeepOut, ...]:
+    person = PersonPart(side) if from_m is None else PersonPart(side, from_m)
+    return camera_box(default_X_BC()), person.box()
+
+
+def trials(task: Task, points: int) -> list[tuple[Array, Array]]:
+    """(context, action) over the area that the task works in: where the food lies, or how the bottle is pushed."""
+    unit = list(product(np.linspace(0.0, 1.0, points), repeat=2))
+    if task.name == "scooping":
+        middle = task.action.denormalise(np.full(len(task.action), 0.5))
+        return [(task.context.denormalise(np.array(u)), middle) for u in unit]
+    return [(task.reference_context, task.action.denormalise(np.array(u))) for u in unit]
+
+
+def counted(name: str, model: str, keep_out: tuple[KeepOut, ...], points: int = 2) -> Counter[str]:
+    """How many trials of a grid are direct, detoured and refused."""
+    task = get_task(name)
+    without, within = mounted(task, model), mounted(task, model, None, keep_out)
+    return Counter(_way(without, within, *trial) for trial in trials(task, points))
+
+
+def _way(without: MountedTask, within: MountedTask, context: Array, action: Array) -> str:
+    assert without.task.plan is not None
+    motion = without.task.plan(context, action)
+    free = without.paths(motion)
+    try:
+        found = within.paths(motion)
+    except NotExecutable as error:
+        assert "camera" in str(error) or "person's side" in str(error), "what is in the way is named"
+        return "refused"
+    for path in found:
+        within.check(path)
+    return "direct" if all(np.array_equal(a.q_rad, b.q_rad) for a, b in zip(free, found, strict=True)) else "detoured"
+
+
+SLOW = pytest.mark.slow
+CASES = [("scooping", "panda"), *(pytest.param(*case, marks=SLOW) for case in OTHERS)]
+
+
+@pytest.mark.parametrize(("name", "model"), CASES)
+def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: str) -> None:
+    assert counted(name, model, boxes("left")) == {"direct": 4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["left", "right", "back"])
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("name", ["scooping", "pushing"])
+def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name: str, model: str, side: Side) -> None:
+    assert counted(name, model, boxes(side), points=3) == {"direct": 9}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["scooping", "pushing"])
+def test_a_person_in_front_would_stand_in_the_work_area_and_every_trial_says_so(name: str) -> None:
+    assert counted(name, "panda", boxes("front")) == {"refused": 4}

@@ -1,0 +1,132 @@
+"""README and docs against the program: commands parse, links lead somewhere, pictures are there and small."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import cv2
+import pytest
+import typer
+
+from adaptsim_cli import app
+from sim.tasks import get_task
+from sim.world import list_worlds
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+GUIDE_PICTURES = sorted((ROOT / "docs/figures").glob("guide-*"))
+FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"^(?:\$ )?(?:[A-Z][A-Z0-9_]*=\S* )*(adaptsim(?: .*)?)$")
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+PLACEHOLDER = re.compile(r"[A-Z]+")
+NUMBERS = {"N", "TRIAL"}
+"""Placeholders that stand for a number."""
+
+
+def commands(text: str) -> list[str]:
+    """Every `adaptsim ...` of a document: lines of its code blocks, fenced or indented, and spans within its prose."""
+    blocks = [line for match in FENCE.finditer(text) for line in match[3].splitlines()]
+    prose = FENCE.sub("", text)
+    blocks += [line for line in prose.splitlines() if line.startswith("    ")]
+    found = [match[1] for line in blocks if (match := COMMAND.match(line.strip()))]
+    return found + [" ".join(span.split()) for span in re.findall(r"`(adaptsim(?:\s[^`]*)?)`", prose)]
+
+
+def parse(line: str) -> dict[str, object]:
+    """The parameters of the command that the line names, nothing executed. Raises TyperException.
+
+    A line that only names a command need not give what the command requires.
+    """
+    node: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+    words = ["1" if word in NUMBERS else word for word in shlex.split(line, comments=True)[1:]]
+    context = node.make_context("adaptsim", [], resilient_parsing=True)
+    while words and not words[0].startswith("-") and isinstance(node, typer.core.TyperGroup):
+        context.resilient_parsing = False  # a command that is not there raises
+        name, command, words = node.resolve_command(context, words)
+        assert command is not None
+        context = command.make_context(name, [], parent=context, resilient_parsing=True)
+        node = command  # type: ignore[assignment]
+    if not words or "--help" in words:
+        return {}
+    return dict(node.make_context(node.name, words, parent=context.parent).params)
+
+
+def shown(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=shown)
+def test_every_command_parses(document: Path) -> None:
+    wrong = []
+    for line in commands(document.read_text(encoding="utf-8")):
+        try:
+            found = parse(line)
+        except typer.TyperException as error:
+            wrong.append(f"{line}: {error.format_message()}")
+            continue
+        task, world = str(found.get("task") or "scooping"), str(found.get("world") or "wd")
+        if PLACEHOLDER.fullmatch(task):
+            continue
+        if "/" not in world and not world.endswith(".toml") and not PLACEHOLDER.fullmatch(world):
+            known = list_worlds(get_task(task))
+            if world not in known:
+                wrong.append(f"{line}: no world {world} of {task}, known: {', '.join(known)}")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("adaptsim fly", "No such command"),
+        ("adaptsim calibrate fly", "No such command"),
+        ("adaptsim run-iteration --sped 3", "No such option"),
+        ("adaptsim run-iteration -n 0", "greater than or equal to 1"),
+        ("adaptsim --sped", "No such option"),
+        ("adaptsim sessions redo NAME first", "valid integer"),
+        ("adaptsim retrack --json", "Missing argument"),
+    ],
+)
+def test_a_wrong_command_is_noticed(line: str, message: str) -> None:
+    (found,) = commands(f"see\n```sh\n{line}   # says the comment\n```\n")
+    with pytest.raises(typer.TyperException) as raised:
+        parse(found)
+    assert message in raised.value.format_message()
+
+
+def test_commands_are_found_in_fences_indented_and_in_prose() -> None:
+    text = "`adaptsim\ndoctor`, not\nadaptsim at large.\n\n    adaptsim lab list\n\n"
+    text += "```sh\nA=1 adaptsim report X # y\n```\n"
+    assert commands(text) == ["adaptsim report X # y", "adaptsim lab list", "adaptsim doctor"]
+    assert parse("adaptsim report X # y")["session"] == "X"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=shown)
+def test_every_link_leads_somewhere(document: Path) -> None:
+    wrong = []
+    for target in LINK.findall(FENCE.sub("", document.read_text(encoding="utf-8"))):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        path = (document.parent / name).resolve() if name else document
+        if not path.exists():
+            wrong.append(f"{target}: no such file")
+        elif anchor and anchor not in anchors(path):
+            wrong.append(f"{target}: no such heading, known: {', '.join(anchors(path))}")
+    assert not wrong, "\n".join(wrong)
+
+
+def anchors(document: Path) -> list[str]:
+    """What the headings of a document are called in links, as GitHub makes it."""
+    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", document.read_text(encoding="utf-8")), re.MULTILINE)
+    return [re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings]
+
+
+@pytest.mark.parametrize("picture", GUIDE_PICTURES, ids=shown)
+def test_pictures_of_the_guide_are_small_and_shown(picture: Path) -> None:
+    image = cv2.imread(str(picture))
+    assert image is not None
+    assert image.shape[1] <= 1200
+    assert picture.stat().st_size < 300_000
+    assert f"figures/{picture.name})" in (ROOT / "docs/operators-guide.md").read_text(encoding="utf-8")

@@ -1,0 +1,291 @@
+"""A person at a terminal beside an FR3: types the answers, holds the pedal, and lets go of it when a test says so."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import pty
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("hw/franka", "adaptsim_cli")]
+from fr3_process import Fr3Process, own_host
+from lab_session import WORLD, environment
+from real_lab import calibration
+
+from adaptsim_cli import config, wiring_calibration
+from hw.serial.pedal_protocol import PERIOD_S, line_for
+from hw.types import Array
+from sim.panda.planning import home
+from sim.panda.tool import held
+from sim.tasks import get_task
+
+PROGRAM = Path(__file__).with_name("fr3_program.py")
+PATIENCE_S = 900.0
+LIFTED_LINES = 15
+HOLD = "Hold the pedal to let the arm move"
+RIG = """\
+name = "drill"
+[arm]
+model = "fr3"
+address = "{host}"
+[pedal]
+port = "{port}"
+[person]
+side = "left"
+"""
+START = "Enter to start, q to stop:"
+ANSWERS = {
+    "Type fr3 when that is so, q to stop:": "fr3",
+    "Type recover to clear it (nothing moves), Enter to leave it:": "recover",
+    "Is the arm at rest and the way clear? Enter to do this trial again, q to stop:": "",
+    START: "",
+    "Enter when it lies there, q to stop:": "",
+    "Enter to accept, o to overrule the outcome, r to redo this trial, q to stop:": "",
+}
+"""What a person who wants to go on types, by how the question ends."""
+
+
+class Pedal(threading.Thread):
+    """The pedal's box at its end of a serial line; `port` stays the same when it is plugged in again."""
+
+    def __init__(self, port: Path) -> None:
+        super().__init__(daemon=True)
+        self.port = port
+        self.pressed, self.silent = True, False
+        self._ended, self._ends = threading.Event(), (-1, -1)
+        self._press_in = 0  # lines from now, where the foot was lifted to press again
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        device, program = pty.openpty()
+        tty.setraw(device)
+        tty.setraw(program)
+        self.port.unlink(missing_ok=True)
+        self.port.symlink_to(os.ttyname(program))
+        self.pressed, self.silent, self._ends = True, False, (device, program)
+
+    def unplug(self) -> None:
+        ends, self._ends = self._ends, (-1, -1)
+        self.port.unlink(missing_ok=True)
+        for end in ends:
+            os.close(end)
+
+    def release(self) -> None:
+        self.pressed = False
+
+    def press_anew(self) -> None:
+        """Lift the foot, then press: what was held before a motion was asked for does not count."""
+        self.pressed, self._press_in = False, LIFTED_LINES
+
+    def fall_silent(self) -> None:
+        self.silent = True
+
+    def run(self) -> None:
+        counter = 0
+        while not self._ended.wait(PERIOD_S):
+            self._press_in = max(0, self._press_in - 1)
+            self.pressed = self.pressed or self._press_in == 1
+            if not self.silent and self._ends[0] >= 0:
+                try:
+                    os.write(self._ends[0], line_for(counter, self.pressed))
+                except OSError:  # pulled out between two looks
+                    continue
+            counter += 1
+
+    def end(self) -> None:
+        self._ended.set()
+        self.join()
+        if self._ends[0] >= 0:
+            self.unplug()
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A command that came to its end."""
+
+    code: int
+    said: str  # on the terminal, what was typed included
+    data: list[dict[str, Any]]  # from stdout
+
+    @property
+    def error(self) -> str:
+        """The message after the last "Error:", on one line."""
+        return " ".join(self.said.rpartition("Error: ")[2].split())
+
+
+@dataclass
+class Drill:
+    """One lab and its session. `server` is None while the arm is switched off."""
+
+    home: Path
+    world: Path
+    host: str
+    pedal: Pedal
+    home_rad: Array  # (7,)
+    server: Fr3Process | None = None
+
+    @property
+    def arm(self) -> Fr3Process:
+        assert self.server is not None
+        return self.server
+
+    def switch_on(self) -> None:
+        """The arm at home, where trials begin."""
+        self.server = Fr3Process(self.host, self.home_rad, pace="hurried")
+
+    def switch_off(self) -> None:
+        if self.server is not None:
+            self.server.end()
+            self.server = None
+
+    def run(
+        self,
+        before: Before = lambda motion, command: None,
+        answers: dict[str, str] | None = None,
+    ) -> Ended:
+        """`adaptsim run-iteration` at a terminal of its own; `before(name, command)` is called before each motion."""
+        arguments = ["run-iteration", "--task", "scooping", "--hw", "fr3", "--session", "s", "--json"]
+        with Command(self, arguments, before, ANSWERS | (answers or {})) as command:
+            ended = command.to_the_end()
+        if kept := os.environ.get("ADAPTSIM_DRILL_TRANSCRIPT"):
+            with Path(kept).open("a") as file:
+                file.write(f"======== exit code {ended.code}\n{ended.said}\n")
+        return ended
+
+    def completed(self) -> dict[str, bytes]:
+        """Every completed trial's record by the name of its folder."""
+        root = self.home / "data/sessions/s"
+        return {path.parent.name: path.read_bytes() for path in sorted(root.glob("iteration-*/trial-*/trial.json"))}
+
+    def rejected(self) -> list[str]:
+        root = self.home / "data/sessions/s"
+        return sorted(json.loads(p.read_text())["text"] for p in root.glob("iteration-*/*.rejected.json"))
+
+
+class Command:
+    """A running program, its terminal, and the person who answers."""
+
+    def __init__(self, drill: Drill, arguments: list[str], before: Before, answers: dict[str, str]) -> None:
+        self._drill, self._before, self._answers = drill, before, answers
+        self._screen, ours = pty.openpty()
+        fcntl.ioctl(ours, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 500, 0, 0))
+        self._cue, theirs = socket.socketpair()
+        wide = {"TERM": "dumb", "COLUMNS": "500", "LINES": "50"}
+        self._process = subprocess.Popen(
+            [sys.executable, str(PROGRAM), str(theirs.fileno()), str(drill.world), "--", *arguments],
+            stdin=ours,
+            stdout=subprocess.PIPE,
+            stderr=ours,
+            env={**environment(drill.home), **wide},
+            cwd=drill.world.parent,
+            pass_fds=[theirs.fileno()],
+            start_new_session=True,
+        )
+        os.close(ours)
+        theirs.close()
+        self._said, self._answered, self._held = "", 0, 0
+
+    def __enter__(self) -> Command:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        self._cue.close()
+        os.close(self._screen)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+    def signal(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def to_the_end(self) -> Ended:
+        """Answer until the program ends. Fails when nothing is heard of it for `PATIENCE_S`."""
+        heard = {self._screen, self._cue.fileno()}
+        while self._screen in heard:
+            ready, _, _ = select.select(sorted(heard), [], [], PATIENCE_S)
+            assert ready, f"nothing happened for {PATIENCE_S:g} s; so far:\n{self._said}"
+            if self._cue.fileno() in ready and not self._cued():
+                heard.discard(self._cue.fileno())
+            if self._screen in ready and not self._listened():
+                heard.discard(self._screen)
+        assert self._process.stdout is not None
+        data = [json.loads(line) for line in self._process.stdout.read().decode().splitlines()]
+        return Ended(self._process.wait(), self._said, data)
+
+    def _cued(self) -> bool:
+        motion = self._cue.recv(16).decode().strip()
+        if not motion:
+            return False
+        self._before(motion, self)
+        self._cue.send(b"go\n")
+        return True
+
+    def _listened(self) -> bool:
+        try:
+            heard = os.read(self._screen, 65536)
+        except OSError as error:  # nobody holds the other end any more
+            assert error.errno == errno.EIO
+            return False
+        self._said += heard.decode(errors="replace").replace("\r\n", "\n")
+        for question, answer in self._answers.items():
+            if question in self._said[self._answered :]:
+                self._answered = len(self._said)
+                os.write(self._screen, answer.encode() + b"\n")
+        if HOLD in self._said[self._held :]:
+            self._held = len(self._said)
+            self._drill.pedal.press_anew()
+        return True
+
+
+Before = Callable[[str, Command], None]
+"""Called with the name of a motion (home, approach, task, back) before it begins."""
+
+
+@contextmanager
+def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
+    """A calibrated lab with its rig file, the arm switched on, the pedal held."""
+    pedal = Pedal(folder / "pedal")
+    pedal.start()
+    drill = Drill(folder / "home", folder / "world.toml", own_host(), pedal, _home_rad())
+    drill.world.write_text(world)
+    (folder / "adaptsim.toml").write_text("particles = 1\n")
+    (folder / "rig.toml").write_text(RIG.format(host=drill.host, port=pedal.port))
+    there = config.load({"hw": "fr3", "task": "scooping"}, {"ADAPTSIM_HOME": str(drill.home)}, folder)
+    wiring_calibration.calibrations(there.config, there.places).save(calibration(), b"")
+    drill.switch_on()
+    try:
+        yield drill
+    finally:
+        drill.switch_off()
+        pedal.end()
+
+
+def _home_rad() -> Array:
+    task = get_task("scooping")
+    return home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear))
+
+
+def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:
+    """Fails when it does not come to hold."""
+    began_s = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began_s < within_s, "it never came to hold"
+        threading.Event().wait(0.005)

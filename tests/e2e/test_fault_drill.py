@@ -1,0 +1,168 @@
+"""Every fault through `adaptsim run-iteration`: the exit code, the words, and the same command that goes on.
+
+Arm and camera are those of the toy lab, so that a fault comes at a chosen motion and a session takes a second;
+`test_fault_drill_fr3.py` has an FR3 at the network and a pedal on a serial line. The table of docs/faults.md names
+these tests.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "adaptsim_cli"))
+from lab_session import digest
+from toy_rig import ToyLab, toy_parts
+
+from adaptsim_cli import app, wiring
+from adaptsim_cli.config import Config
+from adaptsim_cli.session.parts import Parts
+from hw.errors import ArmFault, CameraError, StoppedByPedal
+
+SESSION = ["run-iteration", "--task", "toy", "--session", "s", "--yes", "--json"]
+CONTINUE = "Continue with: adaptsim run-iteration --session s"
+Capture = pytest.CaptureFixture[str]
+
+
+def run(home: Path, lab: ToyLab, capfd: Capture, calibration_sha256: str = "h" * 64) -> tuple[int, str, str]:
+    """The command itself, in this process: exit code, stderr on one line, stdout."""
+
+    @contextmanager
+    def opened(config: Config, session: str | None = None) -> Iterator[Parts]:
+        with lab:
+            parts = toy_parts(lab)
+            origin = dataclasses.replace(parts.provenance, calibration_sha256=calibration_sha256)
+            yield dataclasses.replace(parts, provenance=origin)
+
+    home.parent.mkdir(exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+            patch.delenv(name)
+        patch.setenv("ADAPTSIM_HOME", str(home))
+        patch.chdir(home.parent)
+        patch.setattr(wiring, "open_parts", opened)
+        code = app.run(SESSION)
+    shown = capfd.readouterr()
+    return code, " ".join(shown.err.split()), shown.out
+
+
+def stored(home: Path) -> dict[str, bytes]:
+    """Every file of every completed trial, byte by byte."""
+    root = home / "data/sessions/s/iteration-00"
+    return {str(p.relative_to(root)): p.read_bytes() for p in sorted(root.glob("trial-*/*")) if p.is_file()}
+
+
+def completed(home: Path) -> list[str]:
+    """The folders of completed trials."""
+    return sorted(path.parent.name for path in home.glob("data/sessions/s/iteration-00/*/trial.json"))
+
+
+def raising(error: BaseException) -> Callable[[int, int], None]:
+    """A hook that raises at the first attempt of the second trial."""
+
+    def fail(trial: int, attempt: int) -> None:
+        if (trial, attempt) == (2, 0):
+            raise error
+
+    return fail
+
+
+THEN = "look at the arm and recover it, then redo the trial"
+REFLEX = ArmFault(f"fr3 stopped 0.412 s into the path: joint_reflex; {THEN}")
+SILENT_ARM = ArmFault(f"fr3 stopped during the motion: fr3 at 172.16.0.2 does not answer; {THEN}")
+RELEASED = StoppedByPedal(f"fr3: the enabling pedal was released; {THEN}")
+NO_FRAME = CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
+
+
+@pytest.mark.parametrize(
+    ("moment", "error", "code", "words"),
+    [
+        ("execute", REFLEX, 5, "recover it, then redo the trial"),
+        ("execute", SILENT_ARM, 5, "172.16.0.2 does not answer"),
+        ("execute", RELEASED, 7, "the enabling pedal was released"),
+        ("snapshot", NO_FRAME, 6, "check the camera's cable and power"),
+        ("stop_recording", NO_FRAME, 6, "check the camera's cable and power"),
+    ],
+    ids=["reflex", "network", "pedal", "camera before", "camera half-way"],
+)
+def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
+    moment: str, error: Exception, code: int, words: str, tmp_path: Path, capfd: Capture
+) -> None:
+    home, whole = tmp_path / "a/home", tmp_path / "b/home"
+    assert run(whole, ToyLab(0), capfd)[0] == 0
+    ended, told, data = run(home, ToyLab(0, hooks={moment: raising(error)}), capfd)
+    assert (ended, data) == (code, "")
+    assert told.count("Error:") == 1
+    assert words in told.partition("Error:")[2]
+    assert CONTINUE in told
+    assert completed(home) == ["trial-001-attempt-0"]
+    kept = stored(home)
+
+    afterwards = ToyLab(0)
+    ended, told, data = run(home, afterwards, capfd)
+    assert ended == 0, told
+    assert json.loads(data)["iteration"] == 0
+    assert completed(home) == [f"trial-00{n}-attempt-{int(n == 2)}" for n in range(1, 5)]
+    assert afterwards.executions == [(2, 1), (3, 0), (4, 0)], "the completed trial is not done again"
+    assert kept.items() <= stored(home).items(), "and nothing of it is touched"
+    assert untouched(digest(home)) == untouched(digest(whole)), "every other trial is that of an undisturbed session"
+
+
+def untouched(records: dict[str, object]) -> dict[str, object]:
+    """Without the second trial, which is another attempt, and the result that rests on it."""
+    return {name: content for name, content in records.items() if "trial-002" not in name and "result" not in name}
+
+
+def full(trial: int, attempt: int) -> None:
+    def no_space(_: int) -> None:
+        raise OSError(28, os.strerror(28))
+
+    if trial == 2:
+        os.fsync = no_space  # from here on, the recording of the second trial included
+
+
+@pytest.mark.parametrize(
+    ("hook", "code", "words"),
+    [
+        (full, 8, "free some space and run the same command again"),
+        (raising(KeyboardInterrupt()), 130, "everything completed is stored"),
+    ],
+    ids=["disk full", "ctrl-c"],
+)
+def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
+    hook: Callable[[int, int], None], code: int, words: str, tmp_path: Path, capfd: Capture
+) -> None:
+    """There an attempt begins from the same state; a real arm's is spent (`test_runner.py`)."""
+    home, whole = tmp_path / "a/home", tmp_path / "b/home"
+    assert run(whole, ToyLab(0), capfd)[0] == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fsync)  # and back
+        ended, told, data = run(home, ToyLab(0, hooks={"stop_recording": hook}), capfd)
+    assert (ended, data) == (code, "")
+    assert told.count("Error:") == 1
+    assert words in told.partition("Error:")[2]
+    assert CONTINUE in told
+    assert completed(home) == ["trial-001-attempt-0"]
+    afterwards = ToyLab(0)
+    assert run(home, afterwards, capfd)[0] == 0
+    assert afterwards.executions == [(2, 0), (3, 0), (4, 0)]
+    assert digest(home) == digest(whole)
+
+
+def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path, capfd: Capture) -> None:
+    home = tmp_path / "a/home"
+    assert run(home, ToyLab(0, hooks={"execute": raising(REFLEX)}), capfd)[0] == 5
+    lab = ToyLab(0)
+    code, told, _ = run(home, lab, capfd, calibration_sha256="a" * 64)
+    assert code == 2
+    assert "the calibration has changed since session 's' was begun" in told
+    assert "Restore it, or name another --session" in told
+    assert lab.executions == []
+    assert run(home, ToyLab(0), capfd)[0] == 0, "with the session's own calibration it goes on"

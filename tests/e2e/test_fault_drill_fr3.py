@@ -1,0 +1,151 @@
+"""Every fault of an arm and of its pedal through the real path, and the same command that goes on afterwards.
+
+`adaptsim run-iteration --hw fr3` at a pseudo-terminal, a rig file, the FR3 adapter and its player process talking to
+franky-sim over the maker's protocol, the enabling pedal on a serial line. The table of docs/faults.md names these
+tests. One particle, so an iteration has two trials; a fault on a real arm always spends the attempt.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fr3_session import START, Before, Command, Drill, Ended, drilling, until
+
+from hw.types import Array
+
+pytestmark = pytest.mark.slow
+CONTINUE = "Continue with: adaptsim run-iteration --session s"
+THEN = "look at the arm and recover it, then redo the trial"
+AT_S = 0.4
+"""Into the motion, as the arm counts its time."""
+
+
+@pytest.fixture
+def drill(tmp_path: Path) -> Iterator[Drill]:
+    with drilling(tmp_path) as there:
+        yield there
+
+
+def at_first(motion: str, fault: Callable[[Command], object]) -> Before:
+    """`fault` is armed before the first motion of that name."""
+    armed: list[str] = []
+
+    def before(now: str, command: Command) -> None:
+        if now == motion and not armed:
+            armed.append(now)
+            fault(command)
+
+    return before
+
+
+def stands(drill: Drill) -> Array:
+    """(M, 7) what the arm was commanded in its last motion. Fails unless the commands end, with the arm at rest."""
+    seen: list[int] = []
+
+    def quiet() -> bool:
+        seen.append(len(drill.arm.received()))
+        return len(seen) > 20 and seen[-1] == seen[-20]
+
+    until(quiet)
+    commanded: Array = drill.arm.commanded()
+    assert 1000 * AT_S * 0.8 < len(commanded) < 4000, "it began, and did not play to its end"
+    return commanded
+
+
+def braked(commanded: Array) -> bool:
+    return bool(np.abs(np.diff(commanded[-10:], axis=0)).max() < 1e-6)
+
+
+def told(ended: Ended, code: int, *words: str) -> None:
+    assert ended.code == code, ended.said
+    assert ended.said.count("Error: ") == 1
+    assert "Traceback" not in ended.said
+    assert ended.data == []
+    for pattern in (*words, CONTINUE):
+        assert re.search(pattern, ended.error), ended.error
+
+
+def goes_on(drill: Drill) -> Ended:
+    """The same command comes to the next question about a motion; there it is stopped, to save the time."""
+    ended = drill.run(answers={START: "q"})
+    told(ended, 7, "stopped by the operator; everything completed is stored")
+    return ended
+
+
+def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_comes_to_its_end(drill: Drill) -> None:
+    reflex = drill.run(at_first("approach", lambda _: drill.arm.tell(f"reflex {AT_S} joint_reflex")))
+    told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*look what it touched, clear it", THEN)
+    stands(drill)
+
+    pedal = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.release)))
+    assert "Type recover to clear it (nothing moves)" in pedal.said, "the reflex is cleared by a person's word"
+    still = r"the enabling pedal was released .* the arm stood still after \d+ ms and \d+\.\d mm"
+    told(pedal, 7, still, THEN)
+    assert braked(stands(drill))
+    assert drill.completed() == {}
+
+    whole = drill.run()
+    assert whole.code == 0, whole.said
+    (summary,) = whole.data
+    assert [len(p["trials"]) for p in summary["particles"]] == [2]
+    assert sorted(drill.completed()) == ["trial-001-attempt-2", "trial-002-attempt-0"]
+    assert [bool(re.search(w, r)) for w, r in zip(("pedal", "reflex"), drill.rejected(), strict=True)] == [True, True]
+
+
+def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill: Drill) -> None:
+    silent = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.fall_silent)))
+    told(silent, 7, "the enabling pedal was released", THEN)
+    assert braked(stands(drill))
+    drill.pedal.silent = False
+
+    pulled = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.unplug)))
+    told(pulled, 7, "the enabling pedal was released", THEN)
+    assert braked(stands(drill))
+
+    missing = drill.run()
+    assert missing.code == 3, missing.said
+    assert "cannot be opened" in missing.error
+    drill.pedal.plug_in()
+    goes_on(drill)
+    assert len(drill.rejected()) == 2
+
+
+def test_a_network_that_is_lost_for_a_moment_and_for_good(drill: Drill) -> None:
+    moment = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, lambda: drill.arm.signal(signal.SIGSTOP))))
+    told(moment, 5, "does not answer .*check cable, address and power", THEN)
+    drill.arm.signal(signal.SIGCONT)
+
+    lost = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, lambda: drill.arm.signal(signal.SIGKILL))))
+    told(lost, 5, "does not answer", THEN)
+    drill.switch_off()
+    nobody = drill.run()
+    assert nobody.code == 3, nobody.said
+    assert re.search("does not answer .*activate FCI in Desk", nobody.error)
+    drill.switch_on()
+    goes_on(drill)
+    assert len(drill.rejected()) == 2
+
+
+def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_trial_alone(drill: Drill) -> None:
+    def second_task(now: str, command: Command) -> None:
+        if now == "task" and drill.completed():
+            drill.arm.at(AT_S, lambda: command.signal(signal.SIGKILL))
+
+    killed = drill.run(second_task)
+    assert killed.code == -signal.SIGKILL, killed.said
+    assert braked(stands(drill)), "the player brakes when nobody speaks to it any more"
+    first = drill.completed()
+    assert sorted(first) == ["trial-001-attempt-0"]
+
+    whole = drill.run()
+    assert whole.code == 0, whole.said
+    assert "Is the arm at rest and the way clear?" in whole.said
+    assert re.search("THE REAL ROBOT .*home", whole.said), "from where it was left, over the table"
+    assert first.items() <= drill.completed().items()
+    assert len(drill.completed()) == 2
+    assert any("interrupted while the arm may have moved" in reason for reason in drill.rejected())

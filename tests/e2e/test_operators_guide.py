@@ -1,0 +1,132 @@
+"""docs/operators-guide.md, command by command in the simulated lab: the commands work, and print what the guide shows.
+
+A fence ```` ```sh run ```` is run, line by line, in the order of the guide and in one home and folder. `exit=3` beside
+it is the exit code that is expected. A fence
+```` ```text ```` right after it is what these commands print, shortened: every line of it must be printed,
+numbers aside; `…` stands for anything. A fence ```` ```toml NAME ```` is a file that the reader writes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+GUIDE, WORLDS = ROOT / "docs/operators-guide.md", ROOT / "sim/worlds/scooping"
+FENCE = re.compile(r"^```(?P<info>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:e[-+]?\d+)?|\bnan\b")
+ELLIPSIS = "…"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One fence of the guide that can be typed, and the lines that it shows as printed."""
+
+    commands: tuple[str, ...]
+    code: int
+    shown: tuple[str, ...]
+
+
+def steps(text: str) -> Iterator[Step]:
+    fences = list(FENCE.finditer(text))
+    for index, fence in enumerate(fences):
+        words = fence["info"].split()
+        if words[:2] != ["sh", "run"]:
+            continue
+        code = next((int(word.removeprefix("exit=")) for word in words if word.startswith("exit=")), 0)
+        commands = tuple(line for line in fence["body"].splitlines() if line.strip())
+        yield Step(commands, code, _shown(text, fence, fences[index + 1 : index + 2]))
+
+
+def _shown(text: str, fence: re.Match[str], after: list[re.Match[str]]) -> tuple[str, ...]:
+    """The lines of the output that follows a fence, if nothing but white space lies between."""
+    for output in after:
+        if output["info"] == "text" and not text[fence.end() : output.start()].strip():
+            return tuple(output["body"].splitlines())
+    return ()
+
+
+def files(text: str) -> dict[str, str]:
+    """Name -> content of every file that the reader is asked to write."""
+    named = ((fence["info"].split(), fence["body"]) for fence in FENCE.finditer(text))
+    return {words[1]: body for words, body in named if len(words) == 2 and words[0] == "toml"}
+
+
+def plain(line: str) -> str:
+    """A printed line without what differs from one machine, or one second, to the next."""
+    return " ".join(re.sub(r"[↑↓=]", "~", NUMBER.sub("#", line)).split())
+
+
+def missing(shown: tuple[str, ...], printed: str) -> list[str]:
+    """The lines of a guide that were not printed."""
+    lines = [plain(line) for line in printed.splitlines()]
+    wanted = [line for line in shown if line.strip(f" {ELLIPSIS}")]
+    return [line for line in wanted if not any(pattern(line).fullmatch(found) for found in lines)]
+
+
+def pattern(line: str) -> re.Pattern[str]:
+    return re.compile(".*".join(re.escape(plain(part)).replace("\\ ", " ") for part in line.split(ELLIPSIS)))
+
+
+def run(command: str, place: Path) -> subprocess.CompletedProcess[str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
+    home = {"ADAPTSIM_HOME": str(place / "home"), "COLUMNS": "100", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
+    program, *arguments = shlex.split(command, comments=True)
+    assert program == "adaptsim"
+    line = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
+    return subprocess.run(
+        line, env=kept | home, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.slow
+def test_every_command_of_the_guide_works_and_prints_what_it_shows(tmp_path: Path) -> None:
+    text, done = GUIDE.read_text(encoding="utf-8"), 0
+    for name, content in files(text).items():
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    for step in steps(text):
+        printed = ""
+        for command in step.commands:
+            result = run(command, tmp_path)
+            printed += result.stdout + result.stderr
+            assert result.returncode == step.code, f"{command}\n{result.stdout}{result.stderr}"
+            assert "Traceback" not in printed, printed
+            done += 1
+        assert not (gone := missing(step.shown, printed)), f"{step.commands}: not printed: {gone}\n{printed}"
+    assert done > 10
+    assert (tmp_path / "preview.html").stat().st_size > 100_000
+    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
+    assert sorted((tmp_path / "home/data/sessions").glob("*/report.html"))
+
+
+def hidden(world: str) -> dict[str, object]:
+    """What a world hides, without its camera and its words."""
+    return {key: value for key, value in tomllib.loads(world).items() if key not in ("description", "sensing")}
+
+
+def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code() -> None:
+    text = GUIDE.read_text(encoding="utf-8")
+    found = list(steps(text))
+    assert len(found) > 10
+    assert {step.code for step in found} == {0, 3}
+    assert sum(bool(step.shown) for step in found) > 8
+    assert hidden(files(text)["quick.toml"]) == hidden((WORLDS / "soft-cheese.toml").read_text())
+
+
+def test_what_a_guide_shows_is_compared_with_what_was_printed() -> None:
+    text = (
+        "```sh run exit=3\nadaptsim doctor  # why\n```\n\n```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
+    )
+    (step,) = steps(text)
+    assert step == Step(("adaptsim doctor  # why",), 3, ("✓  disk   75.5 GB …", "…"))
+    assert missing(step.shown, "✓ disk 2 GB free\n") == []
+    assert missing(step.shown, "✗ disk 2 GB free\n") == ["✓  disk   75.5 GB …"]

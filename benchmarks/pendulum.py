@@ -47,7 +47,7 @@ def main() -> None:
     print("|---" * (arguments.iterations + 2) + "|")
     for name, targets in groups.items():
         repeats = arguments.seeds if name == "Omega" else arguments.repeats
-        for label in ("adaptsim", "random"):
+        for label in ("adaptsim-belief", "adaptsim-iteration", "random"):
             method = make_method(label, task, checkpoint)
             curves = []
             for seed in range(repeats):

@@ -64,9 +64,9 @@ class Screen:
 
     def ask_text(self, question: str) -> str:
         """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
-        self._console.print(Text(question, style="bold"), end=" ")
         if sys.stdin.isatty():  # what was typed before the question is no answer to it: Enter may start a motion
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        self._console.print(Text(question, style="bold"), end=" ")
         answer = sys.stdin.readline()
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")

@@ -22,6 +22,9 @@ from sim.panda.redundancy import ALLOWED
 RAMP_S = 0.4
 STILL_S = 0.25
 """At rest before the way down, so that the tare feels no acceleration."""
+CALM_RAD_S2 = 1.5
+"""Largest acceleration of a joint on the way down. Close to a singular posture a slow tool needs fast joints, and what
+they take to speed up feels like a touch: 5.7 rad/s² gave 5 N."""
 _Q7 = 91
 _EVERY, _MOST = 3, 24
 """Of the postures for a place, nearest first, every so many are tried, and so many at most."""
@@ -90,6 +93,10 @@ def stance(
             path = descent(candidate, search, guard, 0.0, bench.model)
         except NotExecutable as error:
             refused = str(error)
+            continue
+        turning_rad_s2 = float(np.abs(np.diff(path.q_rad, 2, axis=0)).max()) * PATH_RATE_HZ**2
+        if turning_rad_s2 > CALM_RAD_S2:
+            refused = f"a joint would have to speed up by {turning_rad_s2:.1f} rad/s², {CALM_RAD_S2:g} are allowed"
             continue
         report = check_guarded(path, guard, bench.model, None, bench.keep_out, bench.tool, table)
         if report.ok:

@@ -175,7 +175,7 @@ class Drill:
 
     def rejected(self) -> list[str]:
         root = self.home / "data/sessions/s"
-        return sorted(json.loads(p.read_text())["text"] for p in root.glob("iteration-*/*.rejected.json"))
+        return [json.loads(p.read_text())["text"] for p in sorted(root.glob("iteration-*/*.rejected.json"))]
 
 
 class Command:

@@ -94,7 +94,7 @@ def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_com
     (summary,) = whole.data
     assert [len(p["trials"]) for p in summary["particles"]] == [2]
     assert sorted(drill.completed()) == ["trial-001-attempt-2", "trial-002-attempt-0"]
-    assert [bool(re.search(w, r)) for w, r in zip(("pedal", "reflex"), drill.rejected(), strict=True)] == [True, True]
+    assert [bool(re.search(w, r)) for w, r in zip(("reflex", "pedal"), drill.rejected(), strict=True)] == [True, True]
 
 
 def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill: Drill) -> None:

@@ -19,10 +19,11 @@ from typing import Any, Self
 
 from adaptsim_cli import app
 from adaptsim_cli.rigs import openers, opening
+from hw.around import AroundArm
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
 from hw.serial import pedal_protocol
-from hw.types import ArmState, CameraModel, Execution, Frame, JointPath
+from hw.types import CameraModel, Execution, Frame, JointPath
 from sim.kinect import default_X_BC
 from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
@@ -58,28 +59,12 @@ class Shown:
         self.offset_s = played.t_start_s - happened.t_start_s
 
 
-class ShownArm:
+class ShownArm(AroundArm[FrankaArm]):
     """The FR3 adapter, followed by the room. `cue` asks whoever drives the test before every motion."""
 
     def __init__(self, arm: FrankaArm, shown: Shown, cue: Any) -> None:
-        self._arm, self._shown, self._cue, self._after_task = arm, shown, cue, False
-
-    @property
-    def model(self) -> str:
-        return self._arm.model
-
-    def __enter__(self) -> Self:
-        self._arm.__enter__()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._arm.__exit__(*exc)
-
-    def state(self) -> ArmState:
-        return self._arm.state()
-
-    def recover(self) -> None:
-        self._arm.recover()
+        super().__init__(arm)
+        self._shown, self._cue, self._after_task = shown, cue, False
 
     def __getattr__(self, name: str) -> Any:
         """Whatever else a real arm can do."""

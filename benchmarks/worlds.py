@@ -163,7 +163,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--checkpoint", default="default", help="name of a shipped checkpoint, or a folder")
     parser.add_argument("--worlds", nargs="*", help="default: all that ship with the task")
-    parser.add_argument("--methods", nargs="*", default=["adaptsim", "random"])
+    parser.add_argument("--methods", nargs="*", default=["adaptsim-belief", "adaptsim-iteration", "random"])
     parser.add_argument("--candidates", type=int, default=16, help="E that the oracle chooses from")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rollouts", type=int, default=40, help="behind each reward")

@@ -52,6 +52,8 @@ PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.
 PROSPECTS = "prospects."
 PAPERS = "adaptsim-iteration"
 """The paper's method: what a card stands for that names none."""
+DEFAULTS = (PAPERS, "adaptsim-belief", "adaptsim-history", "adaptsim-state")
+"""What a card may name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +123,16 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
-    ahead = _part(tensors, PROSPECTS)
+    ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
+    if method not in DEFAULTS:
+        raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
     return Checkpoint(
         path=path,
         card=card,
         solver=_solver(task, path, card, tensors),
         networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
         prospects=restore_prospects(task, ahead) if ahead else None,
-        method=str(card.get("method", PAPERS)),
+        method=method,
     )
 
 

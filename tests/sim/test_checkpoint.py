@@ -37,6 +37,14 @@ def test_it_comes_back_as_it_was(stored):
     assert sorted(p.name for p in stored.iterdir()) == [CARD, MODEL]
 
 
+def test_a_card_that_names_no_adaptsim_is_refused(tmp_path):
+    emulator, _ = trained()
+    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    folder = save_checkpoint(TOY, tmp_path / "odd", emulator, networks, {"method": "adaptsim"})
+    with pytest.raises(CheckpointError, match="method is 'adaptsim', not one of adaptsim-iteration"):
+        load_checkpoint(TOY, str(folder))
+
+
 def test_changed_weights_are_found(stored):
     model = stored / MODEL
     content = bytearray(model.read_bytes())

@@ -215,15 +215,18 @@ def pretrain(
     resolved: Resolved,
     out: Path | None,
     budget: str,
-    rollouts: int | None,
+    targets: str,
+    sizes: tuple[int | None, int | None],
     executor: Executor,
     progress: Callable[[str, int, int], None],
 ) -> Path:
     """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
 
-    Raises UsageError on an unknown budget or solver, SimError, SessionError.
+    `sizes` of the two parts of the dataset; None: the budget's.
+    Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
     from adaptsim_cli.wiring_solvers import SOLVERS
+    from sim.adaptation.meta_training import TARGETS
     from sim.adaptation.phase1 import PretrainBudget, pretrain
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
@@ -233,10 +236,18 @@ def pretrain(
     solver = config.solver or SOLVERS[0]
     if solver not in SOLVERS:
         raise UsageError(f"--solver {solver}: it is one of {', '.join(SOLVERS)}")
-    task, chosen = task_of(config), budgets[budget]()
-    if rollouts is not None:
-        chosen = replace(chosen, rollouts=rollouts)
-    parts = (task.name, Path(config.object).stem, config.solver, budget, f"seed{config.seed}")
+    kind = next((known for known in TARGETS if known == targets), None)
+    if kind is None:
+        raise UsageError(f"--targets {targets}: it is one of {', '.join(TARGETS)}")
+    task, chosen = task_of(config), budgets[budget]().on_targets(kind)
+    even, denser = sizes
+    chosen = replace(
+        chosen,
+        rollouts=chosen.rollouts if even is None else even,
+        denser=chosen.denser if denser is None else denser,
+    )
+    beyond = targets if targets != TARGETS[0] else ""
+    parts = (task.name, Path(config.object).stem, config.solver, beyond, budget, f"seed{config.seed}")
     folder = out or resolved.places.pretraining / "-".join(part for part in parts if part)
     make_folder(folder.absolute())
     return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress, solver)

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.adaptation.proof import Pretrained
 
 
 def is_finished(folder: Path | None) -> bool:
@@ -28,7 +32,24 @@ def write_report(
     from adaptsim_cli.session.durable import make_folder
     from sim.adaptation.proof import ProofSettings, load_pretrained, prove
 
-    proof = prove(load_pretrained(task, folder.absolute()), ProofSettings(), executor, progress)
+    made = load_pretrained(task, folder.absolute())
+    proof = prove(made, ProofSettings(), executor, progress)
     where = (docs or folder).absolute()
     make_folder(where)
-    return phase1.write(proof, where, f"adaptsim pretrain --task {task.name}")
+    return phase1.write(proof, where, command(made))
+
+
+def command(made: Pretrained) -> str:
+    """The command that makes it again, as far as it differs from the usual one."""
+    from sim.adaptation.phase1 import PretrainBudget
+
+    words, usual, planned = ["adaptsim pretrain --task", made.task.name], PretrainBudget(), made.plan["budget"]
+    if made.wide:
+        words.append("--targets wide")
+    if made.emulator is not None:
+        words += [
+            f"--{part} {planned[part]}" for part in ("rollouts", "denser") if planned[part] != getattr(usual, part)
+        ]
+    if made.by_naf:
+        words.append("--solver naf")
+    return " ".join(words)

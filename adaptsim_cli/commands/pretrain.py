@@ -12,9 +12,15 @@ def pretrain(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
     budget: Annotated[str, typer.Option("--budget", help="How much of everything: full or small.")] = "full",
     rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
+    denser: Annotated[
+        int | None, typer.Option("--denser", min=0, help="And further ones, where the outcome is uncertain.")
+    ] = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="emulator (default), or naf: the paper's, on true rollouts alone.")
     ] = None,
+    targets: Annotated[
+        str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
+    ] = "paper",
     own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
@@ -32,6 +38,8 @@ def pretrain(
     """Phase 1: simulate a dataset, fit the emulator, train the adaptation policy, write a checkpoint.
 
     Stop it at any time: the same command goes on. Use the checkpoint with the setting `checkpoint`.
+
+    With --targets wide it learns from, and is judged on, targets that may lie beyond the ranges of the paper.
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
@@ -51,7 +59,7 @@ def pretrain(
         if report and out is not None and wiring_proof.is_finished(out):
             folder = out / "checkpoint"
         else:
-            folder = wiring.pretrain(resolved, out, budget, rollouts, crew, progress)
+            folder = wiring.pretrain(resolved, out, budget, targets, (rollouts, denser), crew, progress)
         document = None
         if report:
             document = wiring_proof.write_report(wiring.task_of(resolved.config), folder.parent, docs, crew, progress)

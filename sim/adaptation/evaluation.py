@@ -32,7 +32,7 @@ class EvaluationSettings:
     kind: Targets = "paper"
     particles: int = 2
     iterations: int = 5
-    rollouts: int = 16  # true ones behind each final reward
+    rollouts: int = 8  # true ones behind each final reward
     oracle: int = 128  # parameter vectors in Omega that the oracle may choose from
 
 

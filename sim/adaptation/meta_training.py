@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ EPSILON_FIRST, EPSILON_LAST = 1.0, 0.1
 
 Targets = Literal["paper", "wide"]
 """Where the targets of training lie: in Omega, as in the paper, or also in the margin around it."""
+
+TARGETS: tuple[Targets, ...] = get_args(Targets)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from sim.adaptation.episodes import Episodes, Roll
 from sim.adaptation.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
 from sim.adaptation.logs import Log, tensorboard
 from sim.adaptation.memory import MemoryName, restore_policy
-from sim.adaptation.meta_training import MetaCurve, MetaSettings, learn_from, train_adaptation
+from sim.adaptation.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
 from sim.adaptation.method import Method
 from sim.adaptation.phase2 import AdaptSim
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
@@ -90,6 +90,10 @@ class PretrainBudget:
             meta=MetaSettings(steps=1536, updates=4),
             evaluation=EvaluationSettings(targets=12),
         )
+
+    def on_targets(self, kind: Targets) -> PretrainBudget:
+        """The same, trained and judged on this kind of targets."""
+        return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
     def simulations(self, task: Task) -> int:
         """Rollouts of dataset, training and evaluation together; of the evaluation at most, since policies recur."""

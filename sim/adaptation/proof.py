@@ -23,7 +23,7 @@ from sim.adaptation.proof_emulator import HeldOut, held_out
 from sim.adaptation.proof_policies import Pairs, PairSettings, compare_policies
 from sim.adaptation.proof_replays import Replays, replay
 from sim.adaptation.q_network import QNetwork
-from sim.adaptation.timing import from_files_s, wall_times_s
+from sim.adaptation.timing import wall_times_s
 from sim.checkpoint import CARD, load_tensors, read_card
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorSettings
@@ -68,7 +68,6 @@ class StageCost:
     stage: str
     simulations: int | None  # None: counted in a line for all stages
     wall_s: float | None  # None: not measured
-    from_files: bool  # told by the times of its files
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,16 +184,13 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     evaluated = (kept if kept else int(made.card["simulations"]) - drawn) - episodes
     simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, 0, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # which asks the simulator for every policy, in every stage
-        together = StageCost("all stages, NAF's own rollouts included", kept, None, False)
-        return (*(StageCost(stage, None, measured[stage], False) for stage in STAGES if stage in measured), together)
-    costs = []
-    for stage in STAGES:
-        seconds, from_files = measured.get(stage), False
-        if seconds is None and stage == STAGES[0] and made.dataset is not None:
-            seconds, from_files = from_files_s(made.folder / "dataset", "*-*.npz"), True
-        if seconds is not None or simulations[stage]:
-            costs.append(StageCost(stage, simulations[stage], seconds, from_files))
-    return tuple(costs)
+        together = StageCost("all stages, NAF's own rollouts included", kept, None)
+        return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)
+    return tuple(
+        StageCost(stage, simulations[stage], measured.get(stage))
+        for stage in STAGES
+        if stage in measured or simulations[stage]
+    )
 
 
 def _kept(folder: Path) -> int:

@@ -7,8 +7,6 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from sim.errors import DatasetError
 from sim.files import read_toml, write_toml
 
@@ -16,9 +14,6 @@ TIMINGS = "timings.toml"
 
 EVERY_S = 5.0
 """Between two writings of the file: the most that a kill can lose."""
-
-PAUSE = 10.0
-"""A gap between two files this many times the usual one is a time when nothing ran."""
 
 
 class Stopwatch:
@@ -53,16 +48,3 @@ def wall_times_s(folder: Path) -> dict[str, float]:
         return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, AttributeError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error
-
-
-def from_files_s(folder: Path, pattern: str) -> float:
-    """How long the files of a folder were in the making, by their times of change; pauses are left out.
-
-    For what was made before times were measured. 0 with fewer than two files.
-    """
-    times_s = np.sort([path.stat().st_mtime for path in folder.glob(pattern)])
-    gaps_s = np.diff(times_s)
-    if not len(gaps_s):
-        return 0.0
-    usual_s = float(np.median(gaps_s))
-    return float(gaps_s[gaps_s <= PAUSE * usual_s].sum()) + usual_s  # the first file has no gap before it

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from adaptsim_cli import app
+from adaptsim_cli import app, wiring_proof
 from adaptsim_cli.report import phase1
 from sim.adaptation.evaluation import EvaluationSettings
 from sim.adaptation.meta_training import MetaSettings
@@ -81,6 +81,37 @@ def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: p
 def test_docs_without_report_is_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["pretrain", "--task", "pendulum", "--docs", str(made)]) == 2
     assert "add --report" in capfd.readouterr().err
+
+
+def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    wide, docs = made.parent / "wide", made.parent / "docs"
+    with serial_executor() as executor:
+        pretrain(get_task("pendulum"), wide, BUDGET.on_targets("wide"), 0, executor, lambda stage, done, total: None)
+    for folder in (made, wide):
+        call = ["pretrain", "--task", "pendulum", "--out", str(folder), "--report", "--docs", str(docs)]
+        assert app.run([*call, "--workers", "1"]) == 0
+    text = (docs / "phase1.md").read_text()
+    paper, beyond = (text.split(f"<!-- begin pendulum{s} -->")[1].split("<!-- end")[0] for s in ("", "-wide"))
+    assert "`adaptsim pretrain --task pendulum`" in paper
+    assert "(in Ω, as in the paper)" in paper
+    assert "`adaptsim pretrain --task pendulum --targets wide`" in beyond
+    assert "(in Ω and the margin around it)" in beyond
+    capfd.readouterr()
+
+
+def test_the_sizes_of_another_dataset_are_part_of_the_command(proof: Proof) -> None:
+    made = proof.pretrained
+    learnt = dataclasses.replace(made, emulator=object())
+    assert wiring_proof.command(made) == "adaptsim pretrain --task pendulum"
+    planned = {**made.plan, "budget": {**made.plan["budget"], "rollouts": 512, "denser": 0}}
+    told = wiring_proof.command(dataclasses.replace(learnt, plan=planned))
+    assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
+
+
+def test_unknown_targets_are_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["pretrain", "--task", "pendulum", "--targets", "far", "--out", str(made.parent / "new")]) == 2
+    assert "--targets far: it is one of paper, wide" in capfd.readouterr().err
+    assert not (made.parent / "new").exists()
 
 
 def test_the_rewards_of_an_exact_task_hold(proof: Proof) -> None:

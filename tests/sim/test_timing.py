@@ -1,8 +1,6 @@
-import os
-
 import pytest
 
-from sim.adaptation.timing import TIMINGS, Stopwatch, from_files_s, wall_times_s
+from sim.adaptation.timing import TIMINGS, Stopwatch, wall_times_s
 from sim.errors import DatasetError
 
 
@@ -29,13 +27,3 @@ def test_a_damaged_file_of_times_is_named(tmp_path):
     (tmp_path / TIMINGS).write_text("seconds = 3")
     with pytest.raises(DatasetError, match=TIMINGS):
         wall_times_s(tmp_path)
-
-
-def test_times_of_files_leave_pauses_out(tmp_path):
-    for i, when_s in enumerate([0, 10, 20, 30, 5000, 5010]):
-        path = tmp_path / f"shard-{i}.npz"
-        path.touch()
-        os.utime(path, (when_s, when_s))
-    (tmp_path / "other.toml").touch()
-    assert from_files_s(tmp_path, "*-*.npz") == 10 + 30 + 10
-    assert from_files_s(tmp_path, "nothing*") == 0.0

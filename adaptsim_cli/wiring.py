@@ -179,10 +179,10 @@ class _SolverLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.next(history, rng)
 
-    def train(self, particle: Particle, rng: np.random.Generator) -> TrainedPolicy:
+    def train(self, particle: Particle) -> TrainedPolicy:
         from sim.solver import policy_for
 
-        return _Policy(policy_for(self.solver, particle.samples, rng, self.executable))
+        return _Policy(policy_for(self.solver, particle.samples, self.executable))
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation import choose_best, verdict

@@ -4,9 +4,9 @@
 
 Draws parameters and unmodelled effects, and keeps the combinations where UDR's policy fails and the policy of some E in
 Omega does not: one of 16 that fill Omega, or the nearest to the world's own. The policies are the checkpoint's. Each
-stage uses fresh rollouts over contexts and executed noise, so that what passes by luck is found out: a few for UDR, a
-few for every E, then `--confirm` for UDR and the best E alone. Every draw is written down, kept or not; what was kept
-is also written as a world file.
+stage uses fresh rollouts over contexts and executed noise, so that what passes by luck is found out: one for each of
+several policies of UDR, a few for every E, then `--confirm` for UDR and the best E alone. Every draw is written down,
+kept or not; what was kept is also written as a world file.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from worlds import rewards_of, simulate_in
+from worlds import UDR_DRAWS, rewards_of, simulate_in
 
 from hw.types import Array
-from sim.baselines.udr import Udr
+from sim.baselines.udr import several
 from sim.checkpoint import load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy, policy_for
+from sim.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import Dimension
@@ -35,7 +35,7 @@ from sim.world import World, load_world
 
 UDR_BELOW, BEST_ABOVE = 0.6, 0.85
 CANDIDATES = 16
-SCREEN_UDR, SCREEN_EACH = 6, 4
+SCREEN_UDR, SCREEN_EACH = 1, 4
 
 EFFECTS: dict[str, dict[str, Any]] = {
     "scooping": {
@@ -75,7 +75,7 @@ def main() -> None:
     task = get_task(arguments.task)
     solver = load_checkpoint(task, arguments.checkpoint).solver
     rng = np.random.default_rng(0)
-    udr = policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
+    udr = several(solver, rng, UDR_DRAWS)
     grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
     policies = solver.policies(grid[:, None, :], rng)
     out = Path(arguments.out)
@@ -118,7 +118,7 @@ def draw(
 def judge(
     task: Task,
     world: World,
-    udr: SolvedPolicy,
+    udr: tuple[SolvedPolicy, ...],
     policies: tuple[SolvedPolicy, ...],
     executor: Executor,
     confirm: int,
@@ -132,14 +132,17 @@ def judge(
 
         return round(float(rewards_of(task, policy, roll, n, np.random.default_rng(seed)).mean()), 3)
 
-    screened = mean(udr, SCREEN_UDR, 2)
+    def of_udr(n: int, seed: int) -> float:
+        return round(float(np.mean([mean(policy, n, seed) for policy in udr])), 3)
+
+    screened = of_udr(SCREEN_UDR, 2)
     if screened > UDR_BELOW:
         return {"kept": False, "udr": screened}
     each = [mean(policy, SCREEN_EACH, 3) for policy in policies]
     best = int(np.argmax(each))
     if each[best] < UDR_BELOW:
         return {"kept": False, "udr": screened, "best": each[best]}
-    low, high = mean(udr, confirm, 4), mean(policies[best], confirm, 4)
+    low, high = of_udr(max(1, confirm // 4), 4), mean(policies[best], confirm, 4)
     near = sum(value >= BEST_ABOVE for value in each)
     return {"kept": low < UDR_BELOW and high > BEST_ABOVE, "udr": low, "best": high, "good": near}
 

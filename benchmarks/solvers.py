@@ -164,14 +164,14 @@ def judged(settings: Settings, checkpoint_sha256: str, cache: Path, mean: Array)
 
     checkpoint = load_checkpoint(task, settings.checkpoint)
     began_s = time.process_time()
-    policy: SolvedPolicy = policy_for(checkpoint.solver, mean[None], np.random.default_rng(settings.seed))
+    policy: SolvedPolicy = policy_for(checkpoint.solver, mean[None], seed=settings.seed)
     policy.actions(contexts)
     results = [result("emulator", policy, 0, time.process_time() - began_s)]
     solver = NafSolver(task, roll, rules_of(task, settings.scale), NafMemory(task))
     learning_s = 0.0
     for visit in range(settings.visits):
         began_s, simulated_s = time.process_time(), roll.here_s
-        policy = policy_for(solver, mean[None], np.random.default_rng(settings.seed + visit))
+        policy = policy_for(solver, mean[None], seed=settings.seed + visit)
         learning_s += time.process_time() - began_s - (roll.here_s - simulated_s)
         budget = solver.memory.record[-1].budget
         results.append(result(f"naf, {budget} rollouts", policy, budget, roll.cpu_s + learning_s))

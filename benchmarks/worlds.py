@@ -29,7 +29,7 @@ from perception.types import ObjectTrack
 from sim.adaptation import choose_best, make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
-from sim.baselines.udr import Udr
+from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint, load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
@@ -40,6 +40,9 @@ from sim.world import World, list_worlds, load_world
 
 SCREENING, FINAL, AGAIN = 8, 4, 32
 """Rollouts by which the oracle leaves `FINAL` of its policies, and by which it then chooses."""
+
+UDR_DRAWS = 8
+"""Policies behind what UDR earns: in one world they differ as much as success and failure."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,10 @@ def in_world(
     solver, n = checkpoint.solver, arguments.rollouts
 
     def row(method: str, seed: int, policy: SolvedPolicy, trials: int, since: float) -> dict[str, Any]:
-        rewards = rewards_of(task, policy, roll, n, np.random.default_rng((seed, 1)))
-        half = 1.96 * float(rewards.std(ddof=1)) / n**0.5
+        return told(method, seed, rewards_of(task, policy, roll, n, np.random.default_rng((seed, 1))), trials, since)
+
+    def told(method: str, seed: int, rewards: Array, trials: int, since: float) -> dict[str, Any]:
+        half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
         mean = float(rewards.mean())
         ci95 = (round(mean - half, 3), round(mean + half, 3))
         return asdict(
@@ -100,8 +105,9 @@ def in_world(
         )
 
     def udr() -> dict[str, Any]:
-        began, rng = time.time(), np.random.default_rng(0)
-        return row("udr", 0, policy_for(solver, Udr(task).start(1, rng)[0].samples, rng), 0, began)
+        began, draws = time.time(), several(solver, np.random.default_rng(0), UDR_DRAWS)
+        means = [rewards_of(task, p, roll, n // 4, np.random.default_rng(1)).mean() for p in draws]
+        return told("udr", 0, np.array(means), 0, began)
 
     def oracle() -> dict[str, Any]:
         began, rng = time.time(), np.random.default_rng(3)
@@ -118,7 +124,7 @@ def in_world(
         history = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
         best = choose_best(task, history).particle
         trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
-        return row(method, seed, policy_for(solver, best.samples, rng), trials, began)
+        return row(method, seed, policy_for(solver, best.samples), trials, began)
 
     yield "udr", 0, udr
     yield "oracle", 0, oracle

@@ -89,8 +89,10 @@ class Solver(Protocol):
         ...
 
 
-def policy_for(
-    solver: Solver, samples: Array, rng: np.random.Generator, executable: Executable | None = None
-) -> SolvedPolicy:
-    """The task policy for the distribution of parameters that `samples` (m, p) stand for."""
-    return solver.policies(np.asarray(samples)[None], rng, executable)[0]
+def policy_for(solver: Solver, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:
+    """The task policy for the distribution of parameters that `samples` (m, p) stand for.
+
+    Drawn alike every time: where many actions look equally good to a solver its draws decide between them, and reality
+    need not agree. So the same distribution has the same policy, and what a session goes with is what it has tried.
+    """
+    return solver.policies(np.asarray(samples)[None], np.random.default_rng(seed), executable)[0]

@@ -231,7 +231,7 @@ def _trial_record(
 
 
 def _policy(session: Session, iteration: int, particle: int) -> TrainedPolicy:
-    """The task policy of a particle, trained again where an earlier process did: the seed makes it the same."""
+    """The task policy of a particle, trained again where an earlier process did: it is the same."""
     if (iteration, particle) not in session.policies:
         _train(session, iteration, particle, particles_of(session.store, iteration)[particle])
     return session.policies[iteration, particle]
@@ -239,8 +239,7 @@ def _policy(session: Session, iteration: int, particle: int) -> TrainedPolicy:
 
 def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}"):
-        rng = generator(session.seed, Draw.TRAIN, iteration, index)
-        session.policies[iteration, index] = session.parts.learner.train(particle, rng)
+        session.policies[iteration, index] = session.parts.learner.train(particle)
 
 
 def _history(store: SessionStore, last: int) -> tuple[Iteration, ...]:

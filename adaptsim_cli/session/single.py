@@ -21,7 +21,7 @@ from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures
 from adaptsim_cli.session.records import TrackRecord, as_row
-from adaptsim_cli.session.stages import Draw, RunTrial, TrialKey, generator
+from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence, Planned, Ready, Target
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -74,7 +74,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
     with screen.busy("Training the task policy"):
-        policy = parts.learner.train(Particle(mean[None]), generator(config.seed, Draw.TRAIN, 0, 0))
+        policy = parts.learner.train(Particle(mean[None]))
     ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
     planned = _plan(task, ready, action)

@@ -92,9 +92,8 @@ class Draw(IntEnum):
 
     START = 0
     CONTEXT = 1
-    TRAIN = 2
-    NEXT = 3
-    JUDGE = 4
+    NEXT = 2
+    JUDGE = 3
 
 
 def generator(

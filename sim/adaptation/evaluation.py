@@ -12,7 +12,7 @@ from sim.adaptation.best import choose_best
 from sim.adaptation.episodes import Roll, simulated_trials, trial_requests
 from sim.adaptation.meta_training import Targets, sample_targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
-from sim.baselines.udr import Udr
+from sim.baselines.udr import several
 from sim.sampling import sobol, spread
 from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
@@ -55,7 +55,7 @@ class EvaluationReport:
     targets: int
     trials: int  # a session
     rollouts: int  # behind each reward
-    udr: float
+    udr: float  # mean over several of its policies
     oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
     targets_with_gap: int  # oracle - udr at least LEAST_GAP
     methods: tuple[MethodScore, ...]
@@ -79,7 +79,7 @@ def run_session(
     for _ in range(settings.iterations):
         seen = []
         for particle in particles:
-            policy = policy_for(solver, particle.samples, rng)
+            policy = policy_for(solver, particle.samples)
             trials = simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
             seen.append(ParticleTrials(particle, trials))
         history.append(tuple(seen))
@@ -101,14 +101,14 @@ def evaluate(
     targets = sample_targets(task, settings.kind, settings.targets, streams[0])
     grid = spread(task.parameters, sobol(settings.oracle, len(task.parameters), streams[0]))
     candidates = solver.policies(grid[:, None, :], streams[0])
-    udr = policy_for(solver, Udr(task).start(1, streams[0])[0].samples, streams[0])
-    true, solved = [], []
+    udr = several(solver, streams[0])
+    true, solved = list[Array](), list[Array]()
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
-        fixed = [udr, _oracle(solver, candidates, target, roll, rng)]
+        fixed = [*udr, _oracle(solver, candidates, target, roll, rng)]
         chosen = [p for method in methods.values() for p in _chosen(solver, method, target, roll, settings, rng)]
         judged = _judge(solver, fixed + chosen, target, roll, settings.rollouts, rng)
-        true.append(judged[0])
-        solved.append(judged[1])
+        for rewards, means in zip((true, solved), judged, strict=True):
+            rewards.append(np.concatenate([[means[: len(udr)].mean()], means[len(udr) :]]))
         if progress is not None:
             progress(i + 1, settings.targets)
     return _report(task, list(methods), np.array(true), np.array(solved), settings, np.random.default_rng(seed))
@@ -123,7 +123,7 @@ def _chosen(
     known: dict[bytes, SolvedPolicy] = {}
     for best in bests:
         if best.samples.tobytes() not in known:
-            known[best.samples.tobytes()] = policy_for(solver, best.samples, rng)
+            known[best.samples.tobytes()] = policy_for(solver, best.samples)
     return [known[best.samples.tobytes()] for best in bests]
 
 

@@ -19,7 +19,7 @@ from sim.adaptation import choose_best, make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.adaptation.meta_training import sample_targets
-from sim.baselines.udr import Udr
+from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint
 from sim.emulator import Emulator
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
@@ -148,11 +148,11 @@ def _policies(
     """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
     task, stored = solver.task, card.get("evaluation", {})
     targets = sample_targets(task, _settings(card).kind, count, rng)
-    udr = policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
+    udr = several(solver, rng)
     own = solver.policies(task.parameters.sample(rng, count)[:, None], rng)
     earned, bias = np.zeros((count, 2)), np.zeros((count, 2))
     for i, target in enumerate(targets):
-        for j, policy in enumerate((udr, own[i])):
+        for j, policy in enumerate((udr[i % len(udr)], own[i])):
             contexts = task.context.sample(rng, PER_TARGET)
             where = np.tile(target, (PER_TARGET, 1))
             asked = trial_requests(task, where, contexts, policy.actions(contexts), rng)
@@ -175,12 +175,12 @@ def _sessions(checkpoint: Checkpoint, roll: Roll, rng: np.random.Generator, prog
     """Whole sessions in fresh targets, for a task whose rollouts cost next to nothing."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
-    method, udr = make_method("adaptsim", task, checkpoint), policy_for(solver, Udr(task).start(1, rng)[0].samples, rng)
+    method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
     earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, EXACT_TARGETS, rng)):
         best = choose_best(task, run_session(solver, method, target, roll, settings, rng)).particle
-        earned["adaptsim"].append(_earned(task, policy_for(solver, best.samples, rng), target, roll, rng))
-        earned["udr"].append(_earned(task, udr, target, roll, rng))
+        earned["adaptsim"].append(_earned(task, policy_for(solver, best.samples), target, roll, rng))
+        earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
         progress(i + 1, EXACT_TARGETS)
     behind = int(stored.get("targets", 0))
     last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}

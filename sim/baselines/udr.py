@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.adaptation.method import Iteration, Particle
 from sim.sampling import sobol, spread
+from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -18,10 +19,23 @@ if TYPE_CHECKING:
 SAMPLES = 64
 """Parameters that stand for all of Omega."""
 
+DRAWS = 4
+"""Policies behind what UDR is said to earn."""
+
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     """The method's entry in `sim.adaptation.METHODS`; it needs no checkpoint."""
     return Udr(task)
+
+
+def several(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
+    """`n` policies for all of Omega, from different draws; what UDR earns is the mean over them.
+
+    Over Omega many actions earn alike, and which of them a solver picks is arbitrary. In one given target they may
+    differ as much as success and failure.
+    """
+    starts = Udr(solver.task).start(n, rng)
+    return tuple(policy_for(solver, particle.samples, seed=k) for k, particle in enumerate(starts))
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,4 +66,4 @@ def test_every_coordinate_of_a_step_changes_its_random_numbers(other: dict[str, 
     draw = lambda **at: generator(at.pop("seed"), Draw.CONTEXT, **at).random(4)  # noqa: E731
     assert np.array_equal(draw(**base), draw(**base))
     assert not np.array_equal(draw(**base), draw(**(base | other)))
-    assert not np.array_equal(draw(**base), generator(3, Draw.TRAIN, 1).random(4))
+    assert not np.array_equal(draw(**base), generator(3, Draw.NEXT, 1).random(4))

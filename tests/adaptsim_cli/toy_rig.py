@@ -207,9 +207,9 @@ class ToyLearner:
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(Particle(row[None]) for row in PARAMETERS.sample(rng, n))
 
-    def train(self, particle: Particle, rng: np.random.Generator) -> ToyPolicy:
+    def train(self, particle: Particle) -> ToyPolicy:
         self.trained.append(tuple(particle.mean))
-        return ToyPolicy(particle, float(rng.normal(0.0, 0.02)))
+        return ToyPolicy(particle, 0.02 * float(np.sin(1e3 * particle.mean.sum())))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         directions = rng.integers(-1, 2, (len(history[-1]), 2))

@@ -19,7 +19,7 @@ def emulator_solver():
 
 
 def confirmed(rolls=roll, executable=None, mean=MEAN):
-    policy = policy_for(confirming(emulator_solver(), rolls), mean[None], np.random.default_rng(0), executable)
+    policy = policy_for(confirming(emulator_solver(), rolls), mean[None], executable)
     assert isinstance(policy, ConfirmedPolicy)
     return policy
 

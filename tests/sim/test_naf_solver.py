@@ -55,7 +55,7 @@ def test_policies_are_trained_within_the_budgets_and_reused_by_the_rules():
     spent = []
     for mean in (MEAN, FAR, NEAR, MEAN, MEAN):
         before = counted.count
-        policy = policy_for(solver, mean[None], rng())
+        policy = policy_for(solver, mean[None])
         spent.append(counted.count - before)
     assert spent == [300, 300, 270, 130, 0]  # 0.9 * 300, then what is left of 700, then nothing
     assert [p.donated for p in solver.memory.record] == [True, False, True, True, False]
@@ -87,10 +87,10 @@ def test_a_wide_distribution_does_not_take_over_a_narrow_one():
     counted = Counting()
     solver = solver_with(QUICK, counted)
     wide = PARAMETERS.sample(rng(), 64)
-    policy_for(solver, wide.mean(axis=0)[None], rng())
-    policy_for(solver, wide, rng())
+    policy_for(solver, wide.mean(axis=0)[None])
+    policy_for(solver, wide)
     assert counted.count == 60
-    policy_for(solver, wide, rng())
+    policy_for(solver, wide)
     assert counted.count == 87  # but its own
 
 
@@ -145,24 +145,21 @@ def test_a_session_with_an_emulator_lets_it_judge(tmp_path):
 def test_policies_in_a_folder_survive_the_program(tmp_path):
     contexts = TOY.context.sample(rng(), 4)
     whole = solver_with(QUICK, folder=tmp_path / "whole")
-    wanted = [policy_for(whole, m[None], np.random.default_rng(i)) for i, m in enumerate((MEAN, NEAR, FAR))]
+    wanted = [policy_for(whole, m[None], seed=i) for i, m in enumerate((MEAN, NEAR, FAR))]
     parted = tmp_path / "parted"
-    policy_for(solver_with(QUICK, folder=parted), MEAN[None], np.random.default_rng(0))
-    found = [
-        policy_for(solver_with(QUICK, folder=parted), m[None], np.random.default_rng(i))
-        for i, m in enumerate((MEAN, NEAR, FAR))
-    ]
+    policy_for(solver_with(QUICK, folder=parted), MEAN[None], seed=0)
+    found = [policy_for(solver_with(QUICK, folder=parted), m[None], seed=i) for i, m in enumerate((MEAN, NEAR, FAR))]
     for one, two in zip(wanted, found, strict=True):
         assert np.array_equal(one.actions(contexts), two.actions(contexts))
         assert one.value_error == two.value_error
     known = solver_with(QUICK, roll=lambda requests: pytest.fail("trained again"), folder=parted)
-    again = policy_for(known, NEAR[None], np.random.default_rng(1))
+    again = policy_for(known, NEAR[None], seed=1)
     assert np.array_equal(again.actions(contexts), wanted[1].actions(contexts))
     assert len(known.memory.record) == 3
 
 
 def test_foreign_and_damaged_policies_are_refused(tmp_path):
-    policy_for(solver_with(QUICK, folder=tmp_path), MEAN[None], rng())
+    policy_for(solver_with(QUICK, folder=tmp_path), MEAN[None])
     other = Space((*TOY.parameters.dimensions[:3], Dimension("h", "cm", 1.0, 3.0)))
     with pytest.raises(CheckpointError, match="other ranges of toy"):
         NafMemory(dataclasses.replace(TOY, parameters=other), tmp_path)
@@ -216,7 +213,7 @@ def test_a_checkpoint_restores_it(tmp_path):
     assert restored.solver.rules == QUICK
     assert restored.solver.misfit_limit == 1.7
     own = session_naf(restored.solver, roll, tmp_path / "policies")
-    policy_for(own, MEAN[None], rng())
+    policy_for(own, MEAN[None])
     assert (tmp_path / "policies" / RECORD).exists()
     assert (own.rules, own.misfit_limit) == (QUICK, 1.7)
     assert len(afresh(own).memory.record) == 0

@@ -3,13 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 from toy_learning import roll, trained
-from toy_task import TOY, best_action
+from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.episodes import trial_requests
 from sim.baselines.udr import Udr
 from sim.errors import NotExecutable
-from sim.solver import SolverSettings
-from sim.task_policy import expected_reward, train_many, train_task_policy
+from sim.solver import SolverSettings, policy_for
+from sim.task_policy import EmulatorSolver, expected_reward, train_many, train_task_policy
 
 CONTEXT = TOY.reference_context
 
@@ -98,3 +98,12 @@ def test_expected_reward_ranks_targets_like_rollouts():
     emulated = expected_reward(emulator, targets, contexts, actions, rng)
     true = np.array([true_reward(policy, target) for target in targets])
     assert np.corrcoef(emulated, true)[0, 1] > 0.9
+
+
+def test_the_same_distribution_has_the_same_policy():
+    solver, mean = EmulatorSolver(trained()[0]), PARAMETERS.denormalise(np.array([0.3, 0.6, 1.0, 0.2]))
+    one, again = (policy_for(solver, mean[None]) for _ in range(2))
+    contexts = TOY.context.sample(np.random.default_rng(0), 6)
+    assert np.array_equal(one.actions(contexts), again.actions(contexts))
+    other = policy_for(solver, mean[None], seed=1)
+    assert not np.array_equal(one.actions(contexts), other.actions(contexts))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from sim.adaptation.episodes import Roll, simulated_trials, trial_requests
 from sim.adaptation.meta_training import Targets, sample_targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.baselines.udr import several
+from sim.rollouts.run import Requests
 from sim.sampling import sobol, spread
 from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
@@ -143,21 +145,26 @@ def _oracle(
 def _judge(
     solver: Solver, policies: Sequence[SolvedPolicy], target: Array, roll: Roll, n: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """True mean rewards and the solver's, (len(policies),) each, on the same contexts, errors and nuisance."""
+    """True mean rewards and the solver's, (len(policies),) each, on the same contexts, errors and nuisance.
+
+    A policy that comes more than once is judged once; all are simulated together, so that no worker waits.
+    """
     task = solver.task
     contexts = task.context.sample(rng, n)
     seed = int(rng.integers(2**31))
-    judged: dict[int, tuple[float, float]] = {}
-    for policy in policies:
-        if id(policy) in judged:
-            continue
-        actions = policy.actions(contexts)
-        request = trial_requests(task, np.tile(target, (n, 1)), contexts, actions, np.random.default_rng(seed))
-        true = float(roll(request).rewards(task, contexts).mean())
-        expected = solver.trial_rewards(request.parameters, contexts, request.action, request.nuisance)
-        judged[id(policy)] = true, float(expected.mean())
-    rows = np.array([judged[id(policy)] for policy in policies])
-    return rows[:, 0], rows[:, 1]
+    distinct = list({id(policy): policy for policy in policies}.values())
+    asked = [
+        trial_requests(task, np.tile(target, (n, 1)), contexts, policy.actions(contexts), np.random.default_rng(seed))
+        for policy in distinct
+    ]
+    everything = reduce(Requests.followed_by, asked)
+    everywhere = np.tile(contexts, (len(distinct), 1))
+    true = roll(everything).rewards(task, everywhere)
+    expected = solver.trial_rewards(everything.parameters, everywhere, everything.action, everything.nuisance)
+    means = np.stack([true, expected]).reshape(2, len(distinct), n).mean(axis=-1)
+    place = {id(policy): i for i, policy in enumerate(distinct)}
+    rewards = means[:, [place[id(policy)] for policy in policies]]
+    return rewards[0], rewards[1]
 
 
 def _report(

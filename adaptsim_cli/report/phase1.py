@@ -25,6 +25,7 @@ PREAMBLE = """# Phase 1: what the pretrained checkpoints are worth
 
 Made by `adaptsim pretrain --task T --report`: a section a task, each from the folder of its pretraining and from true
 rollouts of the simulator. Nothing here is typed by hand. How Phase 1 works stands in `docs/decisions/0006-learning.md`.
+Wall times are those of the run that made the checkpoint, with whatever else the machine had to do.
 """
 
 MEMORIES = {

@@ -43,7 +43,9 @@ def command(made: Pretrained) -> str:
     """The command that makes it again, as far as it differs from the usual one."""
     from sim.adaptation.phase1 import PretrainBudget
 
-    words, usual, planned = ["adaptsim pretrain --task", made.task.name], PretrainBudget(), made.plan["budget"]
+    words, planned, usual = ["adaptsim pretrain --task", made.task.name], made.plan["budget"], PretrainBudget()
+    if planned["meta"]["steps"] == PretrainBudget.small().meta.steps:
+        words, usual = [*words, "--budget small"], PretrainBudget.small()
     if made.wide:
         words.append("--targets wide")
     if made.emulator is not None:

@@ -106,6 +106,9 @@ def test_the_sizes_of_another_dataset_are_part_of_the_command(proof: Proof) -> N
     planned = {**made.plan, "budget": {**made.plan["budget"], "rollouts": 512, "denser": 0}}
     told = wiring_proof.command(dataclasses.replace(learnt, plan=planned))
     assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
+    small = dataclasses.asdict(PretrainBudget.small())
+    told = wiring_proof.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
+    assert told == "adaptsim pretrain --task pendulum --budget small"
 
 
 def test_unknown_targets_are_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:

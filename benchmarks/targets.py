@@ -3,8 +3,8 @@
     python benchmarks/targets.py --task pendulum --checkpoints default wide
 
 `paper` targets lie in Omega, `wide` ones also in the margin around it; OOD is what lies outside of what a policy was
-trained on. Targets and judging are those of `adaptsim pretrain` (same seed), so with `--cache` on the `rollouts` of a
-pretraining little is simulated again. UDR, oracle and solver are those of the first checkpoint.
+trained on. Targets and judging are those of `adaptsim pretrain` (same seed), so with `--cache` on a copy of the
+`rollouts` of a pretraining some are not simulated again. UDR, oracle and solver are those of the first checkpoint.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from adaptsim_cli.report import phase1_figures
 from sim.adaptation.evaluation import LEAST_GAP
 from sim.adaptation.proof import Proof
 from sim.adaptation.proof_statistics import RankCorrelation
+from sim.baselines.udr import DRAWS as UDR_POLICIES
 from sim.files import whole_file
 from sim.tasks import TASKS
 
@@ -98,6 +99,7 @@ def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
         evaluation=made.evaluation,
         targets_from=targets,
         least_gap=LEAST_GAP,
+        udr_policies=UDR_POLICIES,
         stages=proof.stages,
         report_rollouts=proof.rollouts,
         pictures={Path(p).stem.rsplit("-", 1)[-1]: p for p in pictures},

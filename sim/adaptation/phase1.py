@@ -34,6 +34,7 @@ from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, re
 from sim.adaptation.q_network import QNetwork
 from sim.adaptation.timing import Stopwatch
 from sim.baselines.random_search import RandomSearch
+from sim.baselines.udr import DRAWS as UDR_POLICIES
 from sim.checkpoint import CARD, save_checkpoint
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorSettings, outcome_variance, train_emulator
@@ -100,7 +101,7 @@ class PretrainBudget:
         trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
         rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
-        judged = self.evaluation.rollouts * (2 + COMPARED * self.evaluation.iterations)
+        judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
         dataset = 0 if task.exact else self.rollouts + self.denser
         return dataset + (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated

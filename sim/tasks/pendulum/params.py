@@ -1,4 +1,4 @@
-"""Double pendulum: the spaces, fixed numbers and hyperparameters (Tables A1 and A2 and A4.1 of the paper).
+"""Double pendulum: the spaces, fixed numbers and hyperparameters (Tables A1 and A2 of the paper).
 
 Point masses at the ends of two massless links of 1 m, both joints driven and viscous, linearised around upright. The
 second angle is relative to the first. Our reading: Q = R = I, continuous time, start (-pi, 0, 0, 0).

@@ -8,7 +8,20 @@ from contextlib import contextmanager
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
-from sim.errors import NotExecutable
+from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFailed
+
+_WORTH_CONTINUING = (
+    StoppedByOperator,
+    PreflightFailed,
+    DiskFull,
+    HardwareError,
+    PerceptionError,
+    NotExecutable,
+    SolverFailed,
+    RolloutError,
+    ClusterUnavailable,
+    OSError,
+)
 
 
 @contextmanager
@@ -20,6 +33,6 @@ def how_to_continue(hint: str, interrupted: str = "interrupted; everything compl
         stopped = Interrupted(interrupted)
         stopped.add_note(hint)
         raise stopped from error
-    except (StoppedByOperator, PreflightFailed, DiskFull, HardwareError, PerceptionError, NotExecutable) as error:
+    except _WORTH_CONTINUING as error:
         error.add_note(hint)
         raise

@@ -7,14 +7,11 @@ SimError
 ├── OutOfRange           a value lies outside of its space; the message names value and range
 ├── NotExecutable        no joint path within the limits does this action
 ├── SolverFailed         the simulation did not converge
-├── RolloutError         a rollout raised or its worker died; keeps what was finished
+├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
 ├── DatasetError         a stored dataset is corrupt or of another kind
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
-
-from collections.abc import Mapping
-from typing import Any
 
 
 class SimError(Exception):
@@ -46,11 +43,7 @@ class SolverFailed(SimError):
 
 
 class RolloutError(SimError):
-    """A rollout raised, or its worker died; `completed` maps the first index of each finished chunk to its results."""
-
-    def __init__(self, message: str, completed: Mapping[int, Any]) -> None:
-        super().__init__(message)
-        self.completed = completed
+    """A rollout raised, or its worker died."""
 
 
 class ClusterUnavailable(SimError):

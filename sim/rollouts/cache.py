@@ -5,25 +5,27 @@ from __future__ import annotations
 import hashlib
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from sim.rollouts.dataset import read_rollouts, stored_count, write_rollouts
 from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)
 class CachedRollouts:
-    """Callable: requests -> rollouts, from `folder` where the same requests were simulated before."""
+    """Callable: requests -> rollouts, from `folder` where the same were simulated before, in the same scene."""
 
     task: Task
     folder: Path
     executor: Executor
 
     def __call__(self, requests: Requests) -> Rollouts:
-        path = self.folder / f"{_key(requests)}.npz"
+        path = self.folder / f"{self._scene}-{_key(requests)}.npz"
         stored = read_rollouts(path, requests)
         if stored is not None:
             return stored
@@ -32,9 +34,12 @@ class CachedRollouts:
         return results
 
     def count(self) -> int:
-        """Rollouts in the folder."""
-        files = sorted(self.folder.glob("[!.]*.npz"))
-        return sum(stored_count(path) for path in files)
+        """Rollouts of this scene in the folder. Raises DatasetError on a damaged file."""
+        return sum(stored_count(path) for path in sorted(self.folder.glob(f"{self._scene}-*.npz")))
+
+    @cached_property
+    def _scene(self) -> str:
+        return scene_key(self.task)
 
 
 def _key(requests: Requests) -> str:

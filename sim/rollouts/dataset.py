@@ -62,9 +62,14 @@ class Dataset:
 
 
 def dataset_requests(task: Task, seed: int, size: int) -> Requests:
-    """The rollouts of the dataset (task, seed, size): scrambled Sobol over margin, action with noise, nuisance."""
+    """The rollouts of the dataset (task, seed, size)."""
+    return draw_requests(task, size, np.random.default_rng(seed))
+
+
+def draw_requests(task: Task, size: int, rng: np.random.Generator) -> Requests:
+    """Scrambled Sobol over margin, action with noise, nuisance."""
     p, a = len(task.margin), len(task.action)
-    unit = sobol(size, p + a + len(task.nuisance), np.random.default_rng(seed))
+    unit = sobol(size, p + a + len(task.nuisance), rng)
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
     return Requests(
         parameters=spread(task.margin, unit[:, :p]),
@@ -263,9 +268,12 @@ def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
 
 
 def stored_count(path: Path) -> int:
-    """How many rollouts a shard holds."""
-    with np.load(path, allow_pickle=False) as file:
-        return len(file["succeeded"])
+    """How many rollouts a shard holds. Raises DatasetError where it is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return len(file["succeeded"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{path} is damaged ({error}): remove it, its rollouts are simulated again") from error
 
 
 def _offset(progress: Progress | None, start: int, total: int) -> Progress:

@@ -16,9 +16,6 @@ from sim.errors import ClusterUnavailable
 CONNECT_S = 15.0
 """How long a cluster may take to answer, and to show its first worker."""
 
-RETRIES = 3
-"""How often a chunk of rollouts begins anew when the worker that ran it is lost."""
-
 _PR_SET_PDEATHSIG = 1
 
 
@@ -41,7 +38,8 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
     """The workers of a running Dask cluster, `scheduler` being its address, e.g. tcp://10.0.0.1:8786.
 
     A cluster on SLURM is started with dask-jobqueue, and gives its address. A lost worker costs the chunks that it
-    was at: they begin anew elsewhere, and each result is taken once. The numbers are those of one machine, if its
+    was at: the scheduler begins them anew elsewhere (three times, its `allowed-failures`), and each result is taken
+    once. The numbers are those of one machine, if its
     packages are. Raises ClusterUnavailable.
     """
     try:
@@ -59,7 +57,7 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ClusterUnavailable(f"the Dask cluster at {scheduler} has no worker: start one") from error
-        yield client.get_executor(pure=False, retries=RETRIES)
+        yield client.get_executor(pure=False)
     finally:
         client.close()
 

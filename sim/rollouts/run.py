@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import RolloutError, UnknownName
+from sim.errors import ClusterUnavailable, RolloutError, UnknownName
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -83,9 +83,9 @@ def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
     """Simulate every request, in their order.
 
-    Raises RolloutError when a rollout raises or a worker dies: it names the requests that were running and
-    keeps the finished ones in `completed`. The executor stays the caller's. A task that simulates whole stacks does
-    so here: that is quicker than handing them out.
+    Raises RolloutError when a rollout raises or a worker dies: it names the requests that were running. Raises
+    ClusterUnavailable where the executor was a cluster's and its scheduler is gone. The executor stays the caller's.
+    A task that simulates whole stacks does so here: that is quicker than handing them out.
     """
     if len(requests) == 0:
         raise ValueError("run_many was given no requests")
@@ -103,13 +103,14 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
     try:
         while len(done) * CHUNK < len(requests):
             for start in itertools.islice(starts, IN_FLIGHT - len(running)):
-                running[_submit(executor, source, requests, start, done)] = start
+                running[_submit(executor, source, requests, start)] = start
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
-            # Keep every success before an error ends the run, and name the first of several errors.
-            for future in sorted(ready, key=lambda f: (f.exception() is not None, running[f])):
+            for future in sorted(ready, key=lambda f: running[f]):
+                if future.cancelled():
+                    raise ClusterUnavailable("the Dask scheduler was lost: start it again, then the same command")
                 error = future.exception()
                 if error is not None:
-                    raise _failure(requests, sorted(running.values()), running[future], error, done) from error
+                    raise _failure(requests, sorted(running.values()), running[future], error) from error
                 done[running.pop(future)] = future.result()
             if progress is not None:
                 progress(sum(map(len, done.values())), len(requests))
@@ -119,13 +120,11 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
     return concatenate(done[start] for start in sorted(done))
 
 
-def _submit(
-    executor: Executor, source: str | Task, requests: Requests, start: int, done: dict[int, Rollouts]
-) -> Future[Rollouts]:
+def _submit(executor: Executor, source: str | Task, requests: Requests, start: int) -> Future[Rollouts]:
     try:
         return executor.submit(_run_chunk, source, requests[start : start + CHUNK])
     except BrokenExecutor as error:
-        raise _failure(requests, [start], start, error, done) from error
+        raise _failure(requests, [start], start, error) from error
 
 
 def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
@@ -163,9 +162,7 @@ def _resolve(source: str | Task) -> Task:
     return get_task(source)
 
 
-def _failure(
-    requests: Requests, running: list[int], failed: int, error: BaseException, done: dict[int, Rollouts]
-) -> RolloutError:
+def _failure(requests: Requests, running: list[int], failed: int, error: BaseException) -> RolloutError:
     """Name the chunk that raised; when a process died, all that were running, since any of them may be to blame."""
     lost = running if isinstance(error, BrokenExecutor) else [failed]
     spans = ", ".join(f"{s}-{min(s + CHUNK, len(requests)) - 1}" for s in lost[:4]) + (" ..." if len(lost) > 4 else "")
@@ -174,6 +171,6 @@ def _failure(
     message = (
         f"rollouts {spans} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
         f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. "
-        f"Run it alone to see why, with a fresh pool; {sum(map(len, done.values()))} finished rollouts are kept."
+        "Run it alone to see why."
     )
-    return RolloutError(message, completed=done)
+    return RolloutError(message)

@@ -46,6 +46,16 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(cluster: LocalCl
     assert equal(found, expected)
 
 
+def test_a_lost_scheduler_says_so() -> None:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as lost:
+
+        def progress(done: int, total: int) -> None:
+            lost.close()
+
+        with dask_cluster(lost.scheduler_address) as executor, pytest.raises(ClusterUnavailable, match="was lost"):
+            run_many(TOY, dataset_requests(TOY, 3, 8000), executor, progress)
+
+
 def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(executors, "CONNECT_S", 0.3)
     with pytest.raises(ClusterUnavailable, match="no Dask scheduler"), dask_cluster("tcp://127.0.0.1:9"):

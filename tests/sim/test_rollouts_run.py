@@ -58,7 +58,7 @@ def test_progress_counts_up_to_all():
     assert seen == sorted(seen)
 
 
-def test_a_raising_rollout_is_named_and_the_finished_ones_are_kept():
+def test_a_raising_rollout_is_named():
     task = dataclasses.replace(TOY, simulate=raising)
     requests = dataset_requests(TOY, 0, 64)
     with serial_executor() as executor, pytest.raises(RolloutError, match="scene fell apart") as caught:
@@ -66,8 +66,6 @@ def test_a_raising_rollout_is_named_and_the_finished_ones_are_kept():
     first_bad = int(np.flatnonzero(requests.parameters[:, 0] > 0.44)[0])
     start = first_bad // 8 * 8
     assert f"rollouts {start}-{start + 7} of 64" in str(caught.value)
-    assert set(caught.value.completed) >= set(range(0, start, 8))
-    assert start not in caught.value.completed
 
 
 def test_a_dead_worker_is_an_error_that_names_the_requests():

@@ -131,6 +131,9 @@ def load(
         if checked.get("rig"):  # in a settings file it is relative to that file
             folder = Path.cwd() if source in ("environment", "flag") else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
+        for key in ("checkpoint", "object", "world"):
+            if checked.get(key, "").startswith("~"):
+                checked[key] = str(Path(checked[key]).expanduser())
         values |= checked
         sources |= {key: f"{_PREFIX}{key.upper()}" if source == "environment" else source for key in checked}
     if not values["rig"]:

@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptsim_cli.config import Config, Resolved, places
+from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.durable import make_folder
 from adaptsim_cli.session.in_simulation import InSimulation
+from adaptsim_cli.session.locking import locked
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (
     Parts,
@@ -31,6 +33,7 @@ from adaptsim_cli.session.parts import (
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
+from adaptsim_cli.wiring_checkpoints import task_of
 from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -47,22 +50,22 @@ _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
 
 @contextmanager
-def open_parts(config: Config, openers: Openers | None = None, session: str | None = None) -> Iterator[Parts]:
+def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> Iterator[Parts]:
     """Everything a session needs, with its devices connected. `openers`: how those of a real lab are opened.
+
+    NAF keeps its policies and rollouts in the folder `learnt`, which nobody else may use meanwhile.
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from adaptsim_cli.session.conduct import default_name
     from adaptsim_cli.wiring_solvers import solver_of
     from sim.adaptation import make_method
     from sim.checkpoint import load_checkpoint
 
     own = task_of(config)
     checkpoint = load_checkpoint(own, config.checkpoint or "default")
-    kept = places().data / "naf" / (session or default_name(config))
     with (
         _open_target(config, own, openers) as (task, target, executable, calibration),
-        solver_of(checkpoint, config.solver, config.workers, kept) as solver,
+        solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
     ):
         learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
         origin = Provenance(
@@ -190,13 +193,6 @@ class _SolverLearner:
         return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
 
-def task_of(config: Config) -> Task:
-    """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
-    from adaptsim_cli.wiring_checkpoints import task_for
-
-    return task_for(config.task, Path(config.object) if config.object else None)
-
-
 def _executable(task: Task, planner: Planner, arm: str) -> Executable:
     def executable(context: Array, action: Array) -> bool:
         if task.plan is None:
@@ -246,11 +242,21 @@ def pretrain(
         rollouts=chosen.rollouts if even is None else even,
         denser=chosen.denser if denser is None else denser,
     )
-    beyond = targets if targets != TARGETS[0] else ""
-    parts = (task.name, Path(config.object).stem, config.solver, beyond, budget, f"seed{config.seed}")
-    folder = out or resolved.places.pretraining / "-".join(part for part in parts if part)
-    make_folder(folder.absolute())
-    return pretrain(task, folder.absolute(), chosen, config.seed, executor, progress, solver)
+    unusual = (
+        Path(config.object).stem,
+        solver if solver != SOLVERS[0] else "",
+        targets if targets != TARGETS[0] else "",
+        budget,
+        f"{chosen.rollouts}+{chosen.denser}" if sizes != (None, None) else "",
+    )
+    parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
+    folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
+    make_folder(folder)
+    with (
+        locked(folder, f"another pretraining is at work in {folder}: wait for it, or give another --out"),
+        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+    ):
+        return pretrain(task, folder, chosen, config.seed, executor, progress, solver)
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
@@ -267,23 +273,28 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
 
 
 def list_checkpoints(resolved: Resolved) -> list[dict[str, str]]:
-    """Shipped checkpoints and the user's own ones. Raises CheckpointError on a card that cannot be read."""
+    """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
     from sim.checkpoint import CARD, list_checkpoints, read_card
+    from sim.errors import CheckpointError
+
+    def row(name: str, folder: Path) -> dict[str, str]:
+        try:
+            card = read_card(folder, "any task")
+        except CheckpointError as error:
+            card = {"task": "?", "created": f"cannot be read: {error}"}
+        return {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
 
     own = sorted(card.parent for card in resolved.places.pretraining.glob(f"*/checkpoint/{CARD}"))
     named = [(name, folder) for _, name, folder in list_checkpoints()] + [
         (folder.parent.name, folder) for folder in own
     ]
-    cards = [(name, folder, read_card(folder, "any task")) for name, folder in named]
-    return [
-        {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
-        for name, folder, card in cards
-    ]
+    return [row(name, folder) for name, folder in named]
 
 
 def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
-    """The card of a checkpoint, ready for JSON. Raises CheckpointError."""
+    """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
     from sim.checkpoint import read_card
 
-    card: dict[str, Any] = json.loads(json.dumps(read_card(folder, task), default=str))
+    text = json.dumps(read_card(folder, task), default=str)
+    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
     return card

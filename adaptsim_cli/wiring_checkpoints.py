@@ -11,32 +11,32 @@ from adaptsim_cli.config import Config
 from sim.tasks.task import Task
 
 ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a re-evaluation: of one core half a minute, and some ten seconds."""
+"""True rollouts of a re-evaluation: half a minute of one core, and some ten seconds."""
 
 
-def task_for(name: str, own: Path | None) -> Task:
-    """The task, with the ranges of an own object's file if there is one. Raises UnknownName, ObjectError."""
+def task_of(config: Config) -> Task:
+    """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
     from sim.own_objects import load_object, with_ranges
     from sim.tasks import get_task
 
-    task = get_task(name)
-    return task if own is None else with_ranges(task, load_object(own))
+    task = get_task(config.task)
+    return with_ranges(task, load_object(Path(config.object))) if config.object else task
 
 
-def reevaluate(config: Config, own: Path | None, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
+def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Load the setting's checkpoint against card and task, and see whether the card's figures hold; for JSON.
 
     Raises CheckpointError where it is corrupt or foreign; a figure that does not hold is told in `holds`.
     """
     from sim.adaptation.reevaluation import Figure, reevaluate
     from sim.checkpoint import load_checkpoint
-    from sim.rollouts import process_pool, run_many, serial_executor
+    from sim.rollouts import process_pool, run_many
 
-    task = task_for(config.task, own)
+    task = task_of(config)
     checkpoint = load_checkpoint(task, config.checkpoint or "default")
     figures: list[Figure] = []
     if rollouts:
-        with process_pool(config.workers) if config.workers > 1 else serial_executor() as executor:
+        with process_pool(config.workers or None) as executor:
             figures = reevaluate(
                 checkpoint, partial(run_many, task, executor=executor), rollouts, config.seed, progress
             )

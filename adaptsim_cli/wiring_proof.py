@@ -42,10 +42,13 @@ def write_report(
 def command(made: Pretrained) -> str:
     """The command that makes it again, as far as it differs from the usual one."""
     from sim.adaptation.phase1 import PretrainBudget
+    from sim.tasks import get_task
 
     words, planned, usual = ["adaptsim pretrain --task", made.task.name], made.plan["budget"], PretrainBudget()
     if planned["meta"]["steps"] == PretrainBudget.small().meta.steps:
         words, usual = [*words, "--budget small"], PretrainBudget.small()
+    if made.task.object_name != get_task(made.task.name).object_name:
+        words.append(f"--object {made.task.object_name}.toml")
     if made.wide:
         words.append("--targets wide")
     if made.emulator is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -33,7 +32,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
 def verify(
     checkpoint: Annotated[str, typer.Argument(help="Folder of the checkpoint; empty: the shipped one.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    own: Annotated[Path | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
     rollouts: Annotated[
         int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
     ] = None,
@@ -41,7 +40,7 @@ def verify(
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
     ] = False,
     seed: Annotated[int | None, typer.Option("--seed", help="Of the draws.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: none but this.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
     as_json: _Json = False,
 ) -> None:
     """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
@@ -57,14 +56,13 @@ def verify(
 
     if quick and rollouts is not None:
         raise UsageError("--quick and --rollouts contradict each other: give one of them")
-    flags = {"task": task, "checkpoint": checkpoint or None, "seed": seed, "workers": workers}
+    flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
     settings = config.load(flags).config
     wanted = rollouts if rollouts is not None else wiring_checkpoints.ROLLOUTS
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
         found = wiring_checkpoints.reevaluate(
             settings,
-            own,
             wiring_checkpoints.QUICK if quick else wanted,
             lambda done, total: progress("rollouts", done, total),
         )

@@ -48,7 +48,7 @@ def pretrain(
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """
-    from adaptsim_cli import config, console, wiring, wiring_proof
+    from adaptsim_cli import config, console, wiring, wiring_checkpoints, wiring_proof
     from adaptsim_cli.errors import UsageError
 
     if docs is not None and not report:
@@ -62,9 +62,12 @@ def pretrain(
             folder = wiring.pretrain(resolved, out, budget, targets, (rollouts, denser), crew, progress)
         document = None
         if report:
-            document = wiring_proof.write_report(wiring.task_of(resolved.config), folder.parent, docs, crew, progress)
+            of = wiring_checkpoints.task_of(resolved.config)
+            document = wiring_proof.write_report(of, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
-    screen.plain(f"Use it: adaptsim run-iteration, with ADAPTSIM_CHECKPOINT={folder}")
+    chosen = resolved.config
+    whose = f" --object {chosen.object}" if chosen.object else ""
+    screen.plain(f"Use it: adaptsim run-iteration --task {chosen.task}{whose}, with ADAPTSIM_CHECKPOINT={folder}")
     if document is not None:
         screen.plain(f"Report: {document}")
     if as_json:

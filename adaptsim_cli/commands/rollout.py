@@ -28,6 +28,7 @@ def rollout(
     """
     from datetime import UTC, datetime
     from math import dist
+    from tempfile import TemporaryDirectory
 
     from adaptsim_cli import config, console, wiring
     from adaptsim_cli.session import single
@@ -39,7 +40,7 @@ def rollout(
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [])
     single.typed(get_task(resolved.config.task), chosen)  # refused before anything is loaded or connected
-    with wiring.open_parts(resolved.config) as parts:
+    with TemporaryDirectory() as learnt, wiring.open_parts(resolved.config, Path(learnt)) as parts:
         record = single.rollout(resolved.config, parts, chosen, screen, folder.absolute(), yes=yes)
     if as_json:
         screen.data(record)

@@ -13,7 +13,7 @@ def run_iteration(
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
     session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
-    method: Annotated[str | None, typer.Option("--method", help="How to adapt: adaptsim or udr.")] = None,
+    method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")
     ] = None,
@@ -28,8 +28,6 @@ def run_iteration(
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
-    from functools import partial
-
     from adaptsim_cli import config, wiring
     from adaptsim_cli.report import page
     from adaptsim_cli.session import conduct
@@ -38,4 +36,4 @@ def run_iteration(
     resolved = config.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     request = conduct.Request(session, given, iterations, yes, as_json)
-    conduct.conduct(resolved, request, partial(wiring.open_parts, session=session), page.write)
+    conduct.conduct(resolved, request, wiring.open_parts, page.write)

@@ -24,7 +24,8 @@ from adaptsim_cli.session.runner import Session, run_iteration
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 
-OpenParts = Callable[[Config], AbstractContextManager[Parts]]
+OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
+"""(settings, folder where a solver may keep what it learns) -> the parts, connected."""
 
 _FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particles")
 
@@ -57,7 +58,7 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
     unattended = request.yes and config.hw == "fake"
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):
-            parts = stack.enter_context(open_parts(config))
+            parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
         if config.hw != "fake":  # --yes or not: a person confirms what a real arm does
             console.require_terminal()
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)

@@ -93,8 +93,8 @@ def test_hardware_is_refused_with_what_to_do(capfd: pytest.CaptureFixture[str]) 
     assert "Leave --hw out" in message
 
 
-def test_only_its_own_parts_are_opened() -> None:
-    with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config) as parts:
+def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
+    with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
         assert not parts.target.is_real

@@ -129,7 +129,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
 def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
     there = resolved(place)
     calibrated(there)
-    with wiring.open_parts(there.config, ToyDevices().openers()) as parts:
+    with wiring.open_parts(there.config, place, ToyDevices().openers()) as parts:
         assert isinstance(parts.target, AttendedRig)
         np.testing.assert_array_equal(parts.task.X_FT, parts.target.mounted.task.X_FT)
         assert parts.provenance.world_sha256 == ""

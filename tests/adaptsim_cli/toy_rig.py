@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -247,9 +248,9 @@ def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str],
     return Parts(TASK, OnRig(TASK, rig, tracker, Planner(paths, check, flange)), ToyLearner(), origin)
 
 
-def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config], Any]:
+def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
     @contextmanager
-    def open_parts(config: Config, session: str | None = None) -> Iterator[Parts]:
+    def open_parts(config: Config, learnt: Path) -> Iterator[Parts]:
         with lab:
             yield toy_parts(lab, **kinds)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -72,7 +73,7 @@ class BottleBench:
         return len(self.arm.executed) // 3
 
     @contextmanager
-    def open_parts(self, config: Config, session: str | None = None) -> Iterator[Parts]:
+    def open_parts(self, config: Config, learnt: Path) -> Iterator[Parts]:
         """In the place of `wiring.open_parts`."""
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
         with self.arm as arm, _Camera(self) as camera:

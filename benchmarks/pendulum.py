@@ -53,7 +53,7 @@ def main() -> None:
             for seed in range(repeats):
                 for k, target in enumerate(targets):
                     rng = np.random.default_rng((seed, k))
-                    history = run_session(solver, method, target, roll, settings, rng)
+                    history = run_session(solver, method, target, roll, settings, rng).history
                     best = [choose_best(task, history[: i + 1]).particle.mean for i in range(len(history))]
                     tried = [[seen.particle.mean for seen in iteration] for iteration in history]
                     curves.append((earned(solver, np.array(best), target), _mean_tried(solver, tried, target)))

@@ -26,14 +26,14 @@ from kept import Kept
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.adaptation import choose_best, make_method
+from sim.adaptation import make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint, load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy, policy_for
+from sim.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.world import World, list_worlds, load_world
@@ -121,10 +121,9 @@ def in_world(
 
     def session(method: str, seed: int) -> dict[str, Any]:
         began, rng = time.time(), np.random.default_rng((seed, 0))
-        history = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
-        best = choose_best(task, history).particle
+        found = run_session(solver, make_method(method, task, checkpoint), world.parameters, roll, settings, rng)
         trials = settings.particles * settings.iterations * task.adaptation.trials_per_iteration
-        return row(method, seed, policy_for(solver, best.samples), trials, began)
+        return row(method, seed, found.choice(settings.iterations), trials, began)
 
     yield "udr", 0, udr
     yield "oracle", 0, oracle

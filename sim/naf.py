@@ -119,19 +119,6 @@ Training = Generator[Requests, Rollouts, NafPolicy]
 """Asks for rollouts until the policy is trained."""
 
 
-def train_naf(
-    task: Task,
-    samples: Array,
-    roll: Callable[[Requests], Rollouts],
-    budget: int,
-    seed: int,
-    donor: NafPolicy | None = None,
-    settings: NafSettings | None = None,
-) -> NafPolicy:
-    """Train on `budget` true rollouts for the distribution `samples` (m, p). `roll` is `run_many` on some executor."""
-    return train_together([naf_training(task, samples, budget, seed, donor, settings)], roll)[0]
-
-
 def train_together(trainings: Sequence[Training], roll: Callable[[Requests], Rollouts]) -> tuple[NafPolicy, ...]:
     """Several trainings at once, so that a pool of many workers has enough to do; the numbers do not depend on it."""
     policies: dict[int, NafPolicy] = {}

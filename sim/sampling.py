@@ -25,8 +25,3 @@ def spread(space: Space, unit: Array) -> Array:
     whole = np.array([d.scale == "integer" for d in space.dimensions], dtype=bool)
     levels = np.floor(space.low + unit * (space.high - space.low + 1.0))
     return np.where(whole, np.minimum(levels, space.high), value)
-
-
-def seeds(seed: int, n: int) -> list[np.random.Generator]:
-    """`n` independent generators of one seed."""
-    return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(n)]

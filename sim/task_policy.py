@@ -43,7 +43,7 @@ class _Near:
 
 @dataclass(frozen=True, eq=False)
 class EmulatorPolicy:
-    """Open loop: context -> action, for one distribution of parameters. Made by `train_task_policy`."""
+    """Open loop: context -> action, for one distribution of parameters. Made by `train_many`."""
 
     task: Task
     emulator: Emulator
@@ -125,18 +125,6 @@ class EmulatorPolicy:
 
     def _lower(self, rewards: Array) -> Array:
         return np.asarray(rewards.mean(axis=0) - self.settings.kappa * rewards.std(axis=0))
-
-
-def train_task_policy(
-    task: Task,
-    emulator: Emulator,
-    samples: Array,
-    rng: np.random.Generator,
-    executable: Executable | None = None,
-    settings: SolverSettings | None = None,
-) -> EmulatorPolicy:
-    """The task policy for the distribution of parameters that `samples` (m, p), in units, stand for."""
-    return train_many(task, emulator, np.asarray(samples)[None], rng, executable, settings)[0]
 
 
 def train_many(

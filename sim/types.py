@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,11 +121,3 @@ class ToolMotion:
         t_s = frozen_array(self.t_s, (None,), "t_s")
         object.__setattr__(self, "t_s", t_s)
         object.__setattr__(self, "X_BT", frozen_array(self.X_BT, (len(t_s), 4, 4), "X_BT"))
-
-
-class TaskPolicy(Protocol):
-    """Open loop: context -> action, trained for one distribution of simulation parameters."""
-
-    def __call__(self, context: Array) -> Array:
-        """(c,) in units -> (a,) in units, inside the executable part of the action space."""
-        ...

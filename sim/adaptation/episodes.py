@@ -9,7 +9,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
-from sim.adaptation.method import Particle, Trial
+from sim.adaptation.method import Trial
 from sim.adaptation.q_network import Transitions
 from sim.rollouts.run import Requests, Rollouts
 from sim.sampling import spread
@@ -125,11 +125,6 @@ def simulated_trials(
     seen = task.observation.with_noise(results.observation, rng)
     rewards = results.rewards(task, contexts)
     return tuple(Trial(c, a, o, float(r)) for c, a, o, r in zip(contexts, actions, seen, rewards, strict=True))
-
-
-def random_particles(task: Task, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-    """`n` distributions with means uniform in Omega."""
-    return tuple(Particle(mean[None]) for mean in task.parameters.sample(rng, n))
 
 
 def _rows(values: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
@@ -66,6 +66,19 @@ class EvaluationReport:
     emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
 
 
+@dataclass(frozen=True, eq=False)
+class SimulatedSession:
+    """What was tried, and the policies that were trained for it."""
+
+    task: Task
+    history: list[Iteration] = field(default_factory=list)
+    policies: dict[bytes, SolvedPolicy] = field(default_factory=dict)  # by the samples of their particle
+
+    def choice(self, iterations: int) -> SolvedPolicy:
+        """The policy that the session would go with after so many iterations."""
+        return self.policies[choose_best(self.task, self.history[:iterations]).particle.samples.tobytes()]
+
+
 def run_session(
     solver: Solver,
     method: Method,
@@ -73,20 +86,23 @@ def run_session(
     roll: Roll,
     settings: EvaluationSettings,
     rng: np.random.Generator,
-) -> list[Iteration]:
+) -> SimulatedSession:
     """A whole session of `method` in a simulated target (p,), as on the real one."""
     task = solver.task
-    history: list[Iteration] = []
+    session = SimulatedSession(task)
     particles = method.start(settings.particles, rng)
     for _ in range(settings.iterations):
         seen = []
         for particle in particles:
-            policy = policy_for(solver, particle.samples)
+            key = particle.samples.tobytes()
+            if key not in session.policies:
+                session.policies[key] = policy_for(solver, particle.samples)
+            policy = session.policies[key]
             trials = simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
             seen.append(ParticleTrials(particle, trials))
-        history.append(tuple(seen))
-        particles = method.next(history, rng)
-    return history
+        session.history.append(tuple(seen))
+        particles = method.next(session.history, rng)
+    return session
 
 
 def evaluate(
@@ -107,26 +123,14 @@ def evaluate(
     true, solved = list[Array](), list[Array]()
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
         fixed = [*udr, _oracle(solver, candidates, target, roll, rng)]
-        chosen = [p for method in methods.values() for p in _chosen(solver, method, target, roll, settings, rng)]
+        sessions = [run_session(solver, method, target, roll, settings, rng) for method in methods.values()]
+        chosen = [session.choice(k + 1) for session in sessions for k in range(settings.iterations)]
         judged = _judge(solver, fixed + chosen, target, roll, settings.rollouts, rng)
         for rewards, means in zip((true, solved), judged, strict=True):
             rewards.append(np.concatenate([[means[: len(udr)].mean()], means[len(udr) :]]))
         if progress is not None:
             progress(i + 1, settings.targets)
     return _report(task, list(methods), np.array(true), np.array(solved), settings, np.random.default_rng(seed))
-
-
-def _chosen(
-    solver: Solver, method: Method, target: Array, roll: Roll, settings: EvaluationSettings, rng: np.random.Generator
-) -> list[SolvedPolicy]:
-    """The policies that a session would go with after each of its iterations."""
-    history = run_session(solver, method, target, roll, settings, rng)
-    bests = [choose_best(solver.task, history[: k + 1]).particle for k in range(len(history))]
-    known: dict[bytes, SolvedPolicy] = {}
-    for best in bests:
-        if best.samples.tobytes() not in known:
-            known[best.samples.tobytes()] = policy_for(solver, best.samples)
-    return [known[best.samples.tobytes()] for best in bests]
 
 
 def _oracle(

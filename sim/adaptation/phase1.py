@@ -2,11 +2,11 @@
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
 
-The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors`, `rollouts/` (those of the
-episodes and of the evaluation, never simulated twice), `policy.safetensors` and the `episodes.safetensors` that it went
-through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes),
-`prospects.safetensors` (what E are worth wherever the truth may lie), the report of each stage, `timings.toml` (wall
-time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
+The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/`
+(those of the episodes and of the evaluation, never simulated twice), `policy.safetensors` and the
+`episodes.safetensors` that it went through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from
+the same episodes), `prospects.safetensors` (what E are worth wherever the truth may lie), the report of each stage,
+`timings.toml` (wall time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class PretrainBudget:
 
     @classmethod
     def small(cls) -> PretrainBudget:
-        """For a first look: about 12,000 rollouts, ten minutes on two cores where one takes 0.1 s."""
+        """For a first look: about 13,000 rollouts, ten minutes on two cores where one takes 0.1 s."""
         return cls(
             rollouts=4096,
             denser=2048,
@@ -96,15 +96,14 @@ class PretrainBudget:
         """The same, trained and judged on this kind of targets."""
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
-    def simulations(self, task: Task) -> int:
-        """Rollouts of dataset, training and evaluation together; of the evaluation at most, since policies recur."""
+    def uncached(self, task: Task) -> int:
+        """Rollouts of training and evaluation that nothing counts; of the evaluation at most, since policies recur."""
         trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
         rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        dataset = 0 if task.exact else self.rollouts + self.denser
-        return dataset + (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
+        return (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +113,7 @@ class _Means:
     solver: Solver
     emulator: Emulator | None  # to be stored in the checkpoint
     roll: Roll
+    simulated: Callable[[], int]  # how many rollouts there have been
     facts: dict[str, Any]  # for the card
 
 
@@ -148,8 +148,8 @@ def pretrain(
     if not (path / CARD).exists():
         facts = {
             "seed": seed,
-            "simulations": budget.simulations(task),
-            "policy": read_toml(folder / "policy.toml"),
+            "simulations": means.simulated(),
+            "policy": _stored(folder / "policy.toml"),
             "evaluation": results,
             "method": best_method(results),
         }
@@ -164,8 +164,9 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
 
 
 def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
-    spent = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
-    return _Means(solver, None, partial(run_many, solver.task, executor=executor), spent)
+    facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
+    roll = partial(run_many, solver.task, executor=executor)
+    return _Means(solver, None, roll, partial(budget.uncached, solver.task), facts)
 
 
 def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
@@ -175,8 +176,9 @@ def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executo
     path = folder / "naf.toml"
     if not path.exists():
         write_toml(path, {"misfit_limit": measure_misfit_limit(solver, np.random.default_rng(seed))})
-    limit = float(read_toml(path)["misfit_limit"])
-    return _Means(replace(solver, limit=limit), None, roll, {"budget": asdict(budget), **naf_facts(solver, limit)})
+    limit = float(_stored(path)["misfit_limit"])
+    facts = {"budget": asdict(budget), **naf_facts(solver, limit)}
+    return _Means(replace(solver, limit=limit), None, roll, roll.count, facts)
 
 
 def _learnt(
@@ -205,8 +207,9 @@ def _learnt(
         write_toml(report, asdict(held_out))
     progress(STAGES[1], 1, 1)
     emulator = Emulator(task, load_tensors(path))
-    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_toml(report)}
-    return _Means(EmulatorSolver(emulator), emulator, CachedRollouts(task, folder / "rollouts", executor), facts)
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": _stored(report)}
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    return _Means(EmulatorSolver(emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
@@ -216,15 +219,19 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
     if not path.exists():
         write_toml(path, plan)
         return
-    try:
-        stored = read_toml(path)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} is not valid TOML ({error}): remove the folder and begin again") from error
+    stored = _stored(path)
     different = [key for key, value in plan.items() if stored.get(key) != value]
     if different:
         raise DatasetError(
             f"{folder} was begun with another {', '.join(different)}: use a new folder, or the settings in {path}"
         )
+
+
+def _stored(path: Path) -> dict[str, Any]:
+    try:
+        return read_toml(path)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path} is not valid TOML ({error}): remove it, or begin in a new folder") from error
 
 
 def _policies(
@@ -291,7 +298,7 @@ def _evaluation(
         )
         write_toml(path, asdict(results))
     progress(STAGES[5], 1, 1)
-    return read_toml(path)
+    return _stored(path)
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:

@@ -30,7 +30,7 @@ from sim.emulator_training import EmulatorSettings
 from sim.errors import DatasetError
 from sim.files import read_toml
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.dataset import Dataset, load_dataset, stored_count
+from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
 from sim.solver import Solver
 from sim.task_policy import EmulatorSolver
@@ -179,23 +179,17 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     rounds = meta.rounds(task.adaptation.horizon)
     episodes = (rounds + rounds // task.adaptation.horizon) * meta.parallel * task.adaptation.trials_per_iteration
     drawn = len(made.dataset) if made.dataset is not None else 0
-    kept = _kept(made.folder / "rollouts")
-    # An exact task keeps none of its rollouts: what was planned is the most that there were.
-    evaluated = (kept if kept else int(made.card["simulations"]) - drawn) - episodes
+    counted = int(made.card["simulations"])
+    evaluated = counted - drawn - episodes
     simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, 0, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # which asks the simulator for every policy, in every stage
-        together = StageCost("all stages, NAF's own rollouts included", kept, None)
+        together = StageCost("all stages, NAF's own rollouts included", counted, None)
         return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)
     return tuple(
         StageCost(stage, simulations[stage], measured.get(stage))
         for stage in STAGES
         if stage in measured or simulations[stage]
     )
-
-
-def _kept(folder: Path) -> int:
-    """Rollouts of the episodes and of the evaluation."""
-    return sum((stored_count(path) for path in sorted(folder.glob("[!.]*.npz"))), 0)
 
 
 def _held_out(made: Pretrained) -> HeldOut | None:

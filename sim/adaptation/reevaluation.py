@@ -7,6 +7,7 @@ machine and version.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -15,16 +16,16 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import Outcome
-from sim.adaptation import choose_best, make_method
+from sim.adaptation import make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.adaptation.meta_training import sample_targets
 from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint
 from sim.emulator import Emulator
+from sim.rollouts.dataset import draw_requests
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
-from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy, policy_for
+from sim.solver import SolvedPolicy
 from sim.task_policy import EmulatorSolver
 from sim.tasks.task import Task
 
@@ -107,7 +108,7 @@ def _emulator(
     emulator: Emulator, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
     """Held-out errors of the emulator on `count` draws over the margin, as its report has them."""
-    requests = _over_the_margin(emulator.task, count, rng)
+    requests = draw_requests(emulator.task, count, rng)
     errors = held_out_errors(emulator, requests, roll(requests))
     figures: dict[str, tuple[Better, Callable[[Array], float]]] = {
         "accuracy": ("more", _mean),
@@ -121,7 +122,7 @@ def _emulator(
             f"emulator: {name.replace('_', ' ')}", float(card[name]), held_out, errors[name], better, statistic, rng
         )
         for name, (better, statistic) in figures.items()
-        if name in card and held_out and len(errors[name]) > 1
+        if math.isfinite(card.get(name, math.nan)) and held_out and len(errors[name]) > 1
     ]
 
 
@@ -178,8 +179,8 @@ def _sessions(checkpoint: Checkpoint, roll: Roll, rng: np.random.Generator, prog
     method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
     earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, EXACT_TARGETS, rng)):
-        best = choose_best(task, run_session(solver, method, target, roll, settings, rng)).particle
-        earned["adaptsim"].append(_earned(task, policy_for(solver, best.samples), target, roll, rng))
+        session = run_session(solver, method, target, roll, settings, rng)
+        earned["adaptsim"].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
         earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
         progress(i + 1, EXACT_TARGETS)
     behind = int(stored.get("targets", 0))
@@ -204,18 +205,6 @@ def _settings(card: Mapping[str, Any]) -> EvaluationSettings:
     planned = card.get("budget", {}).get("evaluation", {})
     known = {name: planned[name] for name in ("kind", "particles", "iterations") if name in planned}
     return EvaluationSettings(**known)
-
-
-def _over_the_margin(task: Task, count: int, rng: np.random.Generator) -> Requests:
-    p, a = len(task.margin), len(task.action)
-    unit = sobol(count, p + a + len(task.nuisance), rng)
-    low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
-    return Requests(
-        parameters=spread(task.margin, unit[:, :p]),
-        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (count, 1)),
-        action=low + unit[:, p : p + a] * (high - low),
-        nuisance=spread(task.nuisance, unit[:, p + a :]),
-    )
 
 
 def _figure(

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from toy_learning import iteration, trained
+from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation import METHODS, choose_best, make_method, verdict
@@ -12,7 +12,7 @@ from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.phase2 import AdaptSim
 from sim.errors import CheckpointError, UnknownName
 from sim.misfit import misfit
-from sim.task_policy import EmulatorSolver, train_task_policy
+from sim.task_policy import EmulatorSolver
 
 MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
 
@@ -33,7 +33,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
     for _ in range(iterations):
         tried = []
         for mean in means:
-            policy = train_task_policy(TOY, emulator, (policy_for if policy_for is not None else mean)[None], rng)
+            policy = train_one(TOY, emulator, (policy_for if policy_for is not None else mean)[None], rng)
             trials = []
             for context in TOY.context.sample(rng, 2):
                 track = TOY.simulate(parameters, context, policy(context), np.zeros(1), effects)

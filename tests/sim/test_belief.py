@@ -7,7 +7,7 @@ import pytest
 from toy_learning import roll, trained
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 
-from sim.adaptation import choose_best, make_method
+from sim.adaptation import make_method
 from sim.adaptation.belief import APART, Belief, Estimate
 from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.adaptation.memory import new_policy
@@ -84,9 +84,8 @@ def test_it_beats_random_search_on_unseen_targets():
     for seed in range(12):
         target = PARAMETERS.sample(np.random.default_rng(seed), 1)[0]
         for name, method in (("belief", belief()), ("random", RandomSearch(TOY))):
-            history = run_session(solver, method, target, roll, settings, np.random.default_rng(seed))
-            best = choose_best(TOY, history).particle.mean
-            policy = solver.policies(best[None, None], np.random.default_rng(1))[0]
+            session = run_session(solver, method, target, roll, settings, np.random.default_rng(seed))
+            policy = session.choice(3)
             contexts = TOY.context.sample(np.random.default_rng(2), 4)
             tracks = [
                 simulate(target, c, a, np.zeros(1)) for c, a in zip(contexts, policy.actions(contexts), strict=True)

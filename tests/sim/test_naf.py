@@ -1,9 +1,9 @@
 import numpy as np
 import torch
-from toy_learning import roll
+from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.naf import NafNetwork, train_naf
+from sim.naf import NafNetwork
 
 MEAN = PARAMETERS.denormalise(np.array([0.3, 0.5, 1.0, 0.7]))
 

@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from toy_learning import roll, trained
+from toy_learning import roll, train_naf, trained
 from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.evaluation import EvaluationSettings, evaluate
@@ -12,7 +12,7 @@ from sim.adaptation.phase2 import AdaptSim
 from sim.checkpoint import CARD, load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError, NotExecutable, UnknownName
 from sim.misfit import misfit
-from sim.naf import naf_training, train_naf, train_together
+from sim.naf import naf_training, train_together
 from sim.naf_memory import RECORD, NafMemory
 from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of, session_naf
 from sim.policy_reuse import ReuseRules

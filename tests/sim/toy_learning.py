@@ -9,10 +9,15 @@ from pathlib import Path
 import numpy as np
 from toy_task import TOY
 
+from sim.adaptation.episodes import Roll
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorReport, EmulatorSettings, train_emulator
+from sim.naf import NafPolicy, naf_training, train_together
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
+from sim.solver import Executable, SolverSettings
+from sim.task_policy import EmulatorPolicy, train_many
+from sim.tasks.task import Task
 
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)
 
@@ -31,6 +36,25 @@ def dataset() -> Dataset:
 @functools.cache
 def trained() -> tuple[Emulator, EmulatorReport]:
     return train_emulator(TOY, dataset(), 0, SETTINGS)
+
+
+def train_one(
+    task: Task,
+    emulator: Emulator,
+    samples: np.ndarray,
+    rng: np.random.Generator,
+    executable: Executable | None = None,
+    settings: SolverSettings | None = None,
+) -> EmulatorPolicy:
+    """The emulator's policy for one distribution, samples (m, p)."""
+    return train_many(task, emulator, np.asarray(samples)[None], rng, executable, settings)[0]
+
+
+def train_naf(
+    task: Task, samples: np.ndarray, roll: Roll, budget: int, seed: int, donor: NafPolicy | None = None
+) -> NafPolicy:
+    """NAF's policy for one distribution, samples (m, p)."""
+    return train_together([naf_training(task, samples, budget, seed, donor)], roll)[0]
 
 
 def iteration(*tried: tuple[np.ndarray, list[float]]) -> Iteration:

@@ -36,7 +36,9 @@ class _Values(BaseModel):
     task: Annotated[str, Field(description="which task, where a command has no --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
     method: Annotated[str, Field(description="how to adapt: adaptsim, random, udr, ...")] = "adaptsim"
-    checkpoint: Annotated[str, Field(description="folder of a checkpoint; empty: the shipped one of the task")] = ""
+    checkpoint: Annotated[
+        str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
+    ] = ""
     solver: Annotated[str, Field(description="how policies are found: emulator, naf; empty: as pretrained")] = ""
     object: Annotated[str, Field(description="TOML file with the ranges of an own object (docs/own-objects.md)")] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="of all random numbers")] = 0

@@ -33,7 +33,7 @@ from adaptsim_cli.session.parts import (
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
-from adaptsim_cli.wiring_checkpoints import task_of
+from adaptsim_cli.wiring_checkpoints import checkpoint_of, own_checkpoints, task_of
 from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -59,10 +59,9 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     """
     from adaptsim_cli.wiring_solvers import solver_of
     from sim.adaptation import make_method
-    from sim.checkpoint import load_checkpoint
 
-    own = task_of(config)
-    checkpoint = load_checkpoint(own, config.checkpoint or "default")
+    checkpoint = checkpoint_of(config)
+    own = checkpoint.solver.task
     with (
         _open_target(config, own, openers) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
@@ -272,9 +271,9 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
     raise UsageError("--executor dask and --scheduler ADDRESS belong together")
 
 
-def list_checkpoints(resolved: Resolved) -> list[dict[str, str]]:
+def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
-    from sim.checkpoint import CARD, list_checkpoints, read_card
+    from sim.checkpoint import list_checkpoints, read_card
     from sim.errors import CheckpointError
 
     def row(name: str, folder: Path) -> dict[str, str]:
@@ -284,10 +283,8 @@ def list_checkpoints(resolved: Resolved) -> list[dict[str, str]]:
             card = {"task": "?", "created": f"cannot be read: {error}"}
         return {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
 
-    own = sorted(card.parent for card in resolved.places.pretraining.glob(f"*/checkpoint/{CARD}"))
-    named = [(name, folder) for _, name, folder in list_checkpoints()] + [
-        (folder.parent.name, folder) for folder in own
-    ]
+    named = [(name, folder) for _, name, folder in list_checkpoints()]
+    named += [(folder.parent.name, folder) for folder in own_checkpoints()]
     return [row(name, folder) for name, folder in named]
 
 

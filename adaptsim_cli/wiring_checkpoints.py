@@ -1,14 +1,17 @@
-"""Joins a checkpoint with rollouts of its task, to see whether its card holds."""
+"""Which checkpoint the settings mean, and whether its card holds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import Config, places
 from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.checkpoint import Checkpoint
 
 ROLLOUTS, QUICK = 240, 96
 """True rollouts of a re-evaluation: half a minute of one core, and some ten seconds."""
@@ -23,23 +26,56 @@ def task_of(config: Config) -> Task:
     return with_ranges(task, load_object(Path(config.object))) if config.object else task
 
 
+def checkpoint_of(config: Config) -> Checkpoint:
+    """That of the settings; where they name none, the newest own one for the ranges of an own object, else the shipped.
+
+    Raises UnknownName, ObjectError, CheckpointError.
+    """
+    from sim.checkpoint import load_checkpoint
+
+    task = task_of(config)
+    own = _pretrained(task) if config.object and not config.checkpoint else []
+    return load_checkpoint(task, config.checkpoint or (str(own[-1]) if own else "default"))
+
+
+def own_checkpoints() -> list[Path]:
+    """Folders of those that `adaptsim pretrain` made in its own place, newest last."""
+    from sim.checkpoint import CARD
+
+    cards = places().pretraining.glob(f"*/checkpoint/{CARD}")
+    return [card.parent for card in sorted(cards, key=lambda card: card.stat().st_mtime_ns)]
+
+
+def _pretrained(task: Task) -> list[Path]:
+    """Those for exactly these ranges."""
+    from sim.checkpoint import read_card
+    from sim.errors import CheckpointError
+    from sim.tasks.fingerprint import fingerprint
+
+    def fits(folder: Path) -> bool:
+        try:
+            return bool(read_card(folder, task.name)["fingerprint"] == fingerprint(task))
+        except CheckpointError:
+            return False
+
+    return [folder for folder in own_checkpoints() if fits(folder)]
+
+
 def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Load the setting's checkpoint against card and task, and see whether the card's figures hold; for JSON.
 
     Raises CheckpointError where it is corrupt or foreign; a figure that does not hold is told in `holds`.
     """
     from sim.adaptation.reevaluation import Figure, reevaluate
-    from sim.checkpoint import load_checkpoint
     from sim.rollouts import process_pool, run_many
 
-    task = task_of(config)
-    checkpoint = load_checkpoint(task, config.checkpoint or "default")
+    checkpoint = checkpoint_of(config)
+    task = checkpoint.solver.task
     figures: list[Figure] = []
     if rollouts:
         with process_pool(config.workers or None) as executor:
-            figures = reevaluate(
-                checkpoint, partial(run_many, task, executor=executor), rollouts, config.seed, progress
-            )
+            roll = partial(run_many, task, executor=executor)
+            figures = reevaluate(checkpoint, roll, rollouts, config.seed, progress)
     return {
         "task": task.name,
         "folder": str(checkpoint.path),

@@ -17,9 +17,9 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
     Example: adaptsim checkpoints list
     """
-    from adaptsim_cli import config, console, views, wiring
+    from adaptsim_cli import console, views, wiring
 
-    found = wiring.list_checkpoints(config.load())
+    found = wiring.list_checkpoints()
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(found)

@@ -80,12 +80,12 @@ def _machine(config: Config, places: Places) -> Iterator[Finding]:
 
 
 def _task(config: Config) -> Iterator[Finding]:
-    from sim.checkpoint import load_checkpoint
+    from adaptsim_cli.wiring_checkpoints import checkpoint_of
     from sim.tasks import get_task
     from sim.world import load_world
 
     def checkpoint() -> str:
-        found = load_checkpoint(get_task(config.task), config.checkpoint or "default")
+        found = checkpoint_of(config)
         return f"{config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}"
 
     def world() -> str:

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from adaptsim_cli import app
-from sim.checkpoint import CARD, SHIPPED
+from adaptsim_cli import app, config
+from adaptsim_cli.wiring_checkpoints import task_of
+from sim.adaptation.memory import new_policy
+from sim.checkpoint import CARD, SHIPPED, save_checkpoint
 from sim.files import read_toml, write_toml
+from sim.tasks import TASKS
 
 
 @pytest.fixture
@@ -62,6 +65,32 @@ def test_files_alone_can_be_checked(copied: Path, capfd: pytest.CaptureFixture[s
     weights.write_bytes(weights.read_bytes()[:-8] + bytes(8))
     assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0"]) == 8
     assert "damaged or was changed" in capfd.readouterr().err
+
+
+def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(
+    copied: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    own = copied.parent / "heavy.toml"
+    own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
+    task = task_of(config.load({"task": "pendulum", "object": str(own)}).config)
+    made = config.places().pretraining / "pendulum-heavy-seed0" / "checkpoint"
+    save_checkpoint(task, made, None, {"iteration": new_policy(task, "iteration", 0)}, {})
+    shutil.copytree(copied, made.parents[1] / "pendulum-seed0" / "checkpoint")
+    asked = ["checkpoints", "verify", "--task", "pendulum", "--rollouts", "0", "--json"]
+    assert app.run([*asked, "--object", str(own)]) == 0
+    assert json.loads(capfd.readouterr().out)["folder"] == str(made)
+    assert app.run(asked) == 0
+    assert json.loads(capfd.readouterr().out)["folder"] == str(SHIPPED / "pendulum" / "default")
+
+
+def test_a_damaged_card_does_not_hide_the_others(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    broken = config.places().pretraining / "scooping-small-seed0" / "checkpoint"
+    shutil.copytree(copied, broken)
+    (broken / CARD).write_text("task = ")
+    assert app.run(["checkpoints", "list", "--json"]) == 0
+    found = {row["name"]: row for row in json.loads(capfd.readouterr().out)}
+    assert "not valid TOML" in found["scooping-small-seed0"]["created"]
+    assert found["default"]["task"] in TASKS
 
 
 def test_wrong_flags_and_objects_are_named(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -20,8 +20,9 @@ from sim.tasks.task import Task
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
 """`Rollouts.outcome` holds positions in this tuple."""
 
-CHUNK = 8
-"""Rollouts in one call of a worker: half a second of work, so that little is repeated after a crash."""
+CHUNK, CALLS = 8, 16
+"""Rollouts in one call of a worker, at most: half a second of work, so that little is repeated after a crash. Fewer
+where that makes less than so many calls: the two trials of a session's step, too, keep two workers busy."""
 
 IN_FLIGHT = 64
 """Chunks handed to the executor at a time, so that a large request does not fill its queue."""
@@ -97,20 +98,25 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
             progress(len(requests), len(requests))
         return results
     source = _reference(task)
-    starts = iter(range(0, len(requests), CHUNK))
+    chunk = max(1, min(CHUNK, len(requests) // CALLS))
+    starts = iter(range(0, len(requests), chunk))
     running: dict[Future[Rollouts], int] = {}
     done: dict[int, Rollouts] = {}
     try:
-        while len(done) * CHUNK < len(requests):
+        while len(done) * chunk < len(requests):
             for start in itertools.islice(starts, IN_FLIGHT - len(running)):
-                running[_submit(executor, source, requests, start)] = start
+                try:
+                    running[executor.submit(_run_chunk, source, requests[start : start + chunk])] = start
+                except BrokenExecutor as error:
+                    raise _failure(requests, [start], chunk, error) from error
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in sorted(ready, key=lambda f: running[f]):
                 if future.cancelled():
                     raise ClusterUnavailable("the Dask scheduler was lost: start it again, then the same command")
                 error = future.exception()
                 if error is not None:
-                    raise _failure(requests, sorted(running.values()), running[future], error) from error
+                    lost = sorted(running.values()) if isinstance(error, BrokenExecutor) else [running[future]]
+                    raise _failure(requests, lost, chunk, error) from error
                 done[running.pop(future)] = future.result()
             if progress is not None:
                 progress(sum(map(len, done.values())), len(requests))
@@ -118,13 +124,6 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
         for future in running:
             future.cancel()
     return concatenate(done[start] for start in sorted(done))
-
-
-def _submit(executor: Executor, source: str | Task, requests: Requests, start: int) -> Future[Rollouts]:
-    try:
-        return executor.submit(_run_chunk, source, requests[start : start + CHUNK])
-    except BrokenExecutor as error:
-        raise _failure(requests, [start], start, error) from error
 
 
 def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
@@ -162,15 +161,14 @@ def _resolve(source: str | Task) -> Task:
     return get_task(source)
 
 
-def _failure(requests: Requests, running: list[int], failed: int, error: BaseException) -> RolloutError:
-    """Name the chunk that raised; when a process died, all that were running, since any of them may be to blame."""
-    lost = running if isinstance(error, BrokenExecutor) else [failed]
-    spans = ", ".join(f"{s}-{min(s + CHUNK, len(requests)) - 1}" for s in lost[:4]) + (" ..." if len(lost) > 4 else "")
+def _failure(requests: Requests, lost: list[int], chunk: int, error: BaseException) -> RolloutError:
+    """Name the calls that are `lost`: the one that raised, or all where any of them may have killed its process."""
+    ends = [min(start + chunk, len(requests)) - 1 for start in lost]
+    spans = [f"{start}-{end}" if end > start else str(start) for start, end in zip(lost, ends, strict=True)]
+    which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")
     first = requests[lost[0] : lost[0] + 1]
     what = "a worker died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
-    message = (
-        f"rollouts {spans} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
-        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. "
-        "Run it alone to see why."
+    return RolloutError(
+        f"rollouts {which} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
+        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. Run it alone to see why."
     )
-    return RolloutError(message)

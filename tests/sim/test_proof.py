@@ -66,14 +66,14 @@ def proved():
 
 def test_a_finished_pretraining_is_proved_and_a_second_time_costs_no_rollout():
     proof, seen, simulated = proved()
-    assert simulated == proof.rollouts
+    assert simulated == proof.rollouts + len(PARTS)  # each looks whether the scene is that of its kept rollouts
     for part in PARTS:
         last = [call for call in seen if call[0] == part][-1]
         assert last[1] == last[2]
     calls.clear()
     with serial_executor() as executor:
         again = prove(proof.pretrained, FEW, executor, lambda stage, done, total: None)
-    assert calls == []
+    assert len(calls) == len(PARTS)
     assert np.array_equal(again.pairs.emulated, proof.pairs.emulated)
     assert again.pairs.regret == proof.pairs.regret
     assert again.replays == proof.replays

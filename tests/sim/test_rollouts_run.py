@@ -58,20 +58,35 @@ def test_progress_counts_up_to_all():
     assert seen == sorted(seen)
 
 
+class Counting(ThreadPoolExecutor):
+    calls = 0
+
+    def submit(self, *args, **kwargs):
+        self.calls += 1
+        return super().submit(*args, **kwargs)
+
+
+@pytest.mark.parametrize(("rollouts", "calls"), [(2, 2), (40, 20), (128, 16), (400, 50)])
+def test_few_rollouts_keep_several_workers_busy_and_many_go_in_chunks(rollouts, calls):
+    with Counting(2) as executor:
+        run_many(TOY, dataset_requests(TOY, 0, rollouts), executor)
+    assert executor.calls == calls
+
+
 def test_a_raising_rollout_is_named():
     task = dataclasses.replace(TOY, simulate=raising)
     requests = dataset_requests(TOY, 0, 64)
     with serial_executor() as executor, pytest.raises(RolloutError, match="scene fell apart") as caught:
         run_many(task, requests, executor)
     first_bad = int(np.flatnonzero(requests.parameters[:, 0] > 0.44)[0])
-    start = first_bad // 8 * 8
-    assert f"rollouts {start}-{start + 7} of 64" in str(caught.value)
+    start = first_bad // 4 * 4
+    assert f"rollouts {start}-{start + 3} of 64" in str(caught.value)
 
 
 def test_a_dead_worker_is_an_error_that_names_the_requests():
     task = dataclasses.replace(TOY, simulate=dying)
     with process_pool(1) as executor, pytest.raises(RolloutError, match=r"rollouts 0-7.*a worker died"):
-        run_many(task, dataset_requests(TOY, 0, 16), executor)
+        run_many(task, dataset_requests(TOY, 0, 128), executor)
 
 
 def test_a_broken_pool_refuses_with_the_same_error():

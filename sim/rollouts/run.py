@@ -107,8 +107,8 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
             for start in itertools.islice(starts, IN_FLIGHT - len(running)):
                 try:
                     running[executor.submit(_run_chunk, source, requests[start : start + chunk])] = start
-                except BrokenExecutor as error:
-                    raise _failure(requests, [start], chunk, error) from error
+                except BrokenExecutor as broken:
+                    raise _failure(requests, [start], chunk, broken) from broken
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in sorted(ready, key=lambda f: running[f]):
                 if future.cancelled():

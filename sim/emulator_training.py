@@ -19,7 +19,7 @@ from sim.emulator import Emulator, encode, forward, one_thread
 from sim.errors import DatasetError
 from sim.misfit import misfit
 from sim.rollouts.dataset import Dataset
-from sim.rollouts.run import OUTCOMES, Requests
+from sim.rollouts.run import OUTCOMES, Requests, Rollouts
 from sim.task_policy import EmulatorSolver
 from sim.tasks.task import Task
 
@@ -234,23 +234,47 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     return float(np.quantile(values, 0.95))
 
 
+def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
+    """What the emulator has wrong of each rollout, by the name of the figure of `EmulatorReport` that sums it up.
+
+    Positions only where the simulator found a solution, end states only of successes.
+    """
+    seen = emulator.task.observation
+    said = emulator.predict(requests.parameters, requests.action, requests.nuisance)
+    solved = true.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
+    apart = seen.denormalise(said.observation)[:, -1] - seen.denormalise(true.observation)[:, -1]
+    return {
+        "accuracy": ((said.success > 0.5) == true.succeeded).astype(np.float64),
+        "brier": (said.success - true.succeeded) ** 2,
+        "position_error_median": np.linalg.norm(apart, axis=-1)[solved],
+        "end_state_error_median": np.linalg.norm((said.end_state - true.end_state)[true.succeeded], axis=-1),
+    }
+
+
+def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
+    """Some rollouts of a dataset: what was asked, and what came of it."""
+    context = np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(rows), 1))
+    return (
+        Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),
+        Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows]),
+    )
+
+
 def _judge(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
-    predicted = emulator.predict(*_inputs(dataset, rows))
-    success = dataset.succeeded[rows]
-    solved = dataset.outcome[rows] != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    last = task.observation.denormalise(predicted.observation)[:, -1]
-    error = np.linalg.norm(last - task.observation.denormalise(dataset.observation[rows])[:, -1], axis=-1)[solved]
-    end_error = np.linalg.norm((predicted.end_state - dataset.end_state[rows])[success], axis=-1)
+    requests, true = rows_of(task, dataset, rows)
+    errors = held_out_errors(emulator, requests, true)
+    position, end = errors["position_error_median"], errors["end_state_error_median"]
+    said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
     return EmulatorReport(
         rollouts=trained,
         held_out=len(rows),
-        base_rate=float(success.mean()),
-        accuracy=float(((predicted.success > 0.5) == success).mean()),
-        brier=float(((predicted.success - success) ** 2).mean()),
-        calibration_error=_calibration_error(predicted.success, success),
-        position_error_median=float(np.median(error)) if len(error) else math.nan,
-        position_error_p90=float(np.quantile(error, 0.9)) if len(error) else math.nan,
-        end_state_error_median=float(np.median(end_error)) if len(end_error) else math.nan,
+        base_rate=float(true.succeeded.mean()),
+        accuracy=float(errors["accuracy"].mean()),
+        brier=float(errors["brier"].mean()),
+        calibration_error=_calibration_error(said, true.succeeded),
+        position_error_median=float(np.median(position)) if len(position) else math.nan,
+        position_error_p90=float(np.quantile(position, 0.9)) if len(position) else math.nan,
+        end_state_error_median=float(np.median(end)) if len(end) else math.nan,
         temperature=float(emulator.tensors["temperature"]),
         misfit_limit=emulator.misfit_limit,
     )

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.proof_statistics import wilson
-from sim.adaptation.reevaluation import held_out_errors
 from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings, split
+from sim.emulator_training import EmulatorSettings, held_out_errors, rows_of, split
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
-from sim.rollouts.run import Requests, Rollouts
-from sim.tasks.task import Task
+from sim.rollouts.run import Rollouts
 
 BINS = 10
 
@@ -66,7 +64,7 @@ def held_out(
     together.
     """
     task, (_, rows, _) = emulator.task, split(dataset, np.random.default_rng(seed), settings)
-    requests, true = _requests(task, dataset, rows), _rollouts(dataset, rows)
+    requests, true = rows_of(task, dataset, rows)
     errors = held_out_errors(emulator, requests, true)
     everywhere = _errors(errors, true)
     if abs(everywhere.brier - float(stored["brier"])) > 1e-3:
@@ -75,11 +73,11 @@ def held_out(
             f"{float(stored['brier']):.4f}: dataset, emulator and report are not of one pretraining. Remove "
             "emulator.safetensors and what follows, and run the same `adaptsim pretrain` again"
         )
-    within = [i for i, row in enumerate(rows) if task.parameters.contains(dataset.parameters[row])]
+    within = rows[[task.parameters.contains(parameters) for parameters in requests.parameters]]
     inside = None
-    if within:
-        some = _rollouts(dataset, rows[within])
-        inside = _errors(held_out_errors(emulator, requests[np.array(within, dtype=np.int64)], some), some)
+    if len(within):
+        asked, some = rows_of(task, dataset, within)
+        inside = _errors(held_out_errors(emulator, asked, some), some)
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
     return HeldOut(
         trained_on=int(stored["rollouts"]),
@@ -112,12 +110,3 @@ def _errors(errors: Mapping[str, Array], true: Rollouts) -> Errors:
         position_median=float(quantiles[0]),
         position_p90=float(quantiles[1]),
     )
-
-
-def _requests(task: Task, dataset: Dataset, rows: NDArray[np.intp]) -> Requests:
-    context = np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(rows), 1))
-    return Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows])
-
-
-def _rollouts(dataset: Dataset, rows: NDArray[np.intp]) -> Rollouts:
-    return Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows])

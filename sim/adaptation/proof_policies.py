@@ -7,6 +7,7 @@ errors and nuisance. The same rewards tell how well the emulator orders the poli
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -66,7 +67,7 @@ def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np
         contexts, seed = task.context.sample(rng, settings.rollouts), int(rng.integers(2**31))
         actions = [policy.actions(contexts) for policy in learnt] + [policy.actions(contexts) for policy in searched]
         requests = [_at(task, target, contexts, a, np.random.default_rng(seed)) for a in actions]
-        rewards = roll(_joined(requests)).rewards(task, np.tile(contexts, (len(actions), 1)))
+        rewards = roll(reduce(Requests.followed_by, requests)).rewards(task, np.tile(contexts, (len(actions), 1)))
         earned.append(rewards.reshape(2, n, -1))
         expected.append(solver.expected_rewards(np.tile(target, (n, 1)), shared, planned, rng))
     emulated, drake = np.stack(earned, axis=2)  # (2, n, t, r)
@@ -111,7 +112,7 @@ def search_policies(
     seed, reference = int(rng.integers(2**31)), np.asarray(task.reference_context, dtype=np.float64)
     contexts = np.tile(reference, (actions, 1))
     requests = [_at(task, e, contexts, tried, np.random.default_rng(seed)) for e in environments]
-    results = roll(_joined(requests))
+    results = roll(reduce(Requests.followed_by, requests))
     squared = ((unit[:, None] - unit) ** 2).sum(axis=-1)
     weights = np.exp(-squared / (2.0 * (0.5 * actions ** (-1.0 / a)) ** 2))
     weights /= weights.sum(axis=1, keepdims=True)
@@ -123,13 +124,6 @@ def search_policies(
 
 def _at(task: Task, target: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
     return trial_requests(task, np.tile(target, (len(actions), 1)), contexts, actions, rng)
-
-
-def _joined(requests: list[Requests]) -> Requests:
-    first, *others = requests
-    for other in others:
-        first = first.followed_by(other)
-    return first
 
 
 def _part(results: Rollouts, rows: slice) -> Rollouts:

@@ -15,7 +15,6 @@ from typing import Any, Literal
 import numpy as np
 
 from hw.types import Array
-from perception.types import Outcome
 from sim.adaptation import make_method
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.evaluation import EvaluationSettings, run_session
@@ -23,8 +22,9 @@ from sim.adaptation.meta_training import sample_targets
 from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint
 from sim.emulator import Emulator
+from sim.emulator_training import held_out_errors
 from sim.rollouts.dataset import draw_requests
-from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
+from sim.rollouts.run import Requests, Rollouts, concatenate
 from sim.solver import SolvedPolicy
 from sim.task_policy import EmulatorSolver
 from sim.tasks.task import Task
@@ -124,23 +124,6 @@ def _emulator(
         for name, (better, statistic) in figures.items()
         if math.isfinite(card.get(name, math.nan)) and held_out and len(errors[name]) > 1
     ]
-
-
-def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
-    """What the emulator has wrong of each rollout, by the name of the figure of `EmulatorReport` that sums it up.
-
-    Positions only where the simulator found a solution, end states only of successes.
-    """
-    seen = emulator.task.observation
-    said = emulator.predict(requests.parameters, requests.action, requests.nuisance)
-    solved = true.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    apart = seen.denormalise(said.observation)[:, -1] - seen.denormalise(true.observation)[:, -1]
-    return {
-        "accuracy": ((said.success > 0.5) == true.succeeded).astype(np.float64),
-        "brier": (said.success - true.succeeded) ** 2,
-        "position_error_median": np.linalg.norm(apart, axis=-1)[solved],
-        "end_state_error_median": np.linalg.norm((said.end_state - true.end_state)[true.succeeded], axis=-1),
-    }
 
 
 def _policies(

@@ -41,7 +41,7 @@ class CameraError(HardwareError):
 
 
 class BalanceError(HardwareError):
-    """The balance answered, but not with a stable mass."""
+    """The balance gave no stable mass: it answered otherwise, or was unplugged."""
 
 
 class DeviceUnavailable(HardwareError):

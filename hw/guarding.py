@@ -12,7 +12,7 @@ from hw.braking import check_braking
 from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool, point_heights, table_clearance
 from hw.errors import MotionRefused
 from hw.kinematics import forward, link_poses
-from hw.limits import COLLISION_SHARE, CONTACT_FORCE_N, LimitReport, Worst, check_path, refuse_beyond
+from hw.limits import CONTACT_FORCE_N, LimitReport, Worst, check_path, contact_limit_N, refuse_beyond
 from hw.types import PATH_RATE_HZ, Array, Guard, JointPath
 
 SPEED_M_S = 0.020
@@ -37,13 +37,13 @@ def check_guarded(
     """`hw.limits.check_path` with the table's part replaced: speed, depth of the search, tool first, forces."""
     plain = check_path(JointPath(path.t_s, path.q_rad), model, q_now_rad, keep_out, tool, table)
     checks = [check for check in plain.checks if check.quantity not in ("table", "depth in the table")]
-    most_N = CONTACT_FORCE_N if collision_N is None else collision_N
+    stops_N = CONTACT_FORCE_N if collision_N is None else collision_N
     force_N = guard.force_N if path.contact is None else max(path.contact.force_N, guard.force_N)
     checks += [
         _speed(path, guard),
         *_search(path, tool, table),
-        _plain("guard's force", tool, guard.force_N, GUARD_SHARE * most_N),
-        _plain("predicted contact force", tool, force_N, COLLISION_SHARE * most_N),
+        _plain("guard's force", tool, guard.force_N, GUARD_SHARE * stops_N),
+        _plain("predicted contact force", tool, force_N, contact_limit_N(collision_N)),
     ]
     return LimitReport(model, tuple(checks))
 

@@ -38,6 +38,7 @@ __all__ = [
     "brake",
     "check_braking",
     "check_path",
+    "contact_limit_N",
     "refuse_beyond",
     "require",
 ]
@@ -113,7 +114,7 @@ def check_path(
 
     Derivatives are differences of the 1 kHz samples, with rest before and after the path, as the arm sees it.
     `q_now_rad` (7,) is where the arm is now; without it the start is not checked. `table` is where the table top
-    is, `collision_N` the force along the vertical at which this arm stops by itself, where it is known: a planned
+    is, `collision_N` the force along any axis at which this arm stops by itself, where it is known: a planned
     contact keeps to `COLLISION_SHARE` of it.
     """
     limits = LIMITS[model]
@@ -189,12 +190,17 @@ def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool,
     return checks
 
 
+def contact_limit_N(collision_N: float | None) -> float:
+    """The largest force that a contact may be predicted with, on an arm that stops by itself at `collision_N`."""
+    return CONTACT_FORCE_N if collision_N is None else min(CONTACT_FORCE_N, COLLISION_SHARE * collision_N)
+
+
 def _contact_checks(path: JointPath, tool: Tool, collision_N: float | None) -> list[Worst]:
     """What the path declares of its contact, against what any arm, and this one, takes."""
     if path.contact is None:
         return []
     window = path.contact
-    most_N = CONTACT_FORCE_N if collision_N is None else min(CONTACT_FORCE_N, COLLISION_SHARE * collision_N)
+    most_N = contact_limit_N(collision_N)
     return [
         Worst(what, value / limit, tool.name, window.start_s, value, limit, unit)
         for what, value, limit, unit in (

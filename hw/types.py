@@ -110,6 +110,7 @@ class ArmState:
     q_rad: Array  # (7,)
     dq_rad_s: Array  # (7,)
     fault: str | None = None
+    by_hand: bool = False  # the fault is what a person does at this moment, and ends with it: nothing to recover from
 
 
 @dataclass(frozen=True, eq=False)

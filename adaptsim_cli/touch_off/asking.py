@@ -17,7 +17,7 @@ class Operator(Protocol):
     """Each may raise StoppedByOperator or UsageError."""
 
     def begin(self, rig: TouchRig) -> None:
-        """Returns when the workspace is clear and the arm may move."""
+        """Returns when this arm may be moved at all."""
         ...
 
     def empty_hand(self, rig: TouchRig) -> None:
@@ -26,6 +26,13 @@ class Operator(Protocol):
 
     def hand_over(self, rig: TouchRig) -> None:
         """Returns when the tool is held between the open fingers."""
+        ...
+
+    def clear(self, rig: TouchRig, what: str) -> None:
+        """Returns when nobody is within reach any more, after somebody had their hands at the gripper.
+
+        `what` the arm does next.
+        """
         ...
 
 
@@ -38,17 +45,21 @@ class Attended:
     def begin(self, rig: TouchRig) -> None:
         if rig.is_real:
             rig.confirm()
-        else:
-            self._go_on(clear_to_move(False, "touches the table, slowly") + ". Enter to start, q to stop:")
 
     def empty_hand(self, rig: TouchRig) -> None:
-        self._go_on(f"Take the {rig.tool_name} out of the hand; the fingers will open and close. Enter when empty:")
+        self._go_on(
+            f"Take the {rig.tool_name} out of the hand and keep your own fingers away: its fingers will open and "
+            "close. Enter when empty, q to stop:"
+        )
 
     def hand_over(self, rig: TouchRig) -> None:
         self._go_on(
             f"Hold the {rig.tool_name} between the fingers, as its drawing shows, your own fingers away from theirs: "
             f"they close with {rig.grasp.force_N:g} N. Enter to close, q to stop:"
         )
+
+    def clear(self, rig: TouchRig, what: str) -> None:
+        self._go_on(f"{clear_to_move(rig.is_real, what)}. Enter to start, q to stop:")
 
     def _go_on(self, question: str) -> None:
         while (answer := self.screen.ask(question)) != "":
@@ -68,4 +79,7 @@ class Unattended:
         return
 
     def hand_over(self, rig: TouchRig) -> None:
+        return
+
+    def clear(self, rig: TouchRig, what: str) -> None:
         return

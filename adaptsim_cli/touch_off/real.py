@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from adaptsim_cli import console
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.console import Screen
-from adaptsim_cli.rigs.attended import offer_recovery
 from adaptsim_cli.rigs.description import TablePart
-from adaptsim_cli.rigs.opening import open_arm
+from adaptsim_cli.rigs.opening import enter_arm, open_arm
 from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
 from adaptsim_cli.touch_off.joining import plan_of, touch_rig
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
@@ -70,8 +69,7 @@ def open_real_touch_rig(
             table=table,
             confirm=arm.confirm,
         )
-        stack.enter_context(arm)
-        offer_recovery(arm, screen)
+        enter_arm(arm, screen, stack)
         yield opened
 
 

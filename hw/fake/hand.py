@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Self
 
 from hw.errors import DeviceUnavailable, HandError
+from hw.grasping import fits
 from hw.types import HandState
 
-WIDEST_M, STRONGEST_N, TOLERANCE_M = 0.08, 70.0, 0.005
+WIDEST_M, STRONGEST_N = 0.08, 70.0
 
 
 class FakeHand:
@@ -50,7 +51,7 @@ class FakeHand:
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
         found_m = self.between_m or 0.0
-        if abs(found_m - width_m) > TOLERANCE_M:
+        if not fits(found_m, width_m):
             raise HandError(f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected")
         self.commands.append("grasp")
         self._width_m, self._holds = found_m, True

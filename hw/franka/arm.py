@@ -87,6 +87,7 @@ class FrankaArm:
             frozen_array(reading.q_rad, (7,), "q_rad"),
             frozen_array(reading.dq_rad_s, (7,), "dq_rad_s"),
             self._fault or reading.unwilling,
+            self._fault is None and reading.by_hand,
         )
 
     def execute(self, path: JointPath) -> Execution:

@@ -27,6 +27,11 @@ class Reading:
         words = reflexes.of_mode(self.mode)
         return "; ".join(filter(None, (words, reflexes.in_words(self.reasons)))) or None
 
+    @property
+    def by_hand(self) -> bool:
+        """Whether it is unwilling only as long as a person guides it, or holds it stopped."""
+        return self.mode in reflexes.BY_HAND and not self.reasons
+
 
 class SdkState(Protocol):
     """What a cycle reads of either SDK's RobotState."""

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from typing import Any, Self
 
 from hw.errors import DeviceUnavailable, HandError
+from hw.grasping import TOLERANCE_M, narrower_m
 from hw.types import HandState
 
 SPEED_M_S = 0.03
 """Of the fingers: slow enough to take a hand away."""
 STRONGEST_N = 70.0
 """What the hand holds with continuously (the maker's data sheet)."""
-WIDTH_TOLERANCE_M = 0.005
 STEPS_OF_WIDTH_M = 0.002
 """A width this far from what was asked is another one."""
 
@@ -97,7 +97,8 @@ class FrankaHand:
             f"did not find anything {1e3 * width_m:.1f} mm wide (it closed to {{width}} mm): hold the tool's handle "
             "between the fingers, or correct the width"
         )
-        self._did(lambda: gripper.grasp(width_m, SPEED_M_S, force_N, WIDTH_TOLERANCE_M, WIDTH_TOLERANCE_M), why)
+        inner_m = narrower_m(width_m)
+        self._did(lambda: gripper.grasp(width_m, SPEED_M_S, force_N, inner_m, TOLERANCE_M), why)
         if not self._read().is_grasped:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
 

@@ -50,6 +50,10 @@ def in_words(names: Iterable[str]) -> str:
     return "; ".join((", and ".join(happened), *remedies)) if names else ""
 
 
+BY_HAND = ("UserStopped", "Guiding")
+"""The modes that a person brings about, and ends by letting go."""
+
+
 def of_mode(mode: str) -> str | None:
     """The arm's mode (libfranka's `RobotMode` without k) -> why it will not move; None where it will."""
     return {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import termios
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
@@ -12,6 +14,10 @@ from hw.errors import BalanceError, DeviceUnavailable
 
 ANSWER_S = 3.0
 """How long a balance may take to come to rest."""
+ASK_S = 1.0
+"""How long the question may take to leave the port."""
+_LOST = (OSError, serial.SerialException, termios.error)
+"""What pyserial lets through of a port that is gone."""
 
 _KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
 
@@ -91,8 +97,8 @@ class Balance:
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable."""
         try:
-            self._line = serial.Serial(self._port, self._protocol.baud, timeout=ANSWER_S, exclusive=True)
-        except (OSError, serial.SerialException) as error:
+            self._line = self._opened()
+        except _LOST as error:
             raise DeviceUnavailable(
                 f"balance: {self._port} cannot be opened ({error}); check cable, name and permission "
                 "(on Debian: the group dialout)"
@@ -104,15 +110,33 @@ class Balance:
             self._line.close()
 
     def mass_kg(self) -> float:
-        """The stable mass on the pan. Raises BalanceError (no number to be had), DeviceUnavailable (no answer)."""
+        """The stable mass on the pan. A balance that was unplugged is looked for again at the next call.
+
+        Raises BalanceError (no number to be had, or unplugged), DeviceUnavailable (no answer).
+        """
         if self._line is None:
             raise DeviceUnavailable("the balance is not connected")
-        self._line.reset_input_buffer()
-        self._line.write(self._protocol.question)
-        answer = self._line.read_until(b"\n")
+        try:
+            if not self._line.is_open:
+                self._line = self._opened()
+            answer = self._asked(self._line)
+        except _LOST as error:
+            with suppress(*_LOST):
+                self._line.close()
+            raise BalanceError(
+                f"the balance at {self._port} cannot be asked ({error}): plug it in again, switch it on, weigh again"
+            ) from error
         if not answer.endswith(b"\n"):
             raise DeviceUnavailable(
                 f"the balance at {self._port} did not answer within {ANSWER_S:g} s: check its cable, baud rate "
                 f"({self._protocol.baud}) and protocol ({self._protocol.name})"
             )
         return self._protocol.mass_kg(answer)
+
+    def _opened(self) -> serial.Serial:
+        return serial.Serial(self._port, self._protocol.baud, timeout=ANSWER_S, write_timeout=ASK_S, exclusive=True)
+
+    def _asked(self, line: serial.Serial) -> bytes:
+        line.reset_input_buffer()
+        line.write(self._protocol.question)
+        return bytes(line.read_until(b"\n"))

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Self
 
 from hw.errors import DeviceUnavailable, HandError
+from hw.grasping import fits
 from hw.types import HandState
 
 WIDEST_M = 0.08
 STRONGEST_N = 70.0
 """Of the Franka Hand, continuous (the maker's data sheet)."""
-WIDTH_TOLERANCE_M = 0.005
 
 
 @dataclass(eq=False)
@@ -61,7 +61,7 @@ class LabHand:
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
         found_m = self._grip.handle_m if self._grip.offered else 0.0
-        if abs(found_m - width_m) > WIDTH_TOLERANCE_M:
+        if not fits(found_m, width_m):
             self._width_m = found_m
             raise HandError(
                 f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected: hold the tool's "

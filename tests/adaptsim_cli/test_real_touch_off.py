@@ -81,7 +81,7 @@ class HandingOver(Attended):
 
 def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices(plane=TRUE)
-    typing(monkeypatch, "panda", "", "")
+    typing(monkeypatch, "panda", *[""] * 4)
     with opened(there, devices) as rig:
         assert list(devices.opened) == ["pedal", "arm", "hand"]
         assert devices.opened["hand"] == {"model": "panda", "address": "172.16.0.2"}
@@ -122,6 +122,28 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
     assert [payload.mass_kg for payload in feeling.carried] == [0.3]
 
 
+def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices, screen = resolved(place), ToyDevices(plane=TRUE), quiet()
+    typing(monkeypatch, "panda", "", "no", "q")
+    with opened(there, devices) as rig, pytest.raises(StoppedByOperator):
+        touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
+    assert devices.arm is not None
+    assert devices.hand.commands == ["home", "move"]
+    assert devices.arm.executed == []
+    assert "Enter when empty, q to stop" in said(screen)
+    asked = "nobody within reach? THE REAL ROBOT then touches the table with"
+    assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop:") == 2
+
+    devices, screen = ToyDevices(plane=TRUE), quiet()
+    typing(monkeypatch, "panda", "", "", "", "q")
+    with opened(there, devices) as rig:
+        with pytest.raises(StoppedByOperator):
+            touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
+        assert devices.hand.commands[-1] == "grasp"
+        assert rig.arm.state().q_rad == pytest.approx(rig.home_rad), "where the tool was handed over"
+    assert f"{asked} the tool of scooping, slowly" in said(screen)
+
+
 def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
     there, devices = resolved(place), ToyDevices()
     zeros_rad = (0.0, 1e-3, 0.0, -2e-3, 0.0, 0.0, 0.0)
@@ -156,7 +178,7 @@ def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.
 
     calibrated(there)
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
-        typing(monkeypatch, answer, "panda", "")
+        typing(monkeypatch, answer, "panda", "", "")
         with open_real_touch_rig(there.config, there.places, Grasp(), replace(openers, arm=stopped)) as rig:
             assert rig.arm.state().fault == fault
             if fault:

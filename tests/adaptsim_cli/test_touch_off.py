@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from adaptsim_cli import config
 from adaptsim_cli.app import app
 from adaptsim_cli.console import Screen
-from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.errors import SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.touch_off.asking import Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
@@ -178,6 +178,19 @@ def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_ar
         assert asked == []
         Attended(screen()).begin(real)
     assert asked == ["typed"]
+
+
+def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = screen()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nq\n"))
+    with on_lab(world()) as (rig, lab):
+        before = lab.arm.state().q_rad
+        with pytest.raises(StoppedByOperator, match="nothing was stored"):
+            touch_off(rig, Attended(out), out)
+        assert rig.hand.state().homed
+        assert np.array_equal(lab.arm.state().q_rad, before)
+    assert isinstance(out._console.file, io.StringIO)
+    assert "The simulated robot then touches the table" in " ".join(out._console.file.getvalue().split())
 
 
 def test_what_the_command_refuses_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

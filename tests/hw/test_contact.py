@@ -128,6 +128,15 @@ def test_forces_stay_below_the_arms_own_threshold() -> None:
         require_guarded(path, replace(GUARD, force_N=6.0), MODEL, tool=TOOL, collision_N=11.0)
 
 
+def test_no_threshold_lets_a_guarded_motion_press_harder_than_any_other() -> None:
+    path = down()
+    assert path.contact is not None
+    for force_N, allowed in ((59.0, True), (61.0, False)):
+        hard = replace(path, contact=replace(path.contact, force_N=force_N))
+        report = check_guarded(hard, GUARD, MODEL, tool=TOOL, collision_N=100.0)
+        assert report.ok == allowed, str(report.worst)
+
+
 def test_a_planned_contact_is_held_against_the_arms_own_threshold() -> None:
     q = np.stack([Q_TOP_RAD, Q_TOP_RAD])
     path = JointPath(np.array([0.0, 1e-3]), q, ContactWindow(0.0, 1e-3, 0.003, 30.0))

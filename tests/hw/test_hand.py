@@ -127,6 +127,15 @@ def test_what_it_refuses(make: Callable[[float | None], Hand]) -> None:
             hand.move(0.005)
 
 
+@pytest.mark.parametrize("width_m", [0.002, 0.005])
+def test_a_thin_handle_that_is_not_there_is_not_held(make: Callable[[float | None], Hand], width_m: float) -> None:
+    with make(None) as hand:
+        hand.home()
+        with pytest.raises(HandError):
+            hand.grasp(width_m, 40.0)
+        assert not hand.state().holds
+
+
 def test_a_gripper_that_stops_or_falls_silent_is_said() -> None:
     with franka(None) as hand:
         hand.home()

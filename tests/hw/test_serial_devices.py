@@ -8,10 +8,12 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import pytest
 
 from hw.errors import BalanceError, DeviceUnavailable
+from hw.serial import balance as balances
 from hw.serial.balance import Balance, sbi_mass_kg, sics_mass_kg
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S, crc8, line_for
@@ -200,3 +202,35 @@ def test_a_balance_that_does_not_answer(line: Line, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("hw.serial.balance.ANSWER_S", 0.05)
     with Balance(line.port, "sbi") as balance, pytest.raises(DeviceUnavailable, match="did not answer"):
         balance.mass_kg()
+
+
+def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Balance(line.port, "mt-sics") as balance:
+        line.unplug()
+        for _ in range(2):
+            with pytest.raises(BalanceError, match=r"cannot be asked .*plug it in again.*weigh again"):
+                balance.mass_kg()
+        again = Line()
+        monkeypatch.setattr(balance, "_port", again.port)  # a pseudo-terminal does not come back under its name
+        os.write(again.device, b"S S     999.00 g\r\n")  # of before the question, and not its answer
+
+        def answer() -> None:
+            os.read(again.device, 16)
+            os.write(again.device, b"S S     300.12 g\r\n")
+
+        device = threading.Thread(target=answer)
+        device.start()
+        assert balance.mass_kg() == pytest.approx(0.30012)
+        device.join()
+        again.unplug()
+
+
+def test_a_balance_that_takes_no_question_is_said(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(balances, "ASK_S", 0.05)
+    with Balance(line.port, "mt-sics") as balance:
+        os.set_blocking(line._program, False)
+        with suppress(BlockingIOError):
+            while True:  # until the line is full, as of a balance that holds its handshake
+                os.write(line._program, b"S\r\n")
+        with pytest.raises(BalanceError, match="cannot be asked"):
+            balance.mass_kg()

@@ -81,10 +81,12 @@ def test_an_arm_that_would_not_move_says_why(mode: str, words: str) -> None:
     sink = Sink(mode=mode)
     with arm(sink) as one:
         assert words in (one.state().fault or "")
+        assert one.state().by_hand == (mode in ("UserStopped", "Guiding"))
         with pytest.raises(ArmFault, match=words):
             one.execute(path())
         with pytest.raises(ArmFault, match="does not recover"):
             one.recover()
+        assert not one.state().by_hand, "it is remembered now, until it is recovered from"
     assert sink.given == []
 
 

@@ -33,7 +33,7 @@ class MountedTask:
     correction: ToolCorrection = field(default_factory=ToolCorrection)
     """What a touch-off found. Tasks plan and cameras see over the table (frame W), the arm moves in its base B."""
     area: TablePart | None = None  # what the tool may work over; None: wherever the arm reaches
-    collision_N: float | None = None  # the vertical force at which this arm stops by itself
+    collision_N: float | None = None  # the force along any axis at which this arm stops by itself
     _planned: dict[bytes, Paths] = field(default_factory=dict)
 
     def paths(self, motion: ToolMotion) -> Paths:
@@ -114,7 +114,7 @@ def mounted(
     home_rad = home(there.X_FT, model, tool)
     if rig is None:
         return MountedTask(there, model, tool, home_rad, keep_out, found)
-    boxes, force_N = (*keep_out, *rig.boxes()), rig.arm.collision.force_collision_N[2]
+    boxes, force_N = (*keep_out, *rig.boxes()), rig.arm.settings().collision.contact_force_limit_N
     return MountedTask(there, model, tool, home_rad, boxes, found, rig.table, force_N)
 
 

@@ -20,8 +20,8 @@ from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw import collision
-from hw.collision import KeepOut, Tool
-from hw.types import Array
+from hw.collision import LEVEL, KeepOut, Table, Tool
+from hw.types import Array, JointPath
 from perception.board_types import Board
 
 if TYPE_CHECKING:
@@ -121,17 +121,18 @@ def _real(
     """Without an earlier calibration nothing is planned: the arm is guided by hand."""
     from adaptsim_cli.console import Screen, require_terminal
     from adaptsim_cli.rigs.openers import real_devices
-    from adaptsim_cli.rigs.opening import open_arm
+    from adaptsim_cli.rigs.opening import enter_arm, open_arm
     from hw.kinematics import forward
 
     rig, held, devices = rig_of(config), _held(board), openers or real_devices()
     require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     rough_X_BC = None if rough is None else np.array(rough.X_AC)
     boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
+    table, screen = rig.table.plane(), Screen(as_json=True)  # questions never mix with data
     with ExitStack() as stack:
-        arm = open_arm(rig, BOARD, held.tool(), boxes, rig.table.plane(), devices, Screen(as_json=True), stack)
+        arm = open_arm(rig, BOARD, held.tool(), boxes, table, devices, screen, stack)
         camera = stack.enter_context(devices.camera(rig.camera, infrared=True))
-        stack.enter_context(arm)
+        enter_arm(arm, screen, stack)
         yield CalibrationRig(
             name=config.hw,
             title=f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}",
@@ -141,7 +142,7 @@ def _real(
             board=board,
             X_FM=held.X_FM,
             rough_X_BC=rough_X_BC,
-            ways=ways(held.tool(), arm.model, np.array(BOARD_HOME_RAD), boxes),
+            ways=ways(held.tool(), arm.model, np.array(BOARD_HOME_RAD), boxes, table),
             flange=forward,
             pause=time.sleep,
         )
@@ -155,14 +156,28 @@ def _held(board: Board) -> HeldBoard:
     return HeldBoard(draw(board, square_px=112), board.size_m)
 
 
-def ways(tool: Tool, model: str, home_rad: Array, keep_out: tuple[KeepOut, ...]) -> Ways:
+def ways(tool: Tool, model: str, home_rad: Array, keep_out: tuple[KeepOut, ...], table: Table = LEVEL) -> Ways:
+    """What keeps clear of the level table at z = 0 and of `table`, where the arm takes the table top to be."""
+    from hw.kinematics import link_poses
+    from hw.limits import check_path
+    from sim.errors import NotExecutable
     from sim.panda import visits
 
-    return Ways(
-        postures=lambda X_BF: visits.postures(X_BF, model, home_rad, tool, keep_out),
-        order=visits.nearest_first,
-        way=lambda q_from, q_to: visits.way(q_from, q_to, home_rad, model, tool, keep_out),
-    )
+    def postures(X_BF: Array) -> list[Array | None]:
+        found = visits.postures(X_BF, model, home_rad, tool, keep_out)
+        return [q if q is not None and high(q) else None for q in found]
+
+    def high(q_rad: Array) -> bool:
+        return float(collision.table_clearance(link_poses(q_rad), tool, table)[0].min()) > visits.ROOM_M
+
+    def way(q_from: Array, q_to: Array) -> JointPath:
+        path = visits.way(q_from, q_to, home_rad, model, tool, keep_out)
+        over = check_path(path, model, q_from, keep_out, tool, table)
+        if not over.ok:
+            raise NotExecutable(f"{model}: no free way there over the table of the rig file: {over.worst}")
+        return path
+
+    return Ways(postures=postures, order=visits.nearest_first, way=way)
 
 
 def camera_box(X_BC: Array) -> tuple[KeepOut, ...]:

@@ -33,10 +33,15 @@ class Look:
 
 
 def look(rig: CalibrationRig) -> Look:
-    """Wait for rest and take one picture. Raises ViewRefused where the arm does not stay at rest, and CameraError."""
+    """Wait for rest and take one picture.
+
+    Raises ViewRefused where the arm does not stay at rest or is not let go of, CameraError, ArmFault.
+    """
     before = at_rest(rig)
     frame = rig.camera.snapshot()
     after = _state(rig)
+    if after.fault is not None:
+        raise ViewRefused(f"while the picture was taken: {after.fault}")
     crept = float(np.abs(after.q_rad - before.q_rad).max())
     speed = float(np.abs(after.dq_rad_s).max())
     if crept > DRIFT_RAD or speed > REST_RAD_S:
@@ -54,14 +59,17 @@ def look(rig: CalibrationRig) -> Look:
 
 
 def at_rest(rig: CalibrationRig) -> ArmState:
-    """Two readings in a row at rest. Raises ViewRefused after `WAIT_S`."""
+    """Two readings in a row at rest, in nobody's hands. Raises ViewRefused after `WAIT_S`, ArmFault."""
     last, still = _state(rig), False
     for _ in range(round(WAIT_S / POLL_S)):
         rig.pause(POLL_S)
         now = _state(rig)
-        if still and np.abs(now.dq_rad_s).max() <= REST_RAD_S and np.abs(now.q_rad - last.q_rad).max() <= DRIFT_RAD:
+        rests = now.fault is None and bool(np.abs(now.dq_rad_s).max() <= REST_RAD_S)
+        if still and rests and np.abs(now.q_rad - last.q_rad).max() <= DRIFT_RAD:
             return now
-        still, last = bool(np.abs(now.dq_rad_s).max() <= REST_RAD_S), now
+        still, last = rests, now
+    if last.fault is not None:
+        raise ViewRefused(f"after {WAIT_S:g} s still: {last.fault}")
     raise ViewRefused(
         f"the arm does not come to rest: {1e3 * float(np.abs(last.dq_rad_s).max()):.1f} mrad/s after {WAIT_S:g} s "
         f"(limit {1e3 * REST_RAD_S:g}); hold nothing against it and try again"
@@ -69,7 +77,8 @@ def at_rest(rig: CalibrationRig) -> ArmState:
 
 
 def _state(rig: CalibrationRig) -> ArmState:
+    """A fault that a person ends by letting go is left in it. Raises ArmFault at any other."""
     state = rig.arm.state()
-    if state.fault is not None:
+    if state.fault is not None and not state.by_hand:
         raise ArmFault(f"the arm reports {state.fault}; clear the fault on the arm, then run again: it continues")
     return state

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.rigs.description import RigDescription
+from adaptsim_cli.rigs.description import PersonPart, RigDescription
 from adaptsim_cli.rigs.found import Found
+from adaptsim_cli.rigs.reached import reached
 from adaptsim_cli.rigs.reading import described
 from hw.collision import Side
 
@@ -19,7 +20,7 @@ ADDRESS = "172.16.0.2"
 
 ARMS = ("fr3", "panda", "none")
 NOTHING = "none"
-_SIDES = get_args(Side)
+_SIDES: tuple[Side, ...] = get_args(Side)
 
 
 def interview(ask: Ask, tell: Callable[[str], None], found: Found, arm: str | None) -> RigDescription | None:
@@ -49,12 +50,23 @@ def interview(ask: Ask, tell: Callable[[str], None], found: Found, arm: str | No
     if port:
         protocol = _one_of(ask, tell, "What does the balance speak?", ("mt-sics", "sbi"), "mt-sics")
         rig["balance"] = {"port": port, "protocol": protocol}
-    side = _one_of(
-        ask, tell, "On which side of the arm, seen from its base, does the operator stand?", (*_SIDES, NOTHING), "left"
-    )
-    if side != NOTHING:
+    if (side := _side(ask, tell)) != NOTHING:
         rig["person"] = {"side": side}
     return described(rig, "the answers")
+
+
+def _side(ask: Ask, tell: Callable[[str], None]) -> str:
+    """Where the operator stands: no place that a task works at."""
+    question = "On which side of the arm, seen from its base, does the operator stand?"
+    while (side := _one_of(ask, tell, question, (*_SIDES, NOTHING), "left")) != NOTHING:
+        person = next(PersonPart(known) for known in _SIDES if known == side)
+        if not (said := "; ".join(reached(person.box()))):
+            break
+        tell(
+            f"That side is kept clear from {person.from_m:g} m on, so that trials there would be refused: {said}. Name "
+            f"another side; or {NOTHING}, and write [person] with a larger from_m into the rig file"
+        )
+    return side
 
 
 def _port(

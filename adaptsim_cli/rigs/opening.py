@@ -12,7 +12,7 @@ from adaptsim_cli import console
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.console import Screen
 from adaptsim_cli.mounted import mounted
-from adaptsim_cli.rigs.attended import AttendedRig, Person, Scales
+from adaptsim_cli.rigs.attended import AttendedRig, Person, Scales, offer_recovery
 from adaptsim_cli.rigs.confirmed import ConfirmedArm
 from adaptsim_cli.rigs.description import RigDescription
 from adaptsim_cli.rigs.openers import Openers
@@ -91,3 +91,12 @@ def open_arm(
     settings = rig.arm.settings(None if payload is None else payload.payload())
     bare = openers.arm(rig.arm.model, settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
     return ConfirmedArm(bare, f"{rig.arm.model} at {rig.arm.address}", screen, pedal, table=on_table)
+
+
+def enter_arm(arm: ConfirmedArm, screen: Screen, stack: ExitStack) -> None:
+    """Connect it on `stack`, the last of its devices; a fault that a person lets go of is cleared. Nothing moves.
+
+    Raises DeviceUnavailable.
+    """
+    stack.enter_context(arm)
+    offer_recovery(arm, screen)

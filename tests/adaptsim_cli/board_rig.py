@@ -63,6 +63,7 @@ class ToyBench:
     q_rad: Array = field(default_factory=lambda: np.array(NEAR_RAD))
     t_s: float = 0.0
     fault: str | None = None
+    by_hand: bool = False  # the fault ends when a person lets go
     hooks: list[Callable[[ToyBench, int], None]] = field(default_factory=list)
     pictures: int = 0
     motions: int = 0
@@ -82,7 +83,7 @@ class ToyBench:
         return
 
     def state(self) -> ArmState:
-        return ArmState(self.t_s, self.q_rad, np.zeros(7), self.fault)
+        return ArmState(self.t_s, self.q_rad, np.zeros(7), self.fault, self.by_hand)
 
     def execute(self, path: JointPath) -> Execution:
         self.motions += 1

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from board_rig import BOARD, X_BC, ToyBench, places, quiet, run, said, store
+from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, store
 
-from adaptsim_cli.calibration import solving
+from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
 from adaptsim_cli.session import durable
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
@@ -261,6 +262,36 @@ def test_an_arm_with_a_fault_takes_no_view(tmp_path: Path) -> None:
 
     with pytest.raises(ArmFault, match="the arm reports reflex"):
         run(tmp_path, ToyBench(hooks=[knocked]))
+
+
+HELD = "somebody guides the arm by hand: let go of its buttons"
+
+
+def test_an_arm_that_is_still_guided_is_waited_for() -> None:
+    bench = ToyBench(fault=HELD, by_hand=True)
+    waited_s: list[float] = []
+
+    def pause(duration_s: float) -> None:
+        waited_s.append(duration_s)
+        if len(waited_s) == 30:
+            bench.fault, bench.by_hand = None, False
+
+    taking.look(replace(rig(bench), pause=pause))
+    assert len(waited_s) == 31, "two readings at rest after the button was let go"
+    assert bench.pictures == 1
+
+
+def test_a_view_of_an_arm_in_somebodys_hands_does_not_count_and_says_what_to_do() -> None:
+    bench = ToyBench(fault=HELD, by_hand=True)
+    with pytest.raises(taking.ViewRefused, match=r"after 5 s still: .*let go of its buttons"):
+        taking.look(rig(bench))
+    assert bench.pictures == 0
+
+    def grabbed(bench: ToyBench, picture: int) -> None:
+        bench.fault, bench.by_hand = HELD, True
+
+    with pytest.raises(taking.ViewRefused, match="let go of its buttons"):
+        taking.look(rig(ToyBench(hooks=[grabbed])))
 
 
 def test_a_dark_picture_is_refused_before_anything_moves(tmp_path: Path) -> None:

@@ -73,6 +73,17 @@ def test_answers_that_cannot_be_are_explained_and_asked_again() -> None:
         assert sum(problem in line for line in told) == 1, problem
 
 
+def test_a_side_at_which_the_tasks_work_is_asked_again_and_says_which() -> None:
+    answers = ("fr3", *[""] * 6, "front", "right")
+    rig, told = asked(*answers)
+    assert rig is not None
+    assert rig.person is not None and rig.person.side == "right"
+    (said,) = [line for line in told if "kept clear from 0.6 m on" in line]
+    assert "scooping works there, over x 0.65 to 0.95 m" in said
+    assert "pushing works there" in said
+    assert "from_m" in said
+
+
 def test_without_an_arm_nothing_more_is_asked() -> None:
     rig, told = asked("none")
     assert rig is None

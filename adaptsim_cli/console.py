@@ -176,7 +176,7 @@ class Attended:
             if answer == "":
                 return Accept()
             if answer == "q":
-                raise _stopped()
+                raise StoppedByOperator("stopped by the operator; this trial is recorded, and its review comes again")
             if answer == "r":
                 reason = self.screen.ask("Why does this trial not count?")
                 return Redo(reason or "the operator had it redone")

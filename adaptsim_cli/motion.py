@@ -100,10 +100,12 @@ class Lab:
 def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     """An `arm` by name as it ships; else the lab of the rig file where the settings name a real one; else a Panda.
 
-    Raises UsageError, SessionError for a calibration that cannot be read.
+    Raises UsageError, SessionError for a calibration that cannot be read, PreflightFailed for a stale touch-off.
     """
+    import numpy as np
+
     from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.touch_off.store import touch_offs
+    from adaptsim_cli.touch_off.store import touch_off_of
     from adaptsim_cli.wiring_calibration import camera_box, current_calibration
     from hw.limits import LIMITS
 
@@ -114,7 +116,7 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
         return Lab(arm or "panda")
     known = current_calibration(config, resolved.places)
     boxes = () if known is None else camera_box(known.hand_eye().X_BC)
-    touched = touch_offs(config, resolved.places).current()
+    touched = touch_off_of(config, resolved.places, np.zeros(7) if known is None else known.offsets_rad())
     correction = None if touched is None else touched.correction()
     return Lab(config.hw, rig_of(config, tasks_with_tools()), boxes, correction)
 

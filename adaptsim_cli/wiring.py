@@ -30,7 +30,7 @@ from adaptsim_cli.session.parts import (
     Rig,
     TrainedPolicy,
 )
-from adaptsim_cli.session.target import Target
+from adaptsim_cli.session.target import ReadMotion, Target
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from adaptsim_cli.wiring_checkpoints import checkpoint_of, own_checkpoints, task_of
@@ -63,7 +63,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     checkpoint = checkpoint_of(config)
     own = checkpoint.solver.task
     with (
-        _open_target(config, own, openers) as (task, target, executable, calibration),
+        _open_target(config, own, openers) as (task, target, replay, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
     ):
         learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
@@ -76,27 +76,30 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
-        yield Parts(task, target, learner, origin)
+        yield Parts(task, target, replay, learner, origin)
 
 
-_Opened = tuple[Task, Target, Executable | None, HandEye | None]
+_Opened = tuple[Task, Target, ReadMotion, Executable | None, HandEye | None]
 
 
 @contextmanager
 def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterator[_Opened]:
-    """The task as it is mounted there, where trials happen, what can be executed, the calibration."""
+    """The task as mounted there, where trials happen, how they are read back, what can be executed, the calibration."""
     if task.plan is None:
-        yield task, _simulated(config, task), None, None
+        simulated = _simulated(config, task)
+        yield task, simulated, simulated.replay, None, None
     elif config.hw != "fake":
         from adaptsim_cli.rigs.openers import real_devices
         from adaptsim_cli.rigs.opening import open_real
 
         with open_real(config, places(), task, openers or real_devices()) as real:
-            planner = real.on_rig.planner
-            yield real.mounted.task, real, _executable(task, planner, config.hw), real.on_rig.rig.hand_eye
+            on_rig = real.on_rig
+            executable = _executable(task, on_rig.planner, config.hw)
+            yield real.mounted.task, real, on_rig.replay, executable, on_rig.rig.hand_eye
     else:
         with _open_lab(config, task) as on_rig:
-            yield on_rig.task, on_rig, _executable(task, on_rig.planner, on_rig.rig.arm.model), on_rig.rig.hand_eye
+            executable = _executable(task, on_rig.planner, on_rig.rig.arm.model)
+            yield on_rig.task, on_rig, on_rig.replay, executable, on_rig.rig.hand_eye
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
@@ -129,16 +132,17 @@ def versions() -> dict[str, str]:
 @contextmanager
 def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from adaptsim_cli.mounted import mounted
-    from adaptsim_cli.touch_off.store import tool_correction_of
+    from adaptsim_cli.touch_off.store import touch_off_of
     from sim.lab import SimulatedLab
     from sim.world import load_world
 
     world = load_world(config.world, task)
-    there = mounted(task, "panda", correction=tool_correction_of(config, places()))
-    table = there.correction.table
     nominal = SimulatedLab(task, world, config.seed).nominal_calibration()
     shipped = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
     eye, zeros_rad = calibration_of(config, places(), shipped)
+    touched = touch_off_of(config, places(), zeros_rad)
+    there = mounted(task, "panda", correction=None if touched is None else touched.correction())
+    table = there.correction.table
     home_rad = there.home_rad - zeros_rad
     with SimulatedLab(task, world, config.seed, home_q_rad=home_rad, tool=there.tool, table=table) as lab:
         title, days = f"simulated lab, world {world.name}", config.calibration_days

@@ -20,7 +20,7 @@ from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.touch_off.store import touch_offs
+from adaptsim_cli.touch_off.store import touch_off_of
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from hw.collision import KeepOut, Table, Tool, camera_box
@@ -39,13 +39,13 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
     """The devices of the rig file, connected, the arm last. Nothing moves.
 
     Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal),
-    SessionError (a touch-off cannot be read), CalibrationMissing, NotExecutable (the tool cannot be held),
-    DeviceUnavailable, CameraError.
+    SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the
+    tool cannot be held), DeviceUnavailable, CameraError.
     """
     rig = rig_of(config, tasks_with_tools())
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     eye, zeros_rad = calibration_of(config, places, None)
-    known = touch_offs(config, places).current()  # what it found counts more than what the rig file says
+    known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
     correction = None if known is None else known.correction()
     lab = mounted(task, rig.arm.model, rig, (camera_box(eye.X_BC),), correction)
     screen = Screen(as_json=True)  # questions never mix with data

@@ -47,6 +47,16 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
         _publish(temporary, path)
 
 
+def complete_folder(path: Path, derived: Mapping[str, bytes], name: str, record: bytes) -> None:
+    """Add what was `derived` from the files of a folder, and then the `record` that says that the folder is complete.
+
+    Both can be done again after a crash in between. Raises DiskFull or SessionError, also where `name` exists already.
+    """
+    for file, content in derived.items():
+        replace_file(path / file, content)
+    write_file(path / name, record)
+
+
 def make_folder(path: Path) -> None:
     """Make `path` and its missing parents, each flushed into its own parent."""
     if not path.is_dir():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import Check
+from adaptsim_cli.session.records import TrackRecord, read, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence
 from hw.types import Array
@@ -14,6 +16,8 @@ from perception.types import ObjectTrack, Outcome
 
 Rollout = Callable[[Array, Array], ObjectTrack]
 """(context, action) -> what the target does. Deterministic; which target it is stays hidden in it."""
+
+FILE = "trajectory.json"
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,9 @@ class InSimulation:
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         return False  # nothing can have moved
+
+    def replay(self, context: Array, action: Array, folder: Path) -> SimulatedReplay:
+        return SimulatedReplay(read(TrackRecord, folder / FILE).track())
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> SimulatedReady:
         return SimulatedReady(self, drawn)
@@ -76,11 +83,20 @@ class SimulatedPlan:
 @dataclass(frozen=True, eq=False)
 class SimulatedTrial:
     trajectory: ObjectTrack
+    stopped: None = None
+
+    def files(self) -> Mapping[str, bytes]:
+        return {FILE: to_json(TrackRecord.of(self.trajectory))}
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedReplay:
+    trajectory: ObjectTrack
     looking: str = "Reading the trajectory"
 
     def track(self) -> ObjectTrack:
         return self.trajectory
 
     def evidence(self, track: ObjectTrack) -> Evidence:
-        """The track in the record is all there is."""
+        """The trajectory is all there is."""
         return Evidence()

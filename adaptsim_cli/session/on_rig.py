@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,8 @@ from adaptsim_cli.session.preflight import Check, rig_checks
 from adaptsim_cli.session.records import RigFacts, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence
-from hw.types import Array, Execution, Frame
+from hw.errors import ArmFault, HardwareError
+from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 from sim.tasks.task import Task
@@ -74,6 +77,17 @@ class OnRig:
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
         return Found(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
 
+    def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
+        """The object is found again in the very pixels in which it was found before the motion."""
+        stored = recording.read(folder / recording.FILE)
+        detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+        return RigReplay(self, stored, _motion(self.task, context, action), detection)
+
+    def tool_pose(self, played: Execution) -> Callable[[float], Array]:
+        """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
+        q_at, flange, X_FT = joints(played), self.planner.flange, self.task.X_FT
+        return lambda t_s: flange(q_at(t_s)) @ X_FT
+
     def in_time(self, frame: Frame) -> Frame:
         """A frame whose stamp is of the arm's clock: without what calibration found the camera's to be late by."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
@@ -92,14 +106,11 @@ class Found:
 
     def plan(self, action: Array) -> MotionPlan:
         """Three paths that passed every limit."""
-        task, planner = self.target.task, self.target.planner
-        if task.plan is None:
-            raise UsageError(f"the task {task.name} has no motion for a robot arm; it runs in simulation only")
-        motion = task.plan(self.context, action)
-        paths = planner.paths(motion)
+        planner = self.target.planner
+        paths = planner.paths(_motion(self.target.task, self.context, action))
         for path in paths:
             planner.check(path, self.target.rig.arm.model)
-        return MotionPlan(self, motion, paths)
+        return MotionPlan(self, paths)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +118,6 @@ class MotionPlan:
     """A motion that passed every limit."""
 
     found: Found
-    motion: ToolMotion
     paths: Paths  # approach, motion, way back
     doing: str = "The robot moves and the camera records"
 
@@ -128,17 +138,32 @@ class MotionPlan:
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
     def execute(self) -> Recorded:
-        """Approach, record the motion, go back."""
+        """Approach, record the motion, go back. Of an arm that stopped, what was recorded until then is kept."""
         approach, motion, back = self.paths
-        rig = self.found.target.rig
-        arm, camera = rig.arm, rig.camera
+        arm = self.found.target.rig.arm
         arm.execute(approach)
-        camera.start_recording()
-        played = arm.execute(motion)
-        rig.wait(SETTLE_S)
-        frames = tuple(map(self.found.target.in_time, camera.stop_recording()))
-        arm.execute(back)
-        return Recorded(self.found, self.motion, played, frames)
+        played, frames, stopped = self._film(motion)
+        if stopped is None:
+            try:
+                arm.execute(back)
+            except ArmFault as fault:
+                stopped = fault
+        return Recorded(self.found, played, tuple(map(self.found.target.in_time, frames)), stopped)
+
+    def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
+        """Play `path` before the camera. Its recording ends whatever happens, and never hides what happened first."""
+        rig, frames = self.found.target.rig, tuple[Frame, ...]()
+        rig.camera.start_recording()
+        try:
+            played = rig.arm.execute(path)
+            rig.wait(SETTLE_S)
+        except BaseException as error:
+            with suppress(HardwareError):
+                frames = tuple(rig.camera.stop_recording())
+            if not isinstance(error, ArmFault):
+                raise
+            return None, frames, error
+        return played, rig.camera.stop_recording(), None
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,48 +171,71 @@ class Recorded:
     """What arm and camera say of one motion."""
 
     found: Found
-    motion: ToolMotion
-    played: Execution
+    played: Execution | None  # None: the arm stopped during the motion
     frames: tuple[Frame, ...]
+    stopped: ArmFault | None
+
+    def files(self) -> Mapping[str, bytes]:
+        """Recording, overlay, and what a real rig says of itself."""
+        target, before = self.found.target, self.found.frame
+        rig, played = target.rig, self.played
+        if played is None:
+            none = np.zeros((0, 7))
+            played = Execution(self.frames[0].t_s if self.frames else before.t_s, np.zeros(0), none, none, 0.0)
+        eye = rig.hand_eye
+        mcap = recording.encode(
+            before, self.frames, rig.camera.model(), eye.X_BC, played, target.tool_pose(played), eye.camera_late_s
+        )
+        told = {} if target.facts is None else {"rig.json": to_json(target.facts())}
+        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **told}
+
+
+@dataclass(frozen=True, eq=False)
+class RigReplay:
+    """A recorded motion, with the object as it lay ready before it."""
+
+    target: OnRig
+    stored: recording.Recording
+    motion: ToolMotion
+    detection: Any
 
     @property
     def looking(self) -> str:
-        return f"Tracking the {self.found.target.task.object_name} in {len(self.frames)} frames"
+        return f"Tracking the {self.target.task.object_name} in {len(self.stored.frames)} frames"
 
     def track(self) -> ObjectTrack:
-        target = self.found.target
-        return target.tracker.track(
+        stored, played = self.stored, self.stored.execution
+        return self.target.tracker.track(
             TrackRequest(
-                frames=self.frames,
-                model=target.rig.camera.model(),
-                X_BC=target.rig.hand_eye.X_BC,
-                detection=self.found.detection,
-                X_BT_at=self._tool_pose(),
-                q_at=joints(self.played),
-                t_start_s=self.played.t_start_s,
+                frames=stored.frames,
+                model=stored.model,
+                X_BC=stored.X_BC,
+                detection=self.detection,
+                X_BT_at=self.target.tool_pose(played),
+                q_at=joints(played),
+                t_start_s=played.t_start_s,
                 duration_s=float(self.motion.t_s[-1]),
             )
         )
 
     def evidence(self, track: ObjectTrack) -> Evidence:
-        """Recording, overlay and the frames of the key moments."""
-        rig, found, played = self.found.target.rig, self.found, self.played
-        model, X_BC = rig.camera.model(), rig.hand_eye.X_BC
-        wanted = moments.moments(self.motion.t_s[-1], self.motion.contact, float(track.t_s[-1]))
-        seen_m = np.array([[*found.detection.xy_m, 0.0], *track.state[:, :3]])
+        """The frames of the key moments, and the track for a viewer."""
+        stored, motion, played = self.stored, self.motion, self.stored.execution
+        wanted = moments.moments(motion.t_s[-1], motion.contact, float(track.t_s[-1]))
+        seen_m = np.array([[*self.detection.xy_m, 0.0], *track.state[:, :3]])
         fallen = track.outcome is Outcome.TIPPED
-        kept, images = moments.key_frames(self.frames, model, X_BC, seen_m, played.t_start_s, wanted, fallen=fallen)
-        late_s = rig.hand_eye.camera_late_s
-        mcap = recording.encode(found.frame, self.frames, model, X_BC, played, self._tool_pose(), track, late_s)
-        facts = found.target.facts
-        told = {} if facts is None else {"rig.json": to_json(facts())}
-        files = {recording.FILE: mcap, "overlay.jpg": found.overlay, **images, **told}
-        return Evidence(files, kept, played.control_success_rate)
+        kept, images = moments.key_frames(
+            stored.frames, stored.model, stored.X_BC, seen_m, played.t_start_s, wanted, fallen=fallen
+        )
+        path = recording.encode_object(track, played.t_start_s)
+        return Evidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
 
-    def _tool_pose(self) -> Callable[[float], Array]:
-        """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
-        q_at, flange, X_FT = joints(self.played), self.found.target.planner.flange, self.found.target.task.X_FT
-        return lambda t_s: flange(q_at(t_s)) @ X_FT
+
+def _motion(task: Task, context: Array, action: Array) -> ToolMotion:
+    """Raises NotExecutable, UsageError for a task that has no motion."""
+    if task.plan is None:
+        raise UsageError(f"the task {task.name} has no motion for a robot arm; it runs in simulation only")
+    return task.plan(context, action)
 
 
 def joints(played: Execution) -> Callable[[float], Array]:

@@ -31,7 +31,6 @@ class Proposal:
 class Judged:
     """One executed trial as tracking and scoring see it."""
 
-    proposal: Proposal
     outcome: Outcome
     reward: float
     flags: tuple[str, ...]

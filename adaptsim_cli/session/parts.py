@@ -18,7 +18,7 @@ from sim.tasks.task import Task
 from sim.types import ToolMotion
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.target import Target
+    from adaptsim_cli.session.target import ReadMotion, Target
 
 Image = NDArray[np.uint8]
 
@@ -147,5 +147,6 @@ class Parts:
 
     task: Task
     target: Target
+    replay: ReadMotion  # of what was executed in the target
     learner: Learner
     provenance: Provenance

@@ -1,11 +1,11 @@
-"""One trial as an MCAP file: images, joints, tool and object; for Foxglove and Rerun, and back into `Frame`s."""
+"""One motion as an MCAP file: images, joints and tool; for Foxglove and Rerun, and back into `Frame`s."""
 
 from __future__ import annotations
 
 import io
 import json
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,7 @@ from adaptsim_cli.session.records import corrupt
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
 from perception.types import ObjectTrack
 
-FILE = "recording.mcap"
+FILE, OBJECT_FILE = "recording.mcap", "object.mcap"
 _COLOUR, _DEPTH = "/camera/colour", "/camera/depth"
 _BEFORE_COLOUR, _BEFORE_DEPTH = "/before/colour", "/before/depth"
 _MEASURED, _COMMANDED = "/joints/measured", "/joints/commanded"
@@ -38,20 +38,20 @@ _TOPICS = {
     _MEASURED: "sensor_msgs/msg/JointState",
     _COMMANDED: "sensor_msgs/msg/JointState",
     _TRANSFORMS: "tf2_msgs/msg/TFMessage",
-    _OBJECT: "geometry_msgs/msg/PointStamped",
 }
 _JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
+Message = tuple[int, str, bytes]  # time in ns, topic, CDR
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What tracking needs to be run again on an old trial."""
+    """What tracking needs, now or on an old trial."""
 
-    before: Frame  # the object lying ready, before the tool came; colour as JPEG kept it
-    frames: tuple[Frame, ...]
+    before: Frame  # the object lying ready, before the tool came: the pixels in which it was found
+    frames: tuple[Frame, ...]  # colour as JPEG kept it
     model: CameraModel
     X_BC: Array  # (4, 4)
     execution: Execution
@@ -64,14 +64,14 @@ def encode(
     X_BC: Array,
     execution: Execution,
     X_BT_at: Callable[[float], Array],
-    track: ObjectTrack,
     camera_late_s: float = 0.0,
 ) -> bytes:
     """The whole recording in memory, so that it can be written whole. Messages are in order of time.
 
+    An execution without samples has no poses of the tool: the arm stopped, and nothing is known of its joints.
     `camera_late_s` was subtracted from the camera's stamps; it is only noted, for who wants to undo that.
     """
-    messages = [*_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH), *_images(frames, _COLOUR, _DEPTH)]
+    messages = [*_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png), *_images(frames, _COLOUR, _DEPTH, _jpeg)]
     for t_s, measured, commanded in zip(
         execution.t_s, execution.q_measured_rad, execution.q_commanded_rad, strict=True
     ):
@@ -79,18 +79,30 @@ def encode(
         messages.append((t_ns, _MEASURED, cdr.joint_state(t_ns, _JOINTS, measured)))
         messages.append((t_ns, _COMMANDED, cdr.joint_state(t_ns, _JOINTS, commanded)))
     times_s = [frame.t_s for frame in frames]
-    messages += [_transform(_ns(t_s), "base", "tool", X_BT_at(t_s)) for t_s in times_s]
+    if len(execution.t_s):
+        messages += [_transform(_ns(t_s), "base", "tool", X_BT_at(t_s)) for t_s in times_s]
     messages += [_transform(_ns(t_s), "base", "camera_colour", X_BC) for t_s in times_s[:1]]
-    if track.state.shape[1] >= 3:
-        for t_s, state in zip(track.t_s + execution.t_start_s, track.state, strict=True):
-            messages.append((_ns(t_s), _OBJECT, cdr.point(_ns(t_s), "base", state[:3])))
+    return _mcap(_TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
 
+
+def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
+    """The tracked centre, on the clock of the recording; the motion began at `t_start_s`."""
+    messages = [
+        (_ns(t_s), _OBJECT, cdr.point(_ns(t_s), "base", state[:3]))
+        for t_s, state in zip(track.t_s + t_start_s, track.state, strict=True)
+    ]
+    return _mcap({_OBJECT: "geometry_msgs/msg/PointStamped"}, messages, {})
+
+
+def _mcap(topics: Mapping[str, str], messages: Sequence[Message], attached: Mapping[str, bytes]) -> bytes:
+    """A file of `topics` (name -> type) with `messages` in order of time, and JSON attached by name."""
     stream = io.BytesIO()
     writer = McapWriter(stream, compression=CompressionType.NONE)
     writer.start(profile="ros2", library="adaptsim")
-    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(_TOPICS.values()))}
-    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in _TOPICS.items()}
-    writer.add_attachment(0, 0, "camera.json", "application/json", _camera_json(model, X_BC, execution, camera_late_s))
+    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(topics.values()))}
+    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in topics.items()}
+    for name, content in attached.items():
+        writer.add_attachment(0, 0, name, "application/json", content)
     for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
         writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
     writer.finish()
@@ -139,23 +151,42 @@ def _read(reader: object) -> Recording:
 
 
 def _frames(colour: dict[int, Bytes], depth: dict[int, Bytes]) -> tuple[Frame, ...]:
-    return tuple(Frame(t_ns * 1e-9, _decode_colour(colour[t_ns]), _decode_depth(depth[t_ns])) for t_ns in colour)
+    def decoded(t_ns: int) -> Frame:
+        return Frame(t_ns * 1e-9, _decode_colour(colour[t_ns]), _decode_depth(depth[t_ns]))
+
+    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
+        return tuple(pool.map(decoded, colour))
 
 
-def _images(frames: Sequence[Frame], colour_topic: str, depth_topic: str) -> list[tuple[int, str, bytes]]:
-    def encoded(frame: Frame) -> list[tuple[int, str, bytes]]:
+def _images(
+    frames: Sequence[Frame], colour_topic: str, depth_topic: str, as_colour: Callable[[Bytes], tuple[str, bytes]]
+) -> list[Message]:
+    def encoded(frame: Frame) -> list[Message]:
         t_ns = _ns(frame.t_s)
-        colour = encode_jpeg(frame.colour, _JPEG_QUALITY)
-        ok, depth = cv2.imencode(".png", frame.depth_mm, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        if not ok:
-            raise SessionError("a depth image could not be encoded as PNG")
+        kind, colour = as_colour(frame.colour)
         return [
-            (t_ns, colour_topic, cdr.compressed_image(t_ns, "camera_colour", "jpeg", colour)),
-            (t_ns, depth_topic, cdr.compressed_image(t_ns, "camera_depth", "16UC1; png", depth.tobytes())),
+            (t_ns, colour_topic, cdr.compressed_image(t_ns, "camera_colour", kind, colour)),
+            (t_ns, depth_topic, cdr.compressed_image(t_ns, "camera_depth", "16UC1; png", _encode_png(frame.depth_mm))),
         ]
 
     with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it encodes
         return [message for pair in pool.map(encoded, frames) for message in pair]
+
+
+def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
+    return "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
+
+
+def _png(rgb: Bytes) -> tuple[str, bytes]:
+    """Without loss: the object is found in it again as it was before the motion."""
+    return "png", _encode_png(rgb[..., ::-1])
+
+
+def _encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    ok, content = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not ok:
+        raise SessionError("an image could not be encoded as PNG")
+    return bytes(content.tobytes())
 
 
 def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
@@ -184,7 +215,7 @@ def _decode_depth(
     return np.asarray(image, np.uint16)
 
 
-def _transform(t_ns: int, parent: str, child: str, X: Array) -> tuple[int, str, bytes]:
+def _transform(t_ns: int, parent: str, child: str, X: Array) -> Message:
     xyzw = Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
     return t_ns, _TRANSFORMS, cdr.transform(t_ns, parent, child, X[:3, 3].tolist(), xyzw)
 

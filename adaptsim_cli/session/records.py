@@ -125,6 +125,20 @@ class KeyMoment(Record):
     file: str
 
 
+class MotionRecord(Record):
+    """motion.json: a motion that is over, as it was proposed; stored before anyone has looked at what it did."""
+
+    drawn_context: Row
+    context: Row
+    action: Row
+    predicted_reward: float
+    predicted_low: float
+    predicted_high: float
+    started: str  # ISO 8601
+    stopped: str | None  # why the motion did not come to its end
+    timing_s: dict[str, float]
+
+
 class TrialRecord(Record):
     """trial.json: one completed execution."""
 
@@ -149,7 +163,7 @@ class TrialRecord(Record):
     control_success_rate: float
     started: str  # ISO 8601
     timing_s: dict[str, float]
-    files: dict[str, int]  # name -> size in bytes of what lies beside
+    files: dict[str, int]  # name -> size in bytes of what lies beside, motion.json left out
 
 
 class RigFacts(Record):

@@ -1,4 +1,4 @@
-"""Marking a completed trial bad, so that it is done again."""
+"""Marking a trial bad, so that it is done again."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from adaptsim_cli.session.store import SessionStore
 def redo(store: SessionStore, number: int, reason: str) -> int:
     """Mark trial `number` as not counting; returns the number of its next attempt (from 0).
 
-    Only as long as no trial of a later iteration rests on it. Raises UsageError, SessionError.
+    It is completed, or recorded and not reviewed yet, and no trial of a later iteration rests on it.
+    Raises UsageError, SessionError.
     """
     facts = store.facts
     with store.locked():
         existing = store.existing()
         iteration = (number - 1) // (facts.particles * facts.trials)
         key = current_key(existing, number)
-        if key not in existing.completed:
+        if key not in existing.completed | existing.recorded:
             done = sorted({k.number for k in existing.completed})
             raise UsageError(f"trial {number} of {facts.name} is not completed; completed are {done or 'none'}")
         later = trial_numbers(iteration + 1, facts.particles, facts.trials).start

@@ -18,12 +18,21 @@ import numpy as np
 from adaptsim_cli.console import Screen
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts, TrainedPolicy
-from adaptsim_cli.session.records import BestRecord, ResultRecord, Samples, TrackRecord, TrialRecord, as_row
+from adaptsim_cli.session.records import (
+    BestRecord,
+    MotionRecord,
+    ResultRecord,
+    Samples,
+    TrackRecord,
+    TrialRecord,
+    as_row,
+)
 from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Evidence, Planned, Ready
-from hw.errors import HardwareError
+from hw.errors import ArmFault, HardwareError
+from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
@@ -65,44 +74,79 @@ def run_iteration(session: Session) -> dict[str, Any]:
 
 
 def run_trial(session: Session, stage: RunTrial) -> None:
-    """Set up, propose, confirm, execute, track, review and store one trial; or note why it does not count."""
-    store, target, operator = session.store, session.parts.target, session.operator
-    if stage.interrupted and target.spent(stage, operator):
+    """Make and record one motion, then track, review and store the trial; or note why it does not count.
+
+    The recording is on the disk before anyone looks at it. A trial that was cut short afterwards goes on from there.
+    """
+    if stage.recorded:
+        session.screen.note(f"Trial {stage.key.number} goes on from its recording: the motion is over, nothing moves.")
+    elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    moved = False
+    elif not _move(session, stage):
+        return
+    _look(session, stage)
+
+
+def _move(session: Session, stage: RunTrial) -> bool:
+    """Set up, propose, confirm, execute, and store what was recorded; False to try again, where nothing has moved."""
+    store, operator = session.store, session.operator
     try:
         policy = _policy(session, stage.iteration, stage.particle)
         ready = _set_up(session, stage)
         proposal, planned = _propose(session, stage, policy, ready)
-        operator.approve(proposal, target.is_real)
+        operator.approve(proposal, session.parts.target.is_real)
 
-        store.mark_started(stage.iteration, stage.key, _now())
-        moved, began = True, time.perf_counter()
+        started, began = _now(), time.perf_counter()
+        store.mark_started(stage.iteration, stage.key, started)
         with session.screen.busy(planned.doing):
             executed = planned.execute()
         executed_s = time.perf_counter() - began
-        with session.screen.busy(executed.looking):
-            track = executed.track()
-        tracked_s = time.perf_counter() - began - executed_s
+        with session.screen.busy("Storing what was recorded"):
+            motion = _motion_record(proposal, started, executed.stopped, executed_s)
+            store.save_motion(stage.iteration, stage.key, motion, executed.files())
+        if executed.stopped is not None:
+            raise executed.stopped
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
-        if isinstance(error, PerceptionError) and operator.try_again(stage, str(error), moved):
+        if isinstance(error, PerceptionError) and operator.try_again(stage, str(error), False):
+            return False
+        raise
+    return True
+
+
+def _look(session: Session, stage: RunTrial) -> None:
+    """Track what was recorded, have it reviewed and store the trial; everything is read from the disk."""
+    store, operator = session.store, session.operator
+    motion = store.motion(stage.iteration, stage.key)
+    if motion.stopped is not None:
+        _reject(session, stage, motion.stopped)
+        return
+    context, action = np.array(motion.context), np.array(motion.action)
+    began = time.perf_counter()
+    try:
+        with session.screen.busy("Reading the recording"):
+            replay = session.parts.replay(context, action, store.trial_folder(stage.iteration, stage.key))
+        with session.screen.busy(replay.looking):
+            track = replay.track()
+    except PerceptionError as error:
+        _reject(session, stage, str(error))
+        if operator.try_again(stage, str(error), True):
             return
         raise
+    tracked_s = time.perf_counter() - began
 
-    review = operator.review(_judged(session, proposal, track))
+    review = operator.review(_judged(session, context, track))
     if isinstance(review, Redo):
         _reject(session, stage, review.reason)
         return
-    tracked = track.outcome
+    tracked, began = track.outcome, time.perf_counter()
     if isinstance(review, Overrule):
         track = replace(track, outcome=review.outcome)
     with session.screen.busy("Storing the trial"):
-        evidence = executed.evidence(track)
-        record = _trial_record(session, proposal, evidence, track, tracked)
-        timing_s = {"rollout": executed_s, "tracking": tracked_s, "storing": time.perf_counter() - began - executed_s}
-        timing_s["storing"] -= tracked_s
+        evidence = replay.evidence(track)
+        record = _trial_record(session, stage, motion, evidence, track, tracked)
+        timing_s = {**motion.timing_s, "tracking": tracked_s, "storing": time.perf_counter() - began}
         store.save_trial(record.model_copy(update={"timing_s": timing_s}), evidence.files)
     session.screen.trial_done(record, manual=not isinstance(review, Accept))
 
@@ -193,38 +237,52 @@ def _propose(session: Session, stage: RunTrial, policy: TrainedPolicy, ready: Re
     return proposal, planned
 
 
-def _judged(session: Session, proposal: Proposal, track: ObjectTrack) -> Judged:
+def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
     task, outcomes = session.parts.task, session.parts.target.outcomes
-    rewards = [(o, task.score(replace(track, outcome=o), proposal.context)) for o in outcomes]
+    rewards = [(o, task.score(replace(track, outcome=o), context)) for o in outcomes]
     possible = tuple((o, reward) for o, reward in rewards if np.isfinite(reward))
-    return Judged(proposal, track.outcome, task.score(track, proposal.context), track.flags, possible)
+    return Judged(track.outcome, task.score(track, context), track.flags, possible)
+
+
+def _motion_record(made: Proposal, started: str, stopped: ArmFault | None, executed_s: float) -> MotionRecord:
+    return MotionRecord(
+        drawn_context=as_row(made.drawn),
+        context=as_row(made.context),
+        action=as_row(made.action),
+        predicted_reward=made.prediction.reward,
+        predicted_low=made.prediction.low,
+        predicted_high=made.prediction.high,
+        started=started,
+        stopped=None if stopped is None else str(stopped),
+        timing_s={"rollout": executed_s},
+    )
 
 
 def _trial_record(
-    session: Session, proposal: Proposal, evidence: Evidence, track: ObjectTrack, tracked: Outcome
+    session: Session, stage: RunTrial, motion: MotionRecord, evidence: Evidence, track: ObjectTrack, tracked: Outcome
 ) -> TrialRecord:
-    task, stage = session.parts.task, proposal.stage
+    task, context = session.parts.task, np.array(motion.context)
     return TrialRecord(
         number=stage.key.number,
         attempt=stage.key.attempt,
         iteration=stage.iteration,
         particle=stage.particle,
         trial=stage.trial,
-        drawn_context=as_row(proposal.drawn),
-        context=as_row(proposal.context),
-        goal_m=None if task.goal_m is None else as_row(task.goal_m(proposal.context)),
-        action=as_row(proposal.action),
-        predicted_reward=proposal.prediction.reward,
-        predicted_low=proposal.prediction.low,
-        predicted_high=proposal.prediction.high,
+        drawn_context=motion.drawn_context,
+        context=motion.context,
+        goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
+        action=motion.action,
+        predicted_reward=motion.predicted_reward,
+        predicted_low=motion.predicted_low,
+        predicted_high=motion.predicted_high,
         observation=as_row(task.observation(track)),
-        reward=task.score(track, proposal.context),
+        reward=task.score(track, context),
         outcome=track.outcome,
         overruled_from=None if tracked == track.outcome else tracked,
         track=TrackRecord.of(track),
         moments=evidence.moments,
         control_success_rate=evidence.control_success_rate,
-        started=_now(),
+        started=motion.started,
         timing_s={},
         files={},
     )
@@ -256,6 +314,9 @@ def _history(store: SessionStore, last: int) -> tuple[Iteration, ...]:
 def _reject(session: Session, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, _now(), reason)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
+    folder = session.store.trial_folder(stage.iteration, stage.key)
+    if folder.is_dir():
+        session.screen.plain(f"What was recorded of it is kept: {folder}")
 
 
 def _rows(particle: Particle) -> Samples:

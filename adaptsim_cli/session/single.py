@@ -22,7 +22,7 @@ from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Evidence, Planned, Ready, Target
+from adaptsim_cli.session.target import Planned, Ready, Target
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -59,8 +59,8 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
 def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder: Path, *, yes: bool) -> dict[str, Any]:
     """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
 
-    Raises UsageError for a value that is wrong, and what a trial of a session raises. Nothing is stored of a trial
-    that did not come to its end.
+    Raises UsageError for a value that is wrong, and what a trial of a session raises. What was recorded of a motion is
+    stored before it is tracked, and stays where that fails.
     """
     task, target = parts.task, parts.target
     unattended = yes and not target.is_real
@@ -83,12 +83,14 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     proposal = Proposal(_STAGE, mean, drawn, ready.context, action, expected, planned.told, planned.announced, overlay)
     screen.proposal(task, proposal)
     operator.approve(proposal, target.is_real)
-    with screen.busy(planned.doing):
-        executed = planned.execute()
-    with screen.busy(executed.looking):
-        track = executed.track()
+    _move(planned, folder, screen)
+    with screen.busy("Reading the recording"):
+        replay = parts.replay(ready.context, action, folder)
+    with screen.busy(replay.looking):
+        track = replay.track()
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
-    _store(folder, record, executed.evidence(track))
+    content = json.dumps(record, allow_nan=False, indent=1).encode()
+    durable.complete_folder(folder, replay.evidence(track).files, "trial.json", content)
     return record
 
 
@@ -117,6 +119,17 @@ def _plan(task: Task, ready: Ready, action: Array) -> Planned:
         raise
 
 
+def _move(planned: Planned, folder: Path, screen: Screen) -> None:
+    """Execute, and store what was recorded. Raises HardwareError."""
+    with screen.busy(planned.doing):
+        executed = planned.execute()
+    with screen.busy("Storing what was recorded"):
+        durable.make_folder(folder.parent)
+        durable.write_folder(folder, executed.files())
+    if executed.stopped is not None:
+        raise executed.stopped
+
+
 def _shown(overlay: bytes) -> Path:
     """The picture of what the camera found, where a person can open it before agreeing."""
     path = Path(tempfile.gettempdir()) / "adaptsim-overlay.jpg"
@@ -143,12 +156,6 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
         "track": TrackRecord.of(track).model_dump(mode="json"),
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-
-
-def _store(folder: Path, record: dict[str, Any], evidence: Evidence) -> None:
-    durable.make_folder(folder.parent)
-    content = json.dumps(record, allow_nan=False, indent=1).encode()
-    durable.write_folder(folder, {"trial.json": content, **evidence.files})
 
 
 def _named(space: Space, point: Array) -> dict[str, float]:

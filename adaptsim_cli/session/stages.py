@@ -23,6 +23,7 @@ class Existing:
 
     completed: frozenset[TrialKey]
     started: frozenset[TrialKey]  # motion was about to start: the arm may have moved
+    recorded: frozenset[TrialKey]  # the motion is over and stored, nobody has accepted the trial
     rejected: frozenset[TrialKey]  # an operator's redo, or a placement or recording that failed
     results: Mapping[int, tuple[TrialKey, ...]]  # iteration -> the trials its newest result rests on
     shown: frozenset[int]  # iterations whose newest result has reached the operator
@@ -36,7 +37,8 @@ class RunTrial:
     particle: int
     trial: int  # within its particle and iteration
     key: TrialKey
-    interrupted: bool  # its motion had started and it was never completed
+    interrupted: bool = False  # its motion had started and was never stored
+    recorded: bool = False  # its motion is over and stored: only tracking and review are missing
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,9 @@ def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
         for index, key in enumerate(keys):
             if key not in existing.completed:
                 particle, trial = divmod(index, trials)
-                return RunTrial(iteration, particle, trial, key, interrupted=key in existing.started)
+                recorded = key in existing.recorded
+                interrupted = key in existing.started and not recorded
+                return RunTrial(iteration, particle, trial, key, interrupted, recorded)
         if existing.results.get(iteration) != keys:
             return Adapt(iteration, keys)
         if iteration not in existing.shown:

@@ -12,12 +12,13 @@ from typing import Any
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import durable, records
 from adaptsim_cli.session.locking import locked
-from adaptsim_cli.session.records import Facts, Note, ResultRecord, Start, TrialRecord
+from adaptsim_cli.session.records import Facts, MotionRecord, Note, ResultRecord, Start, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 
 _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
+_MOTION, _TRIAL_RECORD = "motion.json", "trial.json"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -50,6 +51,7 @@ class SessionStore:
     def existing(self) -> Existing:
         """What is there. Raises SessionError on names that do not belong."""
         completed: set[TrialKey] = set()
+        recorded: set[TrialKey] = set()
         started: set[TrialKey] = set()
         rejected: set[TrialKey] = set()
         results: dict[int, tuple[TrialKey, ...]] = {}
@@ -57,7 +59,8 @@ class SessionStore:
         for iteration, folder in self._iterations():
             for entry in _entries(folder):
                 if match := _TRIAL.fullmatch(entry.name):
-                    kind = {None: completed, ".started.json": started, ".rejected.json": rejected}[match[3]]
+                    folder_kind = completed if (entry / _TRIAL_RECORD).exists() else recorded
+                    kind = {None: folder_kind, ".started.json": started, ".rejected.json": rejected}[match[3]]
                     kind.add(TrialKey(int(match[1]), int(match[2])))
                 elif not _RESULT.fullmatch(entry.name):
                     raise records.corrupt(entry, "it does not belong to a session")
@@ -65,12 +68,23 @@ class SessionStore:
                 results[iteration] = tuple(TrialKey(*key) for key in result.trials)
                 if self._shown(iteration).exists():
                     shown.add(iteration)
-        return Existing(frozenset(completed), frozenset(started), frozenset(rejected), results, frozenset(shown))
+        return Existing(
+            completed=frozenset(completed),
+            started=frozenset(started),
+            recorded=frozenset(recorded),
+            rejected=frozenset(rejected),
+            results=results,
+            shown=frozenset(shown),
+        )
+
+    def motion(self, iteration: int, key: TrialKey) -> MotionRecord:
+        """A motion that is over. Raises SessionError when it is missing or corrupt."""
+        return records.read(MotionRecord, self.trial_folder(iteration, key) / _MOTION)
 
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
         folder = self.trial_folder(iteration, key)
-        record = records.read(TrialRecord, folder / "trial.json")
+        record = records.read(TrialRecord, folder / _TRIAL_RECORD)
         for name, size in record.files.items():
             file = folder / name
             found = file.stat().st_size if file.is_file() else None
@@ -120,12 +134,19 @@ class SessionStore:
         durable.make_folder(path.parent)
         durable.write_file(path, records.to_json(Note(at=at, text=reason)))
 
-    def save_trial(self, record: TrialRecord, files: Mapping[str, bytes]) -> None:
-        """Store one completed trial, whole or not at all."""
-        folder = self.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
+        """Store a motion that is over with all that was recorded of it, whole or not at all."""
+        folder = self.trial_folder(iteration, key)
         durable.make_folder(folder.parent)
-        sized = record.model_copy(update={"files": {name: len(content) for name, content in files.items()}})
-        durable.write_folder(folder, {**files, "trial.json": records.to_json(sized)})
+        durable.write_folder(folder, {**files, _MOTION: records.to_json(record)})
+
+    def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
+        """Complete the trial of a stored motion with what was `derived` from its recording."""
+        folder = self.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+        there = {entry.name: entry.stat().st_size for entry in _entries(folder) if entry.name != _MOTION}
+        sizes = there | {name: len(content) for name, content in derived.items()}
+        sized = record.model_copy(update={"files": sizes})
+        durable.complete_folder(folder, derived, _TRIAL_RECORD, records.to_json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:
         """Store what an iteration led to, beside an earlier result that a redo made obsolete."""

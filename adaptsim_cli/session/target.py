@@ -1,25 +1,28 @@
 """Where trials happen: what the sequence asks of a rig (`on_rig`) and of a simulated target (`in_simulation`).
 
-A trial is `set_up`, `plan`, `execute`, `track`, `evidence`; each step hands over what the next one needs.
+A trial is `set_up`, `plan`, `execute`, then `replay`, `track`, `evidence`; each step hands over what the next needs.
+What `execute` recorded is on the disk before `replay` reads it, so a trial that is cut short there can go on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import KeyMoment
 from adaptsim_cli.session.stages import RunTrial, TrialKey
+from hw.errors import ArmFault
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is kept of a trial beside its record."""
+    """What is kept of a trial beside its recording and its record."""
 
     files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
     moments: tuple[KeyMoment, ...] = ()
@@ -27,7 +30,20 @@ class Evidence:
 
 
 class Executed(Protocol):
-    """A trial that happened and has not been looked at yet."""
+    """A motion that is over and not stored yet."""
+
+    @property
+    def stopped(self) -> ArmFault | None:
+        """Why it did not come to its end; what was recorded until then is worth a look, but is no trial."""
+        ...
+
+    def files(self) -> Mapping[str, bytes]:
+        """All that was recorded, name -> content: what `ReadMotion` reads."""
+        ...
+
+
+class Replay(Protocol):
+    """A motion that is over, read from what was stored of it, and not looked at yet."""
 
     @property
     def looking(self) -> str:
@@ -39,6 +55,13 @@ class Executed(Protocol):
         ...
 
     def evidence(self, track: ObjectTrack) -> Evidence: ...
+
+
+ReadMotion = Callable[[Array, Array, Path], Replay]
+"""(context (c,), action (a,), folder) -> the motion that `execute` made for them, from what was stored in the folder.
+
+No device is asked. Raises SessionError naming a file that is corrupt, ObjectNotFound.
+"""
 
 
 class Planned(Protocol):
@@ -60,7 +83,7 @@ class Planned(Protocol):
         ...
 
     def execute(self) -> Executed:
-        """Raises MotionRefused, ArmFault, CameraError."""
+        """Raises MotionRefused, CameraError, or ArmFault where nothing was recorded."""
         ...
 
 

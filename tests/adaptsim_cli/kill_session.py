@@ -98,7 +98,8 @@ def completed(home: Path) -> list[int]:
 def main(root: Path, kills: int) -> None:
     whole = root / "whole"
     steps = run(whole)
-    chosen = sorted(np.random.default_rng(0).choice(steps, size=min(kills, steps), replace=False).tolist())
+    last = steps - 1  # after it the iteration has been shown: the same command would begin the next one
+    chosen = sorted(np.random.default_rng(0).choice(last, size=min(kills, last), replace=False).tolist())
     outcomes = []
     for at in chosen:
         home = root / f"killed-{at}"

@@ -57,7 +57,7 @@ def parts(late_s: float) -> Parts:
 
 def run(home: Path, late_s: float) -> SessionStore:
     @contextmanager
-    def opened(config: Config) -> Iterator[Parts]:
+    def opened(config: Config, learnt: Path) -> Iterator[Parts]:
         yield parts(late_s)
 
     settings = resolved(home)

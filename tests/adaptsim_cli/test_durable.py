@@ -46,3 +46,21 @@ def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatc
     monkeypatch.setattr(os, "rename", lambda a, b: (events.append("rename"), rename(a, b))[1])
     durable.write_folder(tmp_path / "trial", {"a": b"1", "b": b"2"})
     assert events == ["fsync", "fsync", "fsync", "rename", "fsync"]  # two files, their folder; then the parent
+
+
+def test_a_folder_is_complete_when_its_record_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    durable.write_folder(tmp_path / "trial", {"recording": b"0"})
+    rename = os.rename
+
+    def no_room_for_the_record(old: Path, new: Path) -> None:
+        rename(old, new) if new.name != "record" else full_disk(0)
+
+    with monkeypatch.context() as patch, pytest.raises(DiskFull):
+        patch.setattr(os, "rename", no_room_for_the_record)
+        durable.complete_folder(tmp_path / "trial", {"image": b"1"}, "record", b"2")
+    assert not (tmp_path / "trial" / "record").exists()
+    durable.complete_folder(tmp_path / "trial", {"image": b"1"}, "record", b"2")
+    kept = {"recording": b"0", "image": b"1", "record": b"2"}
+    assert {f.name: f.read_bytes() for f in (tmp_path / "trial").iterdir()} == kept
+    with pytest.raises(SessionError, match="exists already"):
+        durable.complete_folder(tmp_path / "trial", {}, "record", b"3")

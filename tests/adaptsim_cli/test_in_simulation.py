@@ -49,7 +49,8 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
     assert "On the table" not in html
     assert "<img" not in html
     assert "calibration" not in html
-    assert sorted(path.name for path in opened().folder.glob("iteration-00/trial-001-attempt-0/*")) == ["trial.json"]
+    kept = opened().folder.glob("iteration-00/trial-001-attempt-0/*")
+    assert sorted(path.name for path in kept) == ["motion.json", "trajectory.json", "trial.json"]
 
 
 def test_an_interrupted_session_goes_on_to_the_same_end(

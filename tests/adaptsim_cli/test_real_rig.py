@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -260,14 +261,54 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
         assert [box.name for box in devices.opened["arm"]["keep_out"]][-1] == "the camera"
 
 
+def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices()
+    openers = devices.openers()
+
+    def stopped(*args: object, **given: object) -> object:
+        arm = openers.arm(*args, **given)  # type: ignore[arg-type]
+        assert devices.arm is not None
+        devices.arm._fault = "cartesian_reflex"
+        return arm
+
+    faulty = replace(openers, arm=stopped)  # type: ignore[arg-type]
+    for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
+        typing(monkeypatch, answer)
+        with wiring_calibration.open_calibration_rig(there.config, Board(), None, faulty) as rig:
+            assert rig.arm.state().fault == fault
+
+
+def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) -> None:
+    home_rad = np.array(wiring_calibration.BOARD_HOME_RAD)
+    low_rad = np.array([*home_rad[:1], -0.05, *home_rad[2:]])  # the board 47 mm over z = 0
+    for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
+        there, devices = resolved(place, RIG + text), ToyDevices()
+        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.openers()) as rig:
+            assert (devices.opened["arm"]["table"].height_m == 0.0) == free
+            (found,) = rig.ways.postures(rig.flange(low_rad[None]))
+            assert (found is not None) == free
+            if free:
+                rig.ways.way(home_rad, low_rad)
+            else:
+                with pytest.raises(NotExecutable, match="over the table of the rig file: table of"):
+                    rig.ways.way(home_rad, low_rad)
+
+
+def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to(place: Path) -> None:
+    devices = ToyDevices()
+    sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
+    with opened(place, devices, RIG + sideways) as real:
+        assert devices.opened["arm"]["settings"].collision.contact_force_limit_N == 30.0
+        assert real.mounted.collision_N == 30.0
+
+
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = parts.target
     object.__setattr__(target, "facts", lambda: RigFacts(object_mass_kg=0.5))
     ready = target.set_up(np.array([0.68, 0.0]), KEY, Nobody())
-    executed = ready.plan(np.array([0.5])).execute()
-    evidence = executed.evidence(executed.track())
-    assert RigFacts.model_validate_json(evidence.files["rig.json"]).object_mass_kg == 0.5
+    files = ready.plan(np.array([0.5])).execute().files()
+    assert RigFacts.model_validate_json(files["rig.json"]).object_mass_kg == 0.5
 
 
 class Nobody:

@@ -21,7 +21,8 @@ def frames() -> list[Frame]:
 
 
 def before() -> Frame:
-    return Frame(11.5, np.full((48, 64, 3), 90, np.uint8), np.full((48, 64), 700, np.uint16))
+    colour = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
+    return Frame(11.5, colour, np.full((48, 64), 700, np.uint16))
 
 
 def execution() -> Execution:
@@ -31,9 +32,7 @@ def execution() -> Execution:
 
 
 def encoded() -> bytes:
-    t_s = np.linspace(0, 0.1, 4)
-    track = ObjectTrack(t_s, np.zeros((4, 3)), Outcome.ON_BLADE, np.zeros(3), np.ones(4))
-    return recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4), track)
+    return recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4))
 
 
 @pytest.fixture
@@ -50,6 +49,7 @@ def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
         assert np.array_equal(new.depth_mm, old.depth_mm), "depth is lossless"
         assert np.abs(new.colour.astype(int) - old.colour).mean() < 2, "colour as good as JPEG keeps it"
     assert np.array_equal(back.before.depth_mm, before().depth_mm)
+    assert np.array_equal(back.before.colour, before().colour), "the object is found again in the same pixels"
     assert back.before.t_s == pytest.approx(11.5)
     assert np.array_equal(back.X_BC, X_BC)
     assert np.array_equal(back.model.colour.K, MODEL.colour.K)
@@ -73,11 +73,31 @@ def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None
         ("sensor_msgs/msg/JointState", "/joints/measured"),
         ("sensor_msgs/msg/JointState", "/joints/commanded"),
         ("tf2_msgs/msg/TFMessage", "/tf"),
-        ("geometry_msgs/msg/PointStamped", "/object"),
     }
     assert {encoding for _, encoding, _, _ in found} == {"ros2msg"}
     times = [t for *_, t in found]
     assert times == sorted(times)
+
+
+def test_an_arm_that_stopped_leaves_the_images(tmp_path: Path) -> None:
+    none = np.zeros((0, 7))
+    nothing = Execution(12.0, np.zeros(0), none, none, 0.0)
+    path = tmp_path / recording.FILE
+    path.write_bytes(recording.encode(before(), frames(), MODEL, X_BC, nothing, lambda _: np.full((4, 4), np.nan)))
+    back = recording.read(path)
+    assert len(back.frames) == 4
+    assert len(back.execution.t_s) == 0
+
+
+def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path: Path) -> None:
+    track = ObjectTrack(np.array([0.0, 0.1]), np.eye(2, 3), Outcome.ON_BLADE, np.zeros(3), np.ones(2))
+    path = tmp_path / recording.OBJECT_FILE
+    path.write_bytes(recording.encode_object(track, 12.0))
+    with path.open("rb") as stream:
+        found = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
+    assert [(topic, t_ns) for topic, t_ns, _ in found] == [("/object", 12_000_000_000), ("/object", 12_100_000_000)]
+    fields = cdr.Reader(found[1][2])
+    assert (fields.header(), fields.doubles(3)) == ((12_100_000_000, "base"), (0.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize("cut", [0.0, 0.3, 0.9, 0.999])

@@ -13,6 +13,7 @@ from toy_rig import TASK, ToyLab, opener
 
 from adaptsim_cli import app, wiring
 from hw.errors import MotionRefused
+from perception.errors import TrackingFailed
 from sim.errors import NotExecutable
 from sim.tasks import TASKS
 
@@ -99,6 +100,18 @@ def test_an_object_that_is_never_found_ends_it_with_nothing_stored(
     assert "lies outside of the area" in capfd.readouterr().err
     assert lab.executions == []
     assert not (tmp_path / "one").exists()
+
+
+def test_a_motion_that_cannot_be_tracked_leaves_its_recording(
+    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(_: object) -> None:
+        raise TrackingFailed("out of sight")
+
+    monkeypatch.setattr(toy_rig, "track", lost)
+    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 6
+    assert "out of sight" in capfd.readouterr().err
+    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == ["overlay.jpg", "recording.mcap"]
 
 
 @pytest.mark.parametrize("error", [NotExecutable("joint 4 cannot follow"), MotionRefused("joint 4 too fast")])

@@ -5,7 +5,7 @@ import pytest
 
 from adaptsim_cli.session.stages import Adapt, Draw, Existing, RunTrial, Show, TrialKey, generator, next_stage
 
-NOTHING = Existing(frozenset(), frozenset(), frozenset(), {}, frozenset())
+NOTHING = Existing(frozenset(), frozenset(), frozenset(), frozenset(), {}, frozenset())
 
 
 def existing(
@@ -14,6 +14,7 @@ def existing(
     rejected: tuple[tuple[int, int], ...] = (),
     results: dict[int, list[tuple[int, int]]] | None = None,
     shown: tuple[int, ...] = (),
+    recorded: tuple[tuple[int, int], ...] = (),
 ) -> Existing:
     def keys(pairs: object) -> tuple[TrialKey, ...]:
         return tuple(TrialKey(*pair) for pair in pairs)  # type: ignore[attr-defined]
@@ -21,6 +22,7 @@ def existing(
     return Existing(
         frozenset(keys(completed)),
         frozenset(keys(started)),
+        frozenset(keys(recorded)),
         frozenset(keys(rejected)),
         {i: keys(r) for i, r in (results or {}).items()},
         frozenset(shown),
@@ -39,6 +41,13 @@ def test_trials_go_particle_by_particle() -> None:
 def test_a_motion_that_started_and_never_completed_is_interrupted() -> None:
     stage = next_stage(existing([(1, 0)], started=((1, 0), (2, 0))), 2, 2)
     assert stage == RunTrial(0, 0, 1, TrialKey(2, 0), interrupted=True)
+
+
+def test_a_motion_that_is_stored_waits_for_its_review() -> None:
+    stage = next_stage(existing([(1, 0)], started=((1, 0), (2, 0)), recorded=((2, 0),)), 2, 2)
+    assert stage == RunTrial(0, 0, 1, TrialKey(2, 0), interrupted=False, recorded=True)
+    rejected = next_stage(existing([(1, 0)], started=((2, 0),), recorded=((2, 0),), rejected=((2, 0),)), 2, 2)
+    assert rejected == RunTrial(0, 0, 1, TrialKey(2, 1), interrupted=False, recorded=False)
 
 
 def test_a_rejected_trial_is_done_again_under_the_next_attempt() -> None:

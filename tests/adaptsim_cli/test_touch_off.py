@@ -17,13 +17,13 @@ from typer.testing import CliRunner
 from adaptsim_cli import config
 from adaptsim_cli.app import app
 from adaptsim_cli.console import Screen
-from adaptsim_cli.errors import SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.touch_off.asking import Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
-from adaptsim_cli.touch_off.store import record, tool_correction_of, touch_offs
+from adaptsim_cli.touch_off.store import record, touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array
@@ -132,11 +132,14 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolv
     assert not found.slip.slipped
 
     store = touch_offs(resolved.config, resolved.places)
-    assert tool_correction_of(resolved.config, resolved.places) == ToolCorrection()
+    zeros_rad = np.array(saved.joint_zeros_rad)
+    assert touch_off_of(resolved.config, resolved.places, zeros_rad) is None
     first, second = store.save(saved), store.save(saved)
     assert (first.name, second.name) == ("touch-off-0001", "touch-off-0002")
     assert store.current() == saved
-    assert tool_correction_of(resolved.config, resolved.places).pitch_rad == pytest.approx(c.pitch_rad)
+    assert touch_off_of(resolved.config, resolved.places, zeros_rad + 5e-5) == saved
+    with pytest.raises(PreflightFailed, match=r"joint 2 is 1\.00 mrad off .*Touch off again"):
+        touch_off_of(resolved.config, resolved.places, zeros_rad + np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]))
     (second / "touch-off.json").write_text("{")
     with pytest.raises(SessionError, match=r"Move .*touch-off-0002 away"):
         store.current()

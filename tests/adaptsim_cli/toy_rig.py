@@ -245,7 +245,8 @@ def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str],
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
     origin = Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"})
-    return Parts(TASK, OnRig(TASK, rig, tracker, Planner(paths, check, flange)), ToyLearner(), origin)
+    target = OnRig(TASK, rig, tracker, Planner(paths, check, flange))
+    return Parts(TASK, target, target.replay, ToyLearner(), origin)
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:

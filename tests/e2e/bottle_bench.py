@@ -79,7 +79,8 @@ class BottleBench:
         with self.arm as arm, _Camera(self) as camera:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
-            yield Parts(TASK, OnRig(TASK, rig, tracker_of(TASK), self._planner()), MiddleLearner(), origin)
+            target = OnRig(TASK, rig, tracker_of(TASK), self._planner())
+            yield Parts(TASK, target, target.replay, MiddleLearner(), origin)
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from adaptsim_cli.mounted import mounted
-from adaptsim_cli.session.on_rig import OnRig, Recorded
+from adaptsim_cli.session.durable import write_folder
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.trackers import tracker_of
@@ -32,7 +34,7 @@ class Nobody:
         return
 
 
-def error_m(sensing: Sensing, believed_late_s: float) -> Array:
+def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
     """A gentle push in a lab: how far the track is from the truth at each frame while the bottle slides."""
     task = get_task("pushing")
     there = mounted(task, "panda")
@@ -42,10 +44,11 @@ def error_m(sensing: Sensing, believed_late_s: float) -> Array:
         rig = Rig("fake", "lab", lab.arm, lab.camera, lab.bench, eye)
         target = OnRig(there.task, rig, tracker_of(there.task), there.planner(np.zeros(7)))
         ready = target.set_up(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
-        executed = ready.plan(task.action.denormalise(np.array([0.5, 0.0]))).execute()
-        assert isinstance(executed, Recorded)
-        track = executed.track()
-        true = next(m for m in lab.truth()["trials"][-1]["motions"] if m["t_start_s"] == executed.played.t_start_s)
+        action = task.action.denormalise(np.array([0.5, 0.0]))
+        write_folder(folder, ready.plan(action).execute().files())
+        replay = target.replay(ready.context, action, folder)
+        track, began_s = replay.track(), replay.stored.execution.t_start_s
+        true = next(m for m in lab.truth()["trials"][-1]["motions"] if m["t_start_s"] == began_s)
     assert track.outcome is Outcome.UPRIGHT
     p_m, t_s = np.array(true["X_BO"])[:, :2, 3], np.array(true["t_s"])
     p_m, v_m_s = (
@@ -57,9 +60,9 @@ def error_m(sensing: Sensing, believed_late_s: float) -> Array:
 
 
 @pytest.mark.slow
-def test_a_late_camera_is_tracked_as_well_as_one_in_time() -> None:
+def test_a_late_camera_is_tracked_as_well_as_one_in_time(tmp_path: Path) -> None:
     late = Sensing(camera="small", clock_offset_ms=LATE_MS)
-    unaware_m, corrected_m = (error_m(late, late_s) for late_s in (0.0, 1e-3 * LATE_MS))
+    unaware_m, corrected_m = (error_m(late, late_s, tmp_path / str(late_s)) for late_s in (0.0, 1e-3 * LATE_MS))
     assert len(corrected_m) > 5
     assert np.median(unaware_m) > 4e-3
     assert np.median(corrected_m) < 2e-3

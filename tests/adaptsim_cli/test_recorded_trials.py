@@ -1,0 +1,251 @@
+"""What is kept of a motion that is over when something comes between it and the review, and how the trial goes on."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toy_rig
+from toy_rig import ToyLab
+from toy_session import NAME, ScriptedOperator, attended, run, unattended
+
+from adaptsim_cli.errors import SessionError, StoppedByOperator
+from adaptsim_cli.session import recording
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.operator import Judged, Redo, Review
+from adaptsim_cli.session.parts import Tracker, TrackRequest
+from adaptsim_cli.session.redoing import redo
+from adaptsim_cli.session.runner import Session, run_iteration
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.store import SessionStore
+from hw.errors import ArmFault, CameraError
+from perception.errors import TrackingFailed
+from perception.types import ObjectTrack
+
+SECOND = TrialKey(2, 0)
+Change = Callable[[Tracker], Tracker]
+
+
+class AtReview(ScriptedOperator):
+    """Does not answer the second review, but what comes instead."""
+
+    def __init__(self, instead: BaseException) -> None:
+        super().__init__()
+        self._instead, self._reviewed = instead, 0
+
+    def review(self, judged: Judged) -> Review:
+        self._reviewed += 1
+        if self._reviewed == 2:
+            raise self._instead
+        return super().review(judged)
+
+
+def failing(error: BaseException) -> Change:
+    """A tracker that fails at the second trial."""
+    seen = 0
+
+    def changed(tracker: Tracker) -> Tracker:
+        def track(request: TrackRequest) -> ObjectTrack:
+            nonlocal seen
+            seen += 1
+            if seen == 2:
+                raise error
+            return tracker.track(request)
+
+        return dataclasses.replace(tracker, track=track)
+
+    return changed
+
+
+def with_tracker(session: Session, change: Change) -> Session:
+    target = session.parts.target
+    assert isinstance(target, OnRig)
+    changed = dataclasses.replace(target, tracker=change(target.tracker))
+    parts = dataclasses.replace(session.parts, target=changed, replay=changed.replay)
+    return dataclasses.replace(session, parts=parts)
+
+
+def stop_at_second_review(home: Path, name: str = "fake") -> SessionStore:
+    session = attended(home, AtReview(StoppedByOperator("q")), ToyLab(0), name)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(session)
+    return session.store
+
+
+def recorded(store: SessionStore, key: TrialKey = SECOND) -> recording.Recording:
+    return recording.read(store.trial_folder(0, key) / recording.FILE)
+
+
+def reason(store: SessionStore, key: TrialKey = SECOND) -> str:
+    folder = store.trial_folder(0, key)
+    return str(json.loads(folder.with_name(f"{folder.name}.rejected.json").read_text())["text"])
+
+
+@pytest.mark.parametrize("name", ["fake", "panda"])
+@pytest.mark.parametrize("instead", [StoppedByOperator("q"), KeyboardInterrupt()], ids=["q", "ctrl-c"])
+@pytest.mark.parametrize("moment", ["tracking", "review"])
+def test_a_trial_cut_short_after_its_motion_goes_on_from_its_recording(
+    name: str, instead: BaseException, moment: str, tmp_path: Path
+) -> None:
+    operator = AtReview(instead) if moment == "review" else ScriptedOperator()
+    session = attended(tmp_path, operator, ToyLab(0), name)
+    if moment == "tracking":
+        session = with_tracker(session, failing(instead))
+    with pytest.raises(type(instead)):
+        run_iteration(session)
+    assert session.store.existing().recorded == {SECOND}
+    assert len(recorded(session.store).frames) == 6
+
+    again, lab = ScriptedOperator(), ToyLab(0)
+    continued = attended(tmp_path, again, lab, name)
+    run_iteration(continued)
+    assert lab.executions == [(3, 0), (4, 0)], "the motion is not repeated"
+    assert again.asked[0] == "place the toy piece", "the first question is about the next trial"
+    assert continued.store.existing().rejected == frozenset(), "and no attempt is spent"
+    whole = run(tmp_path / "whole")
+    assert continued.store.summary(0)["particles"] == whole.summary(0)["particles"]
+    assert continued.store.trial(0, SECOND).files == whole.trial(0, SECOND).files
+
+
+def test_the_review_comes_again_and_may_be_answered_otherwise(tmp_path: Path) -> None:
+    stop_at_second_review(tmp_path)
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(reviews=[Redo("the piece was touched")]), lab)
+    run_iteration(session)
+    assert lab.executions == [(2, 1), (3, 0), (4, 0)]
+    assert reason(session.store) == "the piece was touched"
+    assert len(recorded(session.store).frames) == 6, "a redone trial keeps its recording"
+
+
+def test_unattended_it_goes_on_without_a_question(tmp_path: Path) -> None:
+    stop_at_second_review(tmp_path)
+    lab = ToyLab(0)
+    session = attended(tmp_path, unattended(), lab)
+    run_iteration(session)
+    assert lab.executions == [(3, 0), (4, 0)]
+
+
+def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path: Path) -> None:
+    operator, lab = ScriptedOperator(), ToyLab(0)
+    session = with_tracker(attended(tmp_path, operator, lab), failing(TrackingFailed("out of sight")))
+    run_iteration(session)
+    assert lab.executions == [(1, 0), (2, 0), (2, 1), (3, 0), (4, 0)]
+    assert "again 2.0: out of sight" in operator.asked
+    assert reason(session.store) == "out of sight"
+    assert len(recorded(session.store).frames) == 6
+    assert not (session.store.trial_folder(0, SECOND) / "trial.json").exists()
+    assert [t.attempt for t in session.store.trials(0)] == [0, 1, 0, 0]
+
+
+def test_an_arm_that_stops_half_way_leaves_what_the_camera_saw(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    rig = session.parts.target.rig  # type: ignore[attr-defined]
+    object.__setattr__(rig, "arm", Reflex(lab, at=SECOND))
+    with pytest.raises(ArmFault, match="reflex"):
+        run_iteration(session)
+    assert reason(session.store) == "reflex"
+    kept = recorded(session.store)
+    assert len(kept.frames) == 6
+    assert len(kept.execution.t_s) == 0, "the arm does not say where it was"
+    assert session.store.motion(0, SECOND).stopped == "reflex"
+
+
+def test_an_arm_that_stops_on_its_way_back_leaves_the_whole_motion(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=SECOND, recording=False))  # type: ignore[attr-defined]
+    with pytest.raises(ArmFault, match="reflex"):
+        run_iteration(session)
+    assert len(recorded(session.store).execution.t_s) == 201
+
+
+def test_a_stopped_motion_whose_rejection_was_cut_short_is_no_trial(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = ToyLab(0)
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=SECOND))  # type: ignore[attr-defined]
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(SessionStore, "reject", killed)
+        run_iteration(session)
+    after = ToyLab(0)
+    store = run(tmp_path, after)
+    assert after.executions == [(2, 1), (3, 0), (4, 0)]
+    assert reason(store) == "reflex"
+
+
+@pytest.mark.parametrize("first", [KeyboardInterrupt(), ArmFault("reflex")])
+def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(first: BaseException, tmp_path: Path) -> None:
+    stopped = []
+
+    def no_frame(trial: int, attempt: int) -> None:
+        stopped.append(trial)
+        raise CameraError("no frame")
+
+    lab = ToyLab(0, hooks={"stop_recording": no_frame})
+    session = attended(tmp_path, ScriptedOperator(), lab)
+    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=TrialKey(1, 0), error=first))  # type: ignore[attr-defined]
+    with pytest.raises(type(first)):
+        run_iteration(session)
+    assert stopped == [1]
+
+
+def test_a_recording_that_waits_for_its_review_can_be_redone(tmp_path: Path) -> None:
+    assert redo(stop_at_second_review(tmp_path), 2, "never mind") == 1
+    lab = ToyLab(0)
+    run(tmp_path, lab)
+    assert lab.executions == [(2, 1), (3, 0), (4, 0)]
+
+
+def test_a_damaged_recording_that_waits_for_its_review_is_named(tmp_path: Path) -> None:
+    path = stop_at_second_review(tmp_path).trial_folder(0, SECOND) / recording.FILE
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt"):
+        run(tmp_path)
+    assert SessionStore.open(tmp_path / "data" / "sessions", NAME).existing().recorded == {SECOND}
+
+
+class Reflex:
+    """The toy lab's arm, which stops in the recorded motion of one trial, or on the way back from it."""
+
+    def __init__(
+        self, lab: ToyLab, at: TrialKey, *, recording: bool = True, error: BaseException | None = None
+    ) -> None:
+        self._lab, self._at, self._recording = lab, at, recording
+        self._error = error or ArmFault("reflex")
+
+    @property
+    def model(self) -> str:
+        return "panda"
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._lab, name)
+
+    def execute(self, path: toy_rig.JointPath) -> toy_rig.Execution:
+        films = self._lab._recording is not None
+        played = self._lab.execute(path)
+        over = bool(self._lab.executions) and self._lab.executions[-1] == tuple(self._at)
+        if over and films == self._recording:
+            raise self._error
+        return played
+
+
+def test_what_lies_in_the_folder_is_what_the_documents_say(tmp_path: Path) -> None:
+    store = stop_at_second_review(tmp_path)
+    assert sorted(p.name for p in store.trial_folder(0, SECOND).iterdir()) == [
+        "motion.json", "overlay.jpg", "recording.mcap",
+    ]  # fmt: skip
+    motion = store.motion(0, SECOND)
+    done = run(tmp_path).trial(0, SECOND)
+    assert {"recording.mcap", "object.mcap", "overlay.jpg", "moment-start.jpg"} <= set(done.files)
+    assert (motion.context, motion.action, motion.stopped) == (done.context, done.action, None)
+    assert np.isfinite(motion.timing_s["rollout"])

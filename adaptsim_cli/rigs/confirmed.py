@@ -44,13 +44,13 @@ class ConfirmedArm(AroundArm[RealArm]):
     def execute(self, path: JointPath) -> Execution:
         """Raises StoppedByOperator where it is not confirmed, MotionRefused where the pedal is not held in time."""
         self.confirm()
-        self._await_pedal()
+        self.await_pedal()
         return self._arm.execute(path)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """Raises as `execute`, and what a guarded motion raises."""
         self.confirm()
-        self._await_pedal()
+        self.await_pedal()
         return self._arm.execute_until_contact(path, guard)
 
     def carry(self, tool: Tool, payload: Payload) -> None:
@@ -70,7 +70,8 @@ class ConfirmedArm(AroundArm[RealArm]):
                 raise StoppedByOperator("stopped by the operator; nothing has moved")
         self._confirmed = True
 
-    def _await_pedal(self) -> None:
+    def await_pedal(self) -> None:
+        """Returns when the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
         if self._pedal is None or self._pedal.enabled():
             return
         self._screen.note(f"  Hold the pedal to let the arm move: {self._pedal.why_not()}")

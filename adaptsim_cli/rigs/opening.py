@@ -65,7 +65,8 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
 
         title = f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         over_table = replace(eye, X_BC=lab.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in the frame W
-        devices = Rig(config.hw, title, arm, camera, Person(), over_table, config.calibration_days, wait=time.sleep)
+        days = config.calibration_days
+        devices = Rig(config.hw, title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
         planner = lab.planner(zeros_rad)
         on_rig = OnRig(lab.task, devices, tracker_of(lab.task), planner, facts)
         yield AttendedRig(on_rig, arm, lab, zeros_rad, screen, scales)

@@ -153,6 +153,7 @@ class MotionPlan:
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` before the camera. Its recording ends whatever happens, and never hides what happened first."""
         rig, frames = self.found.target.rig, tuple[Frame, ...]()
+        rig.await_enabled()
         rig.camera.start_recording()
         try:
             played = rig.arm.execute(path)

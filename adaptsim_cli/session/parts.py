@@ -122,6 +122,8 @@ class Rig:
     calibration_days: int = 30  # the age from which it is warned of
     wait: Callable[[float], None] = lambda _: None
     """Lets so many seconds pass. A simulated lab's motion returns with the object at rest, so nothing is waited for."""
+    await_enabled: Callable[[], None] = lambda: None
+    """Returns when a person lets the arm move, so that no recording runs while it waits. Raises MotionRefused."""
 
     @property
     def is_real(self) -> bool:

@@ -311,6 +311,14 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     assert RigFacts.model_validate_json(files["rig.json"]).object_mass_kg == 0.5
 
 
+def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
+    lab, waited = ToyLab(0), list[bool]()
+    target = toy_parts(lab).target
+    rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
+    replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody()).plan(np.array([0.5])).execute()
+    assert waited == [True]
+
+
 class Nobody:
     """An operator who is not asked anything that matters here."""
 

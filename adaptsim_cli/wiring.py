@@ -72,7 +72,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
             checkpoint_sha256=checkpoint.sha256,
             world_sha256=_world_sha256(config.world) if config.hw == "fake" else "",
             calibration=calibration.source if calibration else "",
-            calibration_sha256=_sha256(calibration.X_BC) if calibration else "",
+            calibration_sha256=_sha256(np.stack([calibration.X_BC, task.X_FT])) if calibration else "",
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )

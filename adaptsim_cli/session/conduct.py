@@ -145,7 +145,7 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     facts, now = store.facts, parts.provenance
     for what, was, found in (
         ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
-        ("calibration", facts.calibration_sha256, now.calibration_sha256),
+        ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("world", facts.world_sha256, now.world_sha256),
     ):

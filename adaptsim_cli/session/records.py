@@ -66,7 +66,7 @@ class Facts(Record):
     checkpoint: str
     checkpoint_sha256: str
     calibration: str  # where it comes from
-    calibration_sha256: str
+    calibration_sha256: str  # of the poses of camera and tool
     camera_late_s: float = 0.0  # found by the calibration, subtracted from the camera's time stamps
     versions: dict[str, str]
     title: str  # of the task

@@ -162,7 +162,7 @@ def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path, capfd
     lab = ToyLab(0)
     code, told, _ = run(home, lab, capfd, calibration_sha256="a" * 64)
     assert code == 2
-    assert "the calibration has changed since session 's' was begun" in told
+    assert "the calibration or touch-off has changed since session 's' was begun" in told
     assert "Restore it, or name another --session" in told
     assert lab.executions == []
     assert run(home, ToyLab(0), capfd)[0] == 0, "with the session's own calibration it goes on"

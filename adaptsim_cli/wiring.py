@@ -30,7 +30,7 @@ from adaptsim_cli.session.parts import (
     Rig,
     TrainedPolicy,
 )
-from adaptsim_cli.session.target import ReadMotion, Target
+from adaptsim_cli.session.target import Target
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from adaptsim_cli.wiring_checkpoints import checkpoint_of, own_checkpoints, task_of
@@ -63,7 +63,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     checkpoint = checkpoint_of(config)
     own = checkpoint.solver.task
     with (
-        _open_target(config, own, openers) as (task, target, replay, executable, calibration),
+        _open_target(config, own, openers) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
     ):
         learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
@@ -76,18 +76,17 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
-        yield Parts(task, target, replay, learner, origin)
+        yield Parts(task, target, learner, origin)
 
 
-_Opened = tuple[Task, Target, ReadMotion, Executable | None, HandEye | None]
+_Opened = tuple[Task, Target, Executable | None, HandEye | None]
 
 
 @contextmanager
 def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterator[_Opened]:
-    """The task as mounted there, where trials happen, how they are read back, what can be executed, the calibration."""
+    """The task as mounted there, where trials happen, what can be executed, the calibration."""
     if task.plan is None:
-        simulated = _simulated(config, task)
-        yield task, simulated, simulated.replay, None, None
+        yield task, _simulated(config, task), None, None
     elif config.hw != "fake":
         from adaptsim_cli.rigs.openers import real_devices
         from adaptsim_cli.rigs.opening import open_real
@@ -95,11 +94,11 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
         with open_real(config, places(), task, openers or real_devices()) as real:
             on_rig = real.on_rig
             executable = _executable(task, on_rig.planner, config.hw)
-            yield real.mounted.task, real, on_rig.replay, executable, on_rig.rig.hand_eye
+            yield real.mounted.task, real, executable, on_rig.rig.hand_eye
     else:
         with _open_lab(config, task) as on_rig:
             executable = _executable(task, on_rig.planner, on_rig.rig.arm.model)
-            yield on_rig.task, on_rig, on_rig.replay, executable, on_rig.rig.hand_eye
+            yield on_rig.task, on_rig, executable, on_rig.rig.hand_eye
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:

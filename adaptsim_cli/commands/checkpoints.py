@@ -30,7 +30,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
 @app.command()
 def verify(
-    checkpoint: Annotated[str, typer.Argument(help="Folder of the checkpoint; empty: the shipped one.")] = "",
+    checkpoint: Annotated[str, typer.Argument(help="Its folder; empty: the shipped one, or that of --object.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
     own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
     rollouts: Annotated[

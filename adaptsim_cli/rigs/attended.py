@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from adaptsim_cli.mounted import MountedTask
 from adaptsim_cli.rigs.confirmed import ConfirmedArm
 from adaptsim_cli.rigs.openers import Balance
 from adaptsim_cli.session.clear import clear_to_move
-from adaptsim_cli.session.on_rig import Found, OnRig
+from adaptsim_cli.session.on_rig import Found, OnRig, RigReplay
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import RigFacts
@@ -112,6 +113,9 @@ class AttendedRig:
         if self.scales is not None:
             self.scales.weigh(self.on_rig.task.object_name)
         return self.on_rig.set_up(drawn, key, operator)
+
+    def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
+        return self.on_rig.replay(context, action, folder)
 
     def _home(self) -> None:
         """Where trials begin: slowly, around everything, from wherever the arm was left."""

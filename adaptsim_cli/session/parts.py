@@ -18,7 +18,7 @@ from sim.tasks.task import Task
 from sim.types import ToolMotion
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.target import ReadMotion, Target
+    from adaptsim_cli.session.target import Target
 
 Image = NDArray[np.uint8]
 
@@ -149,6 +149,5 @@ class Parts:
 
     task: Task
     target: Target
-    replay: ReadMotion  # of what was executed in the target
     learner: Learner
     provenance: Provenance

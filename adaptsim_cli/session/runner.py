@@ -126,7 +126,7 @@ def _look(session: Session, stage: RunTrial) -> None:
     began = time.perf_counter()
     try:
         with session.screen.busy("Reading the recording"):
-            replay = session.parts.replay(context, action, store.trial_folder(stage.iteration, stage.key))
+            replay = session.parts.target.replay(context, action, store.trial_folder(stage.iteration, stage.key))
         with session.screen.busy(replay.looking):
             track = replay.track()
     except PerceptionError as error:

@@ -85,7 +85,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     operator.approve(proposal, target.is_real)
     _move(planned, folder, screen)
     with screen.busy("Reading the recording"):
-        replay = parts.replay(ready.context, action, folder)
+        replay = target.replay(ready.context, action, folder)
     with screen.busy(replay.looking):
         track = replay.track()
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))

@@ -6,7 +6,7 @@ What `execute` recorded is on the disk before `replay` reads it, so a trial that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -38,7 +38,7 @@ class Executed(Protocol):
         ...
 
     def files(self) -> Mapping[str, bytes]:
-        """All that was recorded, name -> content: what `ReadMotion` reads."""
+        """All that was recorded, name -> content: what `Target.replay` reads."""
         ...
 
 
@@ -55,13 +55,6 @@ class Replay(Protocol):
         ...
 
     def evidence(self, track: ObjectTrack) -> Evidence: ...
-
-
-ReadMotion = Callable[[Array, Array, Path], Replay]
-"""(context (c,), action (a,), folder) -> the motion that `execute` made for them, from what was stored in the folder.
-
-No device is asked. Raises SessionError naming a file that is corrupt, ObjectNotFound.
-"""
 
 
 class Planned(Protocol):
@@ -138,4 +131,11 @@ class Target(Protocol):
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Ready:
         """Make the `drawn` context (c,) true, as far as it can be. Raises HardwareError, ObjectNotFound."""
+        ...
+
+    def replay(self, context: Array, action: Array, folder: Path) -> Replay:
+        """The motion that was executed for context (c,) and action (a,), from what was stored of it in `folder`.
+
+        No device is asked. Raises SessionError naming a file that is corrupt, ObjectNotFound.
+        """
         ...

@@ -149,7 +149,7 @@ def pretrain(
         facts = {
             "seed": seed,
             "simulations": means.simulated(),
-            "policy": _stored(folder / "policy.toml"),
+            "policy": stored(folder / "policy.toml"),
             "evaluation": results,
             "method": best_method(results),
         }
@@ -176,7 +176,7 @@ def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executo
     path = folder / "naf.toml"
     if not path.exists():
         write_toml(path, {"misfit_limit": measure_misfit_limit(solver, np.random.default_rng(seed))})
-    limit = float(_stored(path)["misfit_limit"])
+    limit = float(stored(path)["misfit_limit"])
     facts = {"budget": asdict(budget), **naf_facts(solver, limit)}
     return _Means(replace(solver, limit=limit), None, roll, roll.count, facts)
 
@@ -207,7 +207,7 @@ def _learnt(
         write_toml(report, asdict(held_out))
     progress(STAGES[1], 1, 1)
     emulator = Emulator(task, load_tensors(path))
-    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": _stored(report)}
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": stored(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
     return _Means(EmulatorSolver(emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
 
@@ -219,19 +219,20 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
     if not path.exists():
         write_toml(path, plan)
         return
-    stored = _stored(path)
-    different = [key for key, value in plan.items() if stored.get(key) != value]
+    before = stored(path)
+    different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(
             f"{folder} was begun with another {', '.join(different)}: use a new folder, or the settings in {path}"
         )
 
 
-def _stored(path: Path) -> dict[str, Any]:
+def stored(path: Path) -> dict[str, Any]:
+    """A TOML file of the folder. Raises DatasetError."""
     try:
         return read_toml(path)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} is not valid TOML ({error}): remove it, or begin in a new folder") from error
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path} cannot be read ({error}): remove it, or begin in a new folder") from error
 
 
 def _policies(
@@ -298,7 +299,7 @@ def _evaluation(
         )
         write_toml(path, asdict(results))
     progress(STAGES[5], 1, 1)
-    return _stored(path)
+    return stored(path)
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:

@@ -5,7 +5,6 @@ The rollouts are kept in the folder's `proof/`, so that a second run, or one tha
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
@@ -18,7 +17,7 @@ import numpy as np
 from sim.adaptation.episodes import Episodes, Roll
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.meta_training import MetaSettings
-from sim.adaptation.phase1 import STAGES, stage_seeds
+from sim.adaptation.phase1 import STAGES, stage_seeds, stored
 from sim.adaptation.proof_emulator import HeldOut, held_out
 from sim.adaptation.proof_policies import Pairs, PairSettings, compare_policies
 from sim.adaptation.proof_replays import Replays, replay
@@ -28,7 +27,6 @@ from sim.checkpoint import CARD, load_tensors, read_card
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorSettings
 from sim.errors import DatasetError
-from sim.files import read_toml
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
@@ -123,7 +121,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
     if not is_finished(folder):
         raise DatasetError(f"{folder} holds no finished pretraining: {again}")
-    plan, curve = _read(folder / "plan.toml"), _read(folder / "policy.toml")
+    plan, curve = stored(folder / "plan.toml"), stored(folder / "policy.toml")
     if (plan["task"], plan["fingerprint"]) != (task.name, fingerprint(task)):
         raise DatasetError(
             f"the pretraining in {folder} is of {plan['task']} with ranges {plan['fingerprint']}, wanted {task.name} "
@@ -197,7 +195,7 @@ def _held_out(made: Pretrained) -> HeldOut | None:
         return None
     seeds = stage_seeds(int(made.plan["seed"]))
     settings = _known(EmulatorSettings, made.plan["budget"]["emulator"])
-    return held_out(made.emulator, made.dataset, seeds[1], settings, _read(made.folder / "emulator.toml"))
+    return held_out(made.emulator, made.dataset, seeds[1], settings, stored(made.folder / "emulator.toml"))
 
 
 def _replayed(made: Pretrained, settings: ProofSettings) -> int:
@@ -228,10 +226,3 @@ def _known(kind: type[S], planned: Mapping[str, Any]) -> S:
     """Settings as they were planned, of those that this version has."""
     names = {f.name for f in fields(kind)}
     return kind(**{name: value for name, value in planned.items() if name in names})
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return read_toml(path)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}): remove the folder and begin again") from error

@@ -39,8 +39,7 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
 
     A cluster on SLURM is started with dask-jobqueue, and gives its address. A lost worker costs the chunks that it
     was at: the scheduler begins them anew elsewhere (three times, its `allowed-failures`), and each result is taken
-    once. The numbers are those of one machine, if its
-    packages are. Raises ClusterUnavailable.
+    once. The numbers are those of one machine, if its packages are. Raises ClusterUnavailable.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -162,6 +162,17 @@ class ToyDevices:
 
     def openers(self) -> Openers:
         return Openers(self._arm, self._camera, self._pedal, self._balance, self._hand)
+
+    def openers_of_a_stopped_arm(self) -> Openers:
+        """Its arm was stopped by a reflex before it is connected."""
+
+        def stopped(*args: Any, **given: Any) -> FakeGuardedArm:
+            feeling = self._arm(*args, **given)
+            assert self.arm is not None
+            self.arm._fault = "cartesian_reflex"
+            return feeling
+
+        return replace(self.openers(), arm=stopped)
 
     def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, table: Any, pedal: Any) -> FakeGuardedArm:
         self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)

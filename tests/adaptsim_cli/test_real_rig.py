@@ -263,15 +263,7 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
 
 def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices()
-    openers = devices.openers()
-
-    def stopped(*args: object, **given: object) -> object:
-        arm = openers.arm(*args, **given)  # type: ignore[arg-type]
-        assert devices.arm is not None
-        devices.arm._fault = "cartesian_reflex"
-        return arm
-
-    faulty = replace(openers, arm=stopped)  # type: ignore[arg-type]
+    faulty = devices.openers_of_a_stopped_arm()
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer)
         with wiring_calibration.open_calibration_rig(there.config, Board(), None, faulty) as rig:

@@ -168,18 +168,11 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
 
 def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices(plane=TRUE)
-    openers = devices.openers()
-
-    def stopped(*args: object, **given: object) -> object:
-        arm = openers.arm(*args, **given)  # type: ignore[arg-type]
-        assert devices.arm is not None
-        devices.arm._fault = "cartesian_reflex"
-        return arm
-
+    faulty = devices.openers_of_a_stopped_arm()
     calibrated(there)
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer, "panda", "", "")
-        with open_real_touch_rig(there.config, there.places, Grasp(), replace(openers, arm=stopped)) as rig:
+        with open_real_touch_rig(there.config, there.places, Grasp(), faulty) as rig:
             assert rig.arm.state().fault == fault
             if fault:
                 with pytest.raises(ArmFault, match="recover"):

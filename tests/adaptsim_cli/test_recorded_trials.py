@@ -65,7 +65,7 @@ def with_tracker(session: Session, change: Change) -> Session:
     target = session.parts.target
     assert isinstance(target, OnRig)
     changed = dataclasses.replace(target, tracker=change(target.tracker))
-    parts = dataclasses.replace(session.parts, target=changed, replay=changed.replay)
+    parts = dataclasses.replace(session.parts, target=changed)
     return dataclasses.replace(session, parts=parts)
 
 

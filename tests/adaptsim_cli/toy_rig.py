@@ -246,7 +246,7 @@ def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str],
     )
     origin = Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"})
     target = OnRig(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, target.replay, ToyLearner(), origin)
+    return Parts(TASK, target, ToyLearner(), origin)
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:

@@ -80,7 +80,7 @@ class BottleBench:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
             target = OnRig(TASK, rig, tracker_of(TASK), self._planner())
-            yield Parts(TASK, target, target.replay, MiddleLearner(), origin)
+            yield Parts(TASK, target, MiddleLearner(), origin)
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:

@@ -11,10 +11,12 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 
-from sim.errors import ClusterUnavailable
+from sim.errors import ClusterUnavailable, RolloutError
 
 CONNECT_S = 15.0
 """How long a cluster may take to answer, and to show its first worker."""
+
+LOST = "the Dask scheduler was lost: start it again, then the same command"
 
 _PR_SET_PDEATHSIG = 1
 
@@ -56,7 +58,13 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ClusterUnavailable(f"the Dask cluster at {scheduler} has no worker: start one") from error
-        yield client.get_executor(pure=False)
+        try:
+            yield client.get_executor(pure=False)
+        except RolloutError as error:
+            # While a connection breaks, its futures may also fail with whatever they were at.
+            if client.status == "running":
+                raise
+            raise ClusterUnavailable(LOST) from error
     finally:
         client.close()
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import ClusterUnavailable, RolloutError, UnknownName
+from sim.rollouts.executors import LOST
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -112,7 +113,7 @@ def run_many(task: Task, requests: Requests, executor: Executor, progress: Progr
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in sorted(ready, key=lambda f: running[f]):
                 if future.cancelled():
-                    raise ClusterUnavailable("the Dask scheduler was lost: start it again, then the same command")
+                    raise ClusterUnavailable(LOST)
                 error = future.exception()
                 if error is not None:
                     lost = sorted(running.values()) if isinstance(error, BrokenExecutor) else [running[future]]

@@ -52,7 +52,7 @@ def test_a_lost_scheduler_says_so() -> None:
         def progress(done: int, total: int) -> None:
             lost.close()
 
-        with dask_cluster(lost.scheduler_address) as executor, pytest.raises(ClusterUnavailable, match="was lost"):
+        with pytest.raises(ClusterUnavailable, match="was lost"), dask_cluster(lost.scheduler_address) as executor:
             run_many(TOY, dataset_requests(TOY, 3, 8000), executor, progress)
 
 

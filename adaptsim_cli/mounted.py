@@ -61,6 +61,7 @@ class MountedTask:
             keep_out=self.keep_out,
             tool=self.tool,
             table=self.correction.table,
+            carries=self.task.carries,
         )
 
     def check(self, path: JointPath) -> LimitReport:
@@ -111,7 +112,7 @@ def mounted(
     designed = task.X_FT if rig is None else rig.tool(task.name).designed(task.X_FT)
     there = replace(task, X_FT=frozen_array(found.X_FT(designed), (4, 4), "X_FT"))
     tool = held(there.X_FT, there.keep_clear)
-    home_rad = home(there.X_FT, model, tool)
+    home_rad = home(there.X_FT, model, tool, there.home_pitch_rad)
     if rig is None:
         return MountedTask(there, model, tool, home_rad, keep_out, found)
     boxes, force_N = (*keep_out, *rig.boxes()), rig.arm.settings().collision.contact_force_limit_N

@@ -10,6 +10,14 @@ import numpy as np
 from hw.types import Array, frozen_array
 
 
+REST_M_S, REST_RAD_S = 0.003, 0.1
+REST_S = 0.1
+SETTLE_S = 2.0
+"""When a trial is over, in training, in the lab and before a camera: once the object has been slower than this against
+the table, or against the tool that carries it, for `REST_S`; at the latest `SETTLE_S` after the tool's motion. Then it
+is judged, with the tool held where its motion ended (docs/decisions/0003)."""
+
+
 class Outcome(StrEnum):
     """How a trial ended."""
 

@@ -6,12 +6,14 @@ the arm away from its limits (`sim.panda.redundancy`). Everything is checked by 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
 from hw.joint_limits import DT_S
@@ -19,6 +21,7 @@ from hw.kinematics import forward, link_poses
 from hw.limits import LIMITS, LimitReport, check_path
 from hw.types import Array, JointPath, frozen_array
 from sim.errors import NotExecutable
+from sim.panda.carrying import carry_path
 from sim.panda.detours import free_path
 from sim.panda.inverse import inverse
 from sim.panda.moves import joined, move_path, timed
@@ -67,14 +70,15 @@ def joint_path(
     return min(found, key=lambda one: one[0])[1]
 
 
-def home(X_FT: Array, model: str = "panda", tool: Tool | None = None) -> Array:
-    """(7,) the posture between trials: the tool level over `HOME_TOOL_M`, the joints near the middle of their ranges.
+def home(X_FT: Array, model: str = "panda", tool: Tool | None = None, pitch_rad: float = 0.0) -> Array:
+    """(7,) the posture between trials: the tool pitched over `HOME_TOOL_M`, the joints near the middle of their ranges.
 
     Raises NotExecutable if the tool cannot be held there.
     """
     tool, limits = tool or held(X_FT), LIMITS[model]
     places = np.array(list(product(*HOME_TOOL_M)))
     X_BT = np.tile(np.eye(4), (len(places), 1, 1))
+    X_BT[:, :3, :3] = Rotation.from_euler("y", pitch_rad).as_matrix()
     X_BT[:, :3, 3] = places
     q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 91)[1:-1]
     q = inverse((X_BT @ np.linalg.inv(X_FT))[:, None], q7).reshape(-1, 7)
@@ -86,7 +90,7 @@ def home(X_FT: Array, model: str = "panda", tool: Tool | None = None) -> Array:
             break
         if check_path(still, model, None, (), tool).ok:
             return frozen_array(q[i])
-    raise NotExecutable(f"{model}: the tool cannot be held level at any of {HOME_TOOL_M} m; mount it otherwise")
+    raise NotExecutable(f"{model}: the tool cannot be held at any of {HOME_TOOL_M} m; mount it otherwise")
 
 
 def trial_paths(
@@ -98,27 +102,36 @@ def trial_paths(
     keep_out: tuple[KeepOut, ...] = (),
     tool: Tool | None = None,
     table: Table = LEVEL,
+    carries: bool = False,
 ) -> tuple[JointPath, JointPath, JointPath]:
     """Approach (home, above the start, straight down), task, and retreat (straight up, home), each checked.
 
     The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The
     tool stays `CLEAR_M` above the table, which is where `table` says, except on the vertical stretches. Where the
-    direct way home is not free, it goes around what is in the way. Raises NotExecutable.
+    direct way home is not free, it goes around what is in the way. A tool that `carries` something goes back so gently
+    that it keeps it, where any posture allows that. Raises NotExecutable.
     """
     tool = tool or held(X_FT)
     home_rad = frozen_array(q_home, (7,), "q_home")
-    best: tuple[float, tuple[JointPath, JointPath, JointPath]] | None = None
+    gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, model=model) if carries else None
+    freely: Ways = partial(_ways, q_home=home_rad, model=model, keep_out=keep_out, tool=tool, table=table)
+    homeward = partial(_homeward, model=model, keep_out=keep_out, tool=tool, table=table)
+    best: tuple[tuple[bool, float], tuple[JointPath, JointPath, JointPath]] | None = None
     refused: NotExecutable | None = None
     for ratio, task in _task_paths(motion, X_FT, model, home_rad, keep_out=keep_out, tool=tool, table=table):
-        if best is not None and ratio >= best[0]:
+        if best is not None and (False, ratio) >= best[0]:
             continue
         try:
-            away, back = (_homeward(task.q_rad[end], home_rad, model, keep_out, tool, table) for end in (0, -1))
+            away = homeward(task.q_rad[0], freely)
+            back = None if gently is None else _unless_refused(homeward, task.q_rad[-1], gently)
+            rank = gently is not None and back is None, ratio
+            if best is None or rank < best[0]:
+                back = back or homeward(task.q_rad[-1], freely)
+                best = rank, (JointPath(away.t_s, away.q_rad[::-1]), task, back)
         except NotExecutable as error:
             refused = error
             continue
-        best = ratio, (JointPath(away.t_s, away.q_rad[::-1]), task, back)
-        if ratio < GOOD_ENOUGH:
+        if best[0] < (False, GOOD_ENOUGH):
             break
     if best is None:
         raise refused or NotExecutable(f"{model}: no task path")
@@ -188,10 +201,21 @@ def vertical(q_from: ArrayLike, rise_m: float, model: str, speed_m_s: float = VE
     return timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, model)
 
 
+Ways = Callable[[Array], Iterator[JointPath]]
+"""From where the tool was lifted -> ways home, the best first. May raise NotExecutable."""
+
+
+def _unless_refused(homeward: Callable[[Array, Ways], JointPath], q_from: Array, ways: Ways) -> JointPath | None:
+    try:
+        return homeward(q_from, ways)
+    except NotExecutable:
+        return None
+
+
 def _homeward(
-    q_from: ArrayLike, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
+    q_from: ArrayLike, ways: Ways, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
 ) -> JointPath:
-    """Straight up, then home in joint space; higher up if that comes near anything. Safe in both directions."""
+    """Straight up, then home; higher up if that comes near anything. Safe in both directions."""
     refused = "nothing was tried"
     for rise_m in LIFTS_M:
         try:
@@ -199,7 +223,7 @@ def _homeward(
         except NotExecutable as error:
             refused = str(error)
             break
-        for over in _ways(up.q_rad[-1], q_home, model, keep_out, tool, table):
+        for over in ways(up.q_rad[-1]):
             path = joined(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
             reports = [check_path(way, model, None, keep_out, tool, table) for way in both_ways]
@@ -216,6 +240,10 @@ def _lowest_m(path: JointPath, tool: Tool, table: Table) -> float:
     if not len(tool.points_F_m):
         return CLEAR_M
     return float(point_heights(link_poses(path.q_rad[::10]), tool, table).min())
+
+
+def _gently(q_from: Array, q_home: Array, X_FT: Array, model: str) -> Iterator[JointPath]:
+    yield carry_path(q_from, q_home, X_FT, model)
 
 
 def _ways(

@@ -16,11 +16,14 @@ from pydrake.systems.framework import Context
 from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
+from perception.types import REST_M_S, REST_RAD_S, REST_S
 from sim.tasks.carriage import CARRIAGE, Drive, add_carriage, place_carriage
 from sim.tasks.contact import keep_apart
 from sim.tasks.task import SceneBodies
 
 READ_EVERY_S = 0.020
+_STILL_READINGS = round(REST_S / READ_EVERY_S) + 1
+"""So many in a row span `REST_S`. One alone is no rest: what rolls to and fro stands still where it turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,40 @@ class Moment:
     tool: RigidBody
     state: Context
 
+    @property
+    def X_BO(self) -> RigidTransform:
+        return self.object.EvalPoseInWorld(self.state)
+
+    @property
+    def p_TO_m(self) -> Array:
+        """(3,) the object in the tool frame."""
+        return np.asarray(self.tool.EvalPoseInWorld(self.state).inverse() @ self.X_BO.translation())
+
+    @property
+    def is_still_on_table(self) -> bool:
+        """Whether the object is as slow as at rest."""
+        V_BO = self.object.EvalSpatialVelocityInWorld(self.state)
+        return _is_slow(V_BO.translational(), V_BO.rotational())
+
+    @property
+    def is_still_on_tool(self) -> bool:
+        """Whether it is as slow as at rest against the tool."""
+        V_BO, V_BT = (body.EvalSpatialVelocityInWorld(self.state) for body in (self.object, self.tool))
+        p_TO_B = self.X_BO.translation() - self.tool.EvalPoseInWorld(self.state).translation()
+        carried = V_BT.Shift(p_TO_B)
+        return _is_slow(V_BO.translational() - carried.translational(), V_BO.rotational() - carried.rotational())
+
+
+@dataclass(frozen=True)
+class Ending:
+    """When a rollout is over."""
+
+    still: Callable[[Moment], bool]
+    """Whether the object is still where nothing moves it any more; it rests once it has been for `REST_S`."""
+    decided: Callable[[Moment], bool]
+    """Whether nothing that comes can change how it is judged."""
+    latest_s: float
+
 
 @dataclass(frozen=True, eq=False)
 class Readings:
@@ -49,6 +86,7 @@ class Readings:
     t_s: Array  # (N,) every 20 ms
     X_BO: tuple[RigidTransform, ...]
     X_BT: tuple[RigidTransform, ...]
+    is_settled: bool  # whether it came to its end before the latest moment
     failure: str | None  # why the solver gave up
 
     @property
@@ -72,11 +110,10 @@ def run(
     build: Callable[[MultibodyPlant, Frame], SceneBodies],
     dt_s: float,
     start: Start,
-    end_s: float,
-    finished: Callable[[Moment], bool],
+    ending: Ending,
 ) -> Readings:
-    """Step the scene that `build` adds, from `start` to `end_s` or until it has `finished`. Never raises for a solver
-    that does not converge."""
+    """Step the scene that `build` adds, from `start` to its `ending`. Never raises for a solver that does not
+    converge."""
     robot = RobotDiagramBuilder(time_step=dt_s)  # a plain DiagramBuilder leaks some 150 KB a rollout in pydrake
     builder, plant = robot.builder(), robot.plant()
     plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
@@ -91,7 +128,7 @@ def run(
     state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(start.X_BO))
     place_carriage(plant, state, start.tool)
-    return _read(simulator, plant, bodies, start.t_s, end_s, finished, dt_s)
+    return _read(simulator, plant, bodies, start.t_s, ending, dt_s)
 
 
 def _read(
@@ -99,8 +136,7 @@ def _read(
     plant: MultibodyPlant,
     bodies: SceneBodies,
     start_s: float,
-    end_s: float,
-    finished: Callable[[Moment], bool],
+    ending: Ending,
     dt_s: float,
 ) -> Readings:
     """A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
@@ -110,15 +146,23 @@ def _read(
     t_s = [start_s]
     X_BO = [body.EvalPoseInWorld(state)]
     X_BT = [tool.EvalPoseInWorld(state)]
-    failure = None
+    failure, still = None, 0
     try:
         simulator.Initialize()
-        while t_s[-1] < end_s and not finished(Moment(t_s[-1], body, tool, state)):
-            t = min(start_s + len(t_s) * READ_EVERY_S, end_s)
+        while t_s[-1] < ending.latest_s:
+            now = Moment(t_s[-1], body, tool, state)
+            still = still + 1 if ending.still(now) else 0
+            if still == _STILL_READINGS or ending.decided(now):
+                break
+            t = min(start_s + len(t_s) * READ_EVERY_S, ending.latest_s)
             simulator.AdvanceTo(t - dt_s / 2)
             t_s.append(t)
             X_BO.append(body.EvalPoseInWorld(state))
             X_BT.append(tool.EvalPoseInWorld(state))
     except RuntimeError as error:  # what Drake's solvers raise
         failure = f"the solver failed after {t_s[-1]:.2f} s: {error}"
-    return Readings(np.array(t_s), tuple(X_BO), tuple(X_BT), failure)
+    return Readings(np.array(t_s), tuple(X_BO), tuple(X_BT), failure is None and t_s[-1] < ending.latest_s, failure)
+
+
+def _is_slow(v_m_s: Array, w_rad_s: Array) -> bool:
+    return bool(np.linalg.norm(v_m_s) < REST_M_S) and bool(np.linalg.norm(w_rad_s) < REST_RAD_S)

@@ -193,6 +193,10 @@ class Task:
     """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
     plan: Callable[[Array, Array], ToolMotion] | None = None  # (context, action) -> motion; None: no hardware
     X_FT: Array = field(default_factory=lambda: frozen_array(np.eye(4), (4, 4)))  # (4, 4) the tool in the arm's flange
+    home_pitch_rad: float = 0.0
+    """How the tool is pitched between trials; positive: its front down."""
+    carries: bool = False
+    """Whether the tool carries the object home, and the way there must be gentle."""
     keep_clear: tuple[Capsule, ...] = ()
     """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
     goal_m: Callable[[Array], Array] | None = None

@@ -13,9 +13,9 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from hw.types import Array
-from perception.types import ObjectTrack, Outcome
+from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.carriage import Compliance, drive_of
-from sim.tasks.direct import Moment, Readings, Start, reading_before_s, run
+from sim.tasks.direct import Ending, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.pushing.params import BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
@@ -25,9 +25,6 @@ from sim.types import ToolMotion
 
 LEAD_S = 0.020
 """How long before the plate touches the rollout starts at the latest."""
-
-SLIDING_S = 3.0
-"""How long after the motion a bottle may slide; then it counts as where it is."""
 
 ARM = Compliance(
     p_TP_m=(0.0, 0.0),
@@ -40,8 +37,9 @@ ARM = Compliance(
 """Stiffer than an arm and without its coupling: a bottle of 0.3 kg moves the plate by micrometres either way
 (tests/sim/test_lab_agreement.py)."""
 
-REST_SPEED_M_S = 0.002
-REST_RATE_RAD_S = 0.1
+STILL_MOVING = f"the bottle still moves {SETTLE_S:g} s after the push"
+"""The flag of a bottle that is judged while it moves."""
+
 _NEAR_M = 0.002
 
 
@@ -55,8 +53,8 @@ def simulate(
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    end_s = float(motion.t_s[-1]) + SLIDING_S
-    return _track(run(drive, build, time_step_s(unmodelled), start, end_s, partial(_finished, motion)))
+    ending = Ending(partial(_still, motion), _has_fallen, float(motion.t_s[-1]) + SETTLE_S)
+    return _track(run(drive, build, time_step_s(unmodelled), start, ending))
 
 
 def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:
@@ -74,15 +72,17 @@ def _gap_m(X_BT: Array, p_BO_m: Array) -> Array:
     return gap_m
 
 
-def _finished(motion: ToolMotion, now: Moment) -> bool:
-    X_BO = now.object.EvalPoseInWorld(now.state)
-    p_BO_m = X_BO.translation()
-    if _lean_rad(X_BO) > TIPPED_RAD or not on_table(p_BO_m[:2]):
-        return True
-    V_BO = now.object.EvalSpatialVelocityInWorld(now.state)
-    if np.linalg.norm(V_BO.translational()) > REST_SPEED_M_S or np.linalg.norm(V_BO.rotational()) > REST_RATE_RAD_S:
+def _has_fallen(now: Moment) -> bool:
+    """Whether the bottle lies, or has left the table."""
+    X_BO = now.X_BO
+    return _lean_rad(X_BO) > TIPPED_RAD or not on_table(X_BO.translation()[:2])
+
+
+def _still(motion: ToolMotion, now: Moment) -> bool:
+    """Whether the bottle is still where the plate does not come any more."""
+    if not now.is_still_on_table:
         return False
-    return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], p_BO_m)) > _NEAR_M
+    return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], now.X_BO.translation())) > _NEAR_M
 
 
 def _track(readings: Readings) -> ObjectTrack:
@@ -90,7 +90,7 @@ def _track(readings: Readings) -> ObjectTrack:
     t_s, p_BO_m = readings.t_s, readings.p_BO_m
     if t_s[0] > 0.0:
         t_s, p_BO_m = np.concatenate([[0.0], t_s]), np.concatenate([p_BO_m[:1], p_BO_m])
-    flags = () if readings.failure is None else (readings.failure,)
+    flags = () if readings.is_settled else (readings.failure or STILL_MOVING,)
     return ObjectTrack(t_s, p_BO_m, _outcome(readings), readings.p_TO_m, np.ones(len(t_s)), flags)
 
 

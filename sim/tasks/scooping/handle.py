@@ -13,6 +13,9 @@ from hw.types import Array
 from sim.tasks.scooping.params import BLADE_LENGTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
 
 NECK_M = 0.05
+NECK_SIZE_M = (NECK_M, 0.035, 0.004)
+"""Length along the handle, width and thickness: what stops a piece that rolls down the blade to its root."""
+
 HANDLE_M = GRIP_M + 0.03 - NECK_M
 ROOT_M: Array = np.array([-BLADE_LENGTH_M, 0.0, -EDGE_M / 2])
 """Where the neck leaves the blade, in T."""

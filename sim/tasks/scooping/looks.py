@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.tasks.scooping.handle import HANDLE_M, NECK_M, ROOT_M, UP
+from sim.tasks.scooping.handle import HANDLE_M, NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
 from sim.tasks.scooping.piece import Piece
 from sim.tasks.shapes import box
@@ -24,7 +24,7 @@ def spatula_visuals(blade_body: str, handle_body: str) -> tuple[Visual, ...]:
     neck_end = ROOT_M + NECK_M * UP
     handle_end = neck_end + HANDLE_M * UP
     blade = box(np.array([BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M]), np.array([-BLADE_LENGTH_M / 2, 0, -EDGE_M / 2]))
-    neck = box(np.array([NECK_M, 0.035, 0.004]), (ROOT_M + neck_end) / 2, HANDLE_RISE_RAD)
+    neck = box(np.array(NECK_SIZE_M), (ROOT_M + neck_end) / 2, HANDLE_RISE_RAD)
     handle = box(np.array([HANDLE_M, 0.024, 0.018]), (neck_end + handle_end) / 2, HANDLE_RISE_RAD)
     adapter = box(np.array([0.05, 0.045, 0.035]), ROOT_M + GRIP_M * UP, HANDLE_RISE_RAD)
     return (

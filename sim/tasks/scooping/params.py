@@ -93,6 +93,9 @@ HANDLE_RISE_RAD = 0.9
 GRIP_M = 0.215
 """Where the fingers hold the handle: distance from the root of the blade."""
 
+HOME_PITCH_RAD = -0.10
+"""The blade between trials: tilted back, so that a round piece stays at its root."""
+
 _APPROACH_LEAN_RAD, _APPROACH_TURN_RAD = float(np.deg2rad(60.7)), float(np.deg2rad(-53.8))
 _FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
 

@@ -1,7 +1,7 @@
 """One training rollout: the spatula driven directly, through springs as stiff as the arm's.
 
-The rollout starts shortly before the edge reaches the piece
-(before that nothing happens) and ends with the motion, or as soon as the piece rests where nothing moves it any more.
+The rollout starts shortly before the edge reaches the piece (before that nothing happens) and goes on after the motion,
+the tool held where it ended, until the piece rests or has left the blade (`perception.types.SETTLE_S`).
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from functools import partial
 import numpy as np
 
 from hw.types import Array
-from perception.types import ObjectTrack, Outcome
+from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.carriage import Compliance, Drive, drive_of
-from sim.tasks.direct import READ_EVERY_S, Moment, Readings, Start, reading_before_s, run
+from sim.tasks.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
@@ -38,8 +38,11 @@ LEAD_S = 0.030
 SETTLING_S = 0.70
 """From here on the tool all but rests; a piece that rests too is not simulated further."""
 
-REST_SPEED_M_S = 0.003
-REST_RATE_RAD_S = 0.1
+LATEST_S = DURATION_S + SETTLE_S
+STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
+"""The flag of a piece that is judged while it moves."""
+
+_ASIDE_M = 0.02
 
 
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
@@ -59,7 +62,7 @@ def simulate(
     tool = _on_table(drive, start_s)
     start = Start(start_s, rest_pose(context, parameters, nuisance, unmodelled), tool)
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return _track(run(drive, build, time_step_s(unmodelled), start, DURATION_S, _finished), motion)
+    return _track(run(drive, build, time_step_s(unmodelled), start, Ending(_still, _off_blade, LATEST_S)), motion)
 
 
 def _start_s(motion: ToolMotion, context: Array, nuisance: Array, unmodelled: Unmodelled | None) -> float:
@@ -83,18 +86,18 @@ def _on_table(drive: Drive, t_s: float) -> Array:
     return start
 
 
-def _finished(now: Moment) -> bool:
+def _still(now: Moment) -> bool:
     """Whether the tool all but rests, and the piece on it or on the table."""
-    if now.t_s < SETTLING_S:
+    return now.t_s >= SETTLING_S and (now.is_still_on_tool or now.is_still_on_table)
+
+
+def _off_blade(now: Moment) -> bool:
+    """Whether the piece has left the blade for good, after the last observed moment."""
+    if now.t_s < DURATION_S:
         return False
-    V_BO, V_BT = (body.EvalSpatialVelocityInWorld(now.state) for body in (now.object, now.tool))
-    p_TO_B = now.object.EvalPoseInWorld(now.state).translation() - now.tool.EvalPoseInWorld(now.state).translation()
-    carried = V_BT.Shift(p_TO_B)
-    return any(
-        bool(np.linalg.norm(V_BO.translational() - v) < REST_SPEED_M_S)
-        and bool(np.linalg.norm(V_BO.rotational() - w) < REST_RATE_RAD_S)
-        for v, w in ((carried.translational(), carried.rotational()), (np.zeros(3), np.zeros(3)))
-    )
+    x_m, y_m, z_m = now.p_TO_m
+    beside_m = max(x_m, -BLADE_LENGTH_M - x_m, abs(y_m) - BLADE_WIDTH_M / 2)
+    return bool(z_m < 0.0 or beside_m > _ASIDE_M)
 
 
 def _track(readings: Readings, motion: ToolMotion) -> ObjectTrack:
@@ -109,7 +112,7 @@ def _track(readings: Readings, motion: ToolMotion) -> ObjectTrack:
         t_s = np.concatenate([t_s, later_s])
     if t_s[0] > 0.0:
         t_s, p_BO_m = np.concatenate([[0.0], t_s]), np.concatenate([p_BO_m[:1], p_BO_m])
-    flags = () if readings.failure is None else (readings.failure,)
+    flags = () if readings.is_settled else (readings.failure or STILL_MOVING,)
     return ObjectTrack(t_s, p_BO_m, outcome, p_TO_m, np.ones(len(t_s)), flags)
 
 

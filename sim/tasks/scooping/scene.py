@@ -1,6 +1,6 @@
 """Table, piece and spatula in a Drake plant: the same physics whether an arm carries the tool or not.
 
-Piece against table and blade is compliant hydroelastic contact (the piece has the modulus, the others are rigid).
+Piece against table, blade and neck is compliant hydroelastic contact (the piece has the modulus, the others are rigid).
 The edge rides on the table on two small rounded corners by point contact without friction; everything else
 between blade and table is left out, so each step has few contacts.
 """
@@ -8,7 +8,7 @@ between blade and table is left out, so each step has few contacts.
 from __future__ import annotations
 
 from pydrake.common import MemoryFile
-from pydrake.geometry import Convex, HalfSpace, InMemoryMesh, Sphere
+from pydrake.geometry import Box, Convex, GeometryId, HalfSpace, InMemoryMesh, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -25,8 +25,17 @@ from pydrake.multibody.tree import (
 from hw.types import Array
 from sim.drake_types import vector
 from sim.tasks.contact import compliant, material, relaxing, rigid, set_contact
+from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, CORNER_M, EDGE_M, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.params import (
+    BLADE_LENGTH_M,
+    BLADE_WIDTH_M,
+    CORNER_M,
+    EDGE_M,
+    HANDLE_RISE_RAD,
+    PIECE_DENSITY_KG_M3,
+    Unmodelled,
+)
 from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.shapes import table_visual
@@ -76,10 +85,11 @@ def build_scene(
     face = plant.RegisterCollisionGeometry(
         turner, RigidTransform(), _polyhedron(blade()), "blade", rigid(effects.friction_of_blade(mu))
     )
+    neck = _add_neck(plant, handle, effects.friction_of_blade(mu))
     for side in (-1.0, 1.0):
         _add_corner(plant, turner, side)
     visuals = (table_visual(), piece_visual(OBJECT, piece), *spatula_visuals(TOOL, handle.name()))
-    return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table),))
+    return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
 
 def _add_piece(plant: MultibodyPlant, piece: Piece, mu: float, e_Pa: float, effects: Unmodelled) -> None:
@@ -113,6 +123,12 @@ def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unm
     joint = plant.AddJoint(RevoluteJoint(TOOL + "_root", above, below, axis, stiffness_Nm * FLEX_TIME_S))
     plant.AddForceElement(RevoluteSpring(joint, 0.0, stiffness_Nm))
     return handle, blade
+
+
+def _add_neck(plant: MultibodyPlant, handle: RigidBody, friction: float) -> GeometryId:
+    """Where the handle rises from the root of the blade."""
+    X_TG = RigidTransform(RollPitchYaw(0.0, HANDLE_RISE_RAD, 0.0), ROOT_M + NECK_M / 2 * UP)
+    return plant.RegisterCollisionGeometry(handle, X_TG, Box(*NECK_SIZE_M), "neck", rigid(friction))
 
 
 def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float) -> None:

@@ -38,6 +38,7 @@ def _piece(task: Task) -> Tracker:
             request.X_BT_at,
             request.t_start_s,
             request.duration_s,
+            request.at_home,
         )
 
     return Tracker(

@@ -44,7 +44,10 @@ from sim.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
+    from adaptsim_cli.mounted import MountedTask
     from adaptsim_cli.rigs.openers import Openers
+    from sim.lab import SimulatedLab
+    from sim.world import World
 
 _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
@@ -136,18 +139,34 @@ def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from sim.world import load_world
 
     world = load_world(config.world, task)
-    nominal = SimulatedLab(task, world, config.seed).nominal_calibration()
-    shipped = HandEye(nominal.X_BC, nominal.sigma_mm, nominal.sigma_deg, nominal.source, nominal.created)
-    eye, zeros_rad = calibration_of(config, places(), shipped)
+    eye, zeros_rad = calibration_of(config, places(), _calibration_of(SimulatedLab(task, world, config.seed)))
     touched = touch_off_of(config, places(), zeros_rad)
     there = mounted(task, "panda", correction=None if touched is None else touched.correction())
-    table = there.correction.table
-    home_rad = there.home_rad - zeros_rad
+    home_rad, table = there.home_rad - zeros_rad, there.correction.table
     with SimulatedLab(task, world, config.seed, home_q_rad=home_rad, tool=there.tool, table=table) as lab:
-        title, days = f"simulated lab, world {world.name}", config.calibration_days
-        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-        rig = Rig("fake", title, lab.arm, lab.camera, lab.bench, over_table, days)
-        yield OnRig(there.task, rig, tracker_of(there.task), there.planner(zeros_rad))
+        yield _on_rig(there, lab, eye, zeros_rad, config.calibration_days)
+
+
+@contextmanager
+def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
+    """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
+    from adaptsim_cli.mounted import mounted
+    from sim.lab import SimulatedLab
+
+    there = mounted(task, "panda")
+    with SimulatedLab(task, world, seed, home_q_rad=there.home_rad, tool=there.tool) as lab:
+        yield lab, _on_rig(there, lab, _calibration_of(lab), np.zeros(7))
+
+
+def _calibration_of(lab: SimulatedLab) -> HandEye:
+    shipped = lab.nominal_calibration()
+    return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
+
+
+def _on_rig(there: MountedTask, lab: SimulatedLab, eye: HandEye, zeros_rad: Array, days: int = 30) -> OnRig:
+    over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
+    rig = Rig("fake", f"simulated lab, {lab.title}", lab.arm, lab.camera, lab.bench, over_table, days)
+    return OnRig(there.task, rig, tracker_of(there.task), there.planner(zeros_rad))
 
 
 def _world_sha256(name_or_path: str) -> str:

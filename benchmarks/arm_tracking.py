@@ -71,7 +71,13 @@ def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
     assert task.plan is not None
     tool = held(task.X_FT, task.keep_clear)
     motion = task.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
-    return trial_paths(motion, task.X_FT, "fr3", home(task.X_FT, "fr3", tool), tool=tool), task.X_FT, tool
+    return (
+        trial_paths(
+            motion, task.X_FT, "fr3", home(task.X_FT, "fr3", tool, task.home_pitch_rad), tool=tool, carries=task.carries
+        ),
+        task.X_FT,
+        tool,
+    )
 
 
 def track(server: Fr3Process, name: str) -> dict[str, object]:

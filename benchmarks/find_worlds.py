@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,52 +22,19 @@ from typing import Any
 import numpy as np
 from worlds import UDR_DRAWS, rewards_of, simulate_in
 
-from hw.types import Array
 from sim.baselines.udr import several
 from sim.checkpoint import load_checkpoint
+from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.rollouts import process_pool, run_many
 from sim.sampling import sobol, spread
 from sim.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
-from sim.types import Dimension
 from sim.world import World, load_world
 
 UDR_BELOW, BEST_ABOVE = 0.6, 0.85
 CANDIDATES = 16
 SCREEN_UDR, SCREEN_EACH = 1, 4
-
-EFFECTS: dict[str, dict[str, Any]] = {
-    "scooping": {
-        "semi_axis_scale": ((0.8, 0.8), (1.3, 1.3)),
-        "density_scale": (0.5, 1.5),
-        "com_offset_m": ((-0.003, -0.002, -0.003), (0.003, 0.002, 0.003)),
-        "second_friction_scale": (0.4, 1.4),
-        "pitch_bias_rad": (-0.06, 0.06),
-        "blade_flex_rad": (0.0, 0.12),
-        "distance_bias_m": (-0.004, 0.008),
-        "contact": ("sap", "lagged"),
-    },
-    "pushing": {
-        "bottle_mass_scale": (0.3, 3.0),
-        "com_height_m": (0.025, 0.06),
-        "slosh_share": (0.0, 0.5),
-        "patch_size_scale": (0.6, 1.5),
-        "table_tilt_rad": ((-0.04, -0.04), (0.04, 0.04)),
-        "plate_restitution_scale": (1.0, 10.0),
-        "contact": ("lagged", "sap"),
-    },
-}
-"""Ranges that a lab may plausibly show; each effect is present in every second world."""
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A world that was drawn."""
-
-    parameters: Array
-    nuisance: Array
-    effects: dict[str, Any]
 
 
 def main() -> None:
@@ -82,37 +49,22 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     with process_pool(arguments.workers) as executor, (out / f"{task.name}.jsonl").open("a") as log:
         for i in range(arguments.first, arguments.first + arguments.draws):
-            drawn = draw(task, dict(arguments.within), arguments.effects, np.random.default_rng((arguments.seed, i)))
+            rng = np.random.default_rng((arguments.seed, i))
+            drawn = draw_world(task, rng, within=dict(arguments.within), effects=arguments.effects)
             file = out / f"{task.name}-{i}.toml"
-            file.write_text(world_file(task, drawn), encoding="utf-8")
+            file.write_text(as_toml(task, drawn), encoding="utf-8")
             nearest = np.clip(drawn.parameters, task.parameters.low, task.parameters.high)
             candidates = (*policies, *solver.policies(nearest[None, None, :], np.random.default_rng(1)))
             row = judge(task, load_world(str(file), task), udr, candidates, executor, arguments.confirm)
-            line = json.dumps({"draw": i, **row, "parameters": drawn.parameters.tolist(), "effects": drawn.effects})
+            line = json.dumps(
+                {"draw": i, **row, "parameters": drawn.parameters.tolist(), "effects": effects_of(task, drawn)}
+            )
             log.write(line + "\n")
             log.flush()
             if row["kept"]:
                 print(line, flush=True)
             else:
                 file.unlink()
-
-
-def draw(
-    task: Task, within: dict[str, tuple[float, float]], wanted: list[str] | None, rng: np.random.Generator
-) -> Candidate:
-    """Parameters in Omega for every second draw, else in the margin, `within` narrower bounds; some effects."""
-    space = task.parameters if rng.random() < 0.5 else task.margin
-    parameters = space.sample(rng, 4096)
-    for name, (low, high) in within.items():
-        column = parameters[:, space.names.index(name)]
-        parameters = parameters[(low <= column) & (column <= high)]
-    effects: dict[str, Any] = {}
-    for name, between in EFFECTS[task.name].items():
-        if rng.random() < 0.5 or (wanted is not None and name not in wanted):
-            continue
-        low, high = between
-        effects[name] = high if isinstance(low, str) else np.round(rng.uniform(low, high), 4).tolist()
-    return Candidate(parameters[0], task.nuisance.sample(rng, 1)[0], effects)
 
 
 def judge(
@@ -145,20 +97,6 @@ def judge(
     low, high = of_udr(max(1, confirm // 4), 4), mean(policies[best], confirm, 4)
     near = sum(value >= BEST_ABOVE for value in each)
     return {"kept": low < UDR_BELOW and high > BEST_ABOVE, "udr": low, "best": high, "good": near}
-
-
-def world_file(task: Task, drawn: Candidate) -> str:
-    """The drawn world as TOML, without a description."""
-    lines = [f'task = "{task.name}"', 'description = ""', "", "[params]"]
-    lines += [_line(d, v) for d, v in zip(task.parameters.dimensions, drawn.parameters, strict=True)]
-    lines += ["", "[nuisance]"]
-    lines += [_line(d, v) for d, v in zip(task.nuisance.dimensions, drawn.nuisance, strict=True)]
-    lines += ["", "[unmodelled]"] + [f"{name} = {json.dumps(value)}" for name, value in drawn.effects.items()]
-    return "\n".join(lines) + "\n"
-
-
-def _line(dimension: Dimension, value: float) -> str:
-    return f"{dimension.name} = {value:.0f}" if dimension.scale == "integer" else f"{dimension.name} = {value:.4g}"
 
 
 def _bounds(text: str) -> tuple[str, tuple[float, float]]:

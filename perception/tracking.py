@@ -12,14 +12,16 @@ from perception.detection import PieceDetection, depth_window, table_offset
 from perception.errors import TrackingFailed
 from perception.follow import Rig, follow
 from perception.geometry import Area, view_of
+from perception.leftover import lies_at
 from perception.locate import Place
 from perception.outcome import judge
 from perception.registration import tool_shift, turned
 from perception.tool_mask import ToolMask
-from perception.types import ObjectTrack
+from perception.types import SETTLE_S, ObjectTrack, Outcome
 
-BEFORE_S, AFTER_S = 0.05, 0.60
-"""Frames this long before the motion and after its end are used."""
+BEFORE_S = 0.05
+"""Frames this long before the motion are used, and until a trial is over."""
+LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the table now: lost on the way home"
 _REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from where the piece lay
 _HIGHEST_M = 0.14
 _HIDDEN = 0.25  # less visible than this is flagged
@@ -37,16 +39,18 @@ def track_piece(
     X_BT_at: Callable[[float], Array],
     t_start_s: float,
     duration_s: float,
+    at_home: tuple[Frame, Frame] | None = None,
 ) -> ObjectTrack:
     """The piece's centre through the trial, and how it ended.
 
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
     trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose
-    (4, 4) on the clock of the frames; the motion starts at `t_start_s` on it and lasts `duration_s`.
+    (4, 4) on the clock of the frames; the motion starts at `t_start_s` on it and lasts `duration_s`. `at_home` are
+    pictures of before and after, with the arm at home: a piece that lies on the table then was lost on the way.
     Frames in which the piece cannot be located are bridged, with confidence 0.
     Raises TrackingFailed when no frame falls into the trial or the piece is in none of them.
     """
-    chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + AFTER_S]
+    chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
     if not chosen:
         raise TrackingFailed(
             f"none of the {len(frames)} frames falls into the trial ({t_start_s:.3f} s, {duration_s:.2f} s long); "
@@ -68,7 +72,10 @@ def track_piece(
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
     verdict = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
     flags = (*camera_flags, *_flags(t_s, places, state, detection), *verdict.flags)
-    return ObjectTrack(t_s, state, verdict.outcome, verdict.end_in_tool_m, confidence, flags)
+    outcome = verdict.outcome
+    if outcome is Outcome.ON_BLADE and at_home is not None and lies_at(*at_home, model, X_BC, detection) is not None:
+        outcome, flags = Outcome.ON_TABLE, (*flags, LOST_ON_THE_WAY)
+    return ObjectTrack(t_s, state, outcome, verdict.end_in_tool_m, confidence, flags)
 
 
 def _prepare(

@@ -9,7 +9,6 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 
-
 REST_M_S, REST_RAD_S = 0.003, 0.1
 REST_S = 0.1
 SETTLE_S = 2.0

@@ -22,12 +22,9 @@ from adaptsim_cli.session.target import Evidence
 from hw.errors import ArmFault, HardwareError
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
-from perception.types import ObjectTrack, Outcome
+from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.task import Task
 from sim.types import ToolMotion
-
-SETTLE_S = 2.0
-"""How long a recording goes on after the motion: what was pushed slides or falls until it rests."""
 
 
 @dataclass(frozen=True)
@@ -140,15 +137,17 @@ class MotionPlan:
     def execute(self) -> Recorded:
         """Approach, record the motion, go back. Of an arm that stopped, what was recorded until then is kept."""
         approach, motion, back = self.paths
-        arm = self.found.target.rig.arm
+        target, after = self.found.target, None
+        arm = target.rig.arm
         arm.execute(approach)
         played, frames, stopped = self._film(motion)
         if stopped is None:
             try:
                 arm.execute(back)
+                after = target.in_time(target.rig.camera.snapshot()) if target.task.carries else None
             except ArmFault as fault:
                 stopped = fault
-        return Recorded(self.found, played, tuple(map(self.found.target.in_time, frames)), stopped)
+        return Recorded(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` before the camera. Its recording ends whatever happens, and never hides what happened first."""
@@ -175,6 +174,7 @@ class Recorded:
     played: Execution | None  # None: the arm stopped during the motion
     frames: tuple[Frame, ...]
     stopped: ArmFault | None
+    after: Frame | None  # with the arm at home again, of a task that carries its object
 
     def files(self) -> Mapping[str, bytes]:
         """Recording, overlay, and what a real rig says of itself."""
@@ -185,7 +185,14 @@ class Recorded:
             played = Execution(self.frames[0].t_s if self.frames else before.t_s, np.zeros(0), none, none, 0.0)
         eye = rig.hand_eye
         mcap = recording.encode(
-            before, self.frames, rig.camera.model(), eye.X_BC, played, target.tool_pose(played), eye.camera_late_s
+            before,
+            self.frames,
+            rig.camera.model(),
+            eye.X_BC,
+            played,
+            target.tool_pose(played),
+            eye.camera_late_s,
+            self.after,
         )
         told = {} if target.facts is None else {"rig.json": to_json(target.facts())}
         return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **told}
@@ -216,6 +223,7 @@ class RigReplay:
                 q_at=joints(played),
                 t_start_s=played.t_start_s,
                 duration_s=float(self.motion.t_s[-1]),
+                at_home=stored.at_home,
             )
         )
 

@@ -75,6 +75,7 @@ class TrackRequest:
     q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
     t_start_s: float  # arm clock at the start of the tool's motion
     duration_s: float  # of the tool's motion
+    at_home: tuple[Frame, Frame] | None = None  # before and after, of a task that carries its object
 
 
 @dataclass(frozen=True)

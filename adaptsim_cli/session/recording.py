@@ -28,6 +28,7 @@ from perception.types import ObjectTrack
 FILE, OBJECT_FILE = "recording.mcap", "object.mcap"
 _COLOUR, _DEPTH = "/camera/colour", "/camera/depth"
 _BEFORE_COLOUR, _BEFORE_DEPTH = "/before/colour", "/before/depth"
+_AFTER_COLOUR, _AFTER_DEPTH = "/after/colour", "/after/depth"
 _MEASURED, _COMMANDED = "/joints/measured", "/joints/commanded"
 _TRANSFORMS, _OBJECT = "/tf", "/object"
 _TOPICS = {
@@ -35,10 +36,13 @@ _TOPICS = {
     _DEPTH: "sensor_msgs/msg/CompressedImage",
     _BEFORE_COLOUR: "sensor_msgs/msg/CompressedImage",
     _BEFORE_DEPTH: "sensor_msgs/msg/CompressedImage",
+    _AFTER_COLOUR: "sensor_msgs/msg/CompressedImage",
+    _AFTER_DEPTH: "sensor_msgs/msg/CompressedImage",
     _MEASURED: "sensor_msgs/msg/JointState",
     _COMMANDED: "sensor_msgs/msg/JointState",
     _TRANSFORMS: "tf2_msgs/msg/TFMessage",
 }
+_IMAGES = (_COLOUR, _DEPTH, _BEFORE_COLOUR, _BEFORE_DEPTH, _AFTER_COLOUR, _AFTER_DEPTH)
 _JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _JPEG_QUALITY = 95
 
@@ -55,6 +59,12 @@ class Recording:
     model: CameraModel
     X_BC: Array  # (4, 4)
     execution: Execution
+    after: Frame | None = None  # with the arm at home again; None: it did not get there, or nothing was carried
+
+    @property
+    def at_home(self) -> tuple[Frame, Frame] | None:
+        """The pictures of before and after, where there are both."""
+        return None if self.after is None else (self.before, self.after)
 
 
 def encode(
@@ -65,13 +75,18 @@ def encode(
     execution: Execution,
     X_BT_at: Callable[[float], Array],
     camera_late_s: float = 0.0,
+    after: Frame | None = None,
 ) -> bytes:
     """The whole recording in memory, so that it can be written whole. Messages are in order of time.
 
     An execution without samples has no poses of the tool: the arm stopped, and nothing is known of its joints.
     `camera_late_s` was subtracted from the camera's stamps; it is only noted, for who wants to undo that.
     """
-    messages = [*_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png), *_images(frames, _COLOUR, _DEPTH, _jpeg)]
+    messages = [
+        *_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png),
+        *_images(frames, _COLOUR, _DEPTH, _jpeg),
+        *_images([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH, _png),
+    ]
     for t_s, measured, commanded in zip(
         execution.t_s, execution.q_measured_rad, execution.q_commanded_rad, strict=True
     ):
@@ -125,7 +140,7 @@ def _read(reader: object) -> Recording:
             camera = json.loads(attachment.data)
     if camera is None:
         raise SessionError("the recording lacks its camera.json")
-    images: dict[str, dict[int, Bytes]] = {t: {} for t in (_COLOUR, _DEPTH, _BEFORE_COLOUR, _BEFORE_DEPTH)}
+    images: dict[str, dict[int, Bytes]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {_MEASURED: [], _COMMANDED: []}
     for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
         fields, topic = cdr.Reader(message.data), channel.topic
@@ -147,7 +162,9 @@ def _read(reader: object) -> Recording:
         control_success_rate=float(camera["control_success_rate"]),
     )
     frames = _frames(images[_COLOUR], images[_DEPTH])
-    return Recording(before, frames, _camera_model(camera), np.array(camera["X_BC"]), execution)
+    after = _frames(images[_AFTER_COLOUR], images[_AFTER_DEPTH])
+    X_BC = np.array(camera["X_BC"])
+    return Recording(before, frames, _camera_model(camera), X_BC, execution, after[0] if after else None)
 
 
 def _frames(colour: dict[int, Bytes], depth: dict[int, Bytes]) -> tuple[Frame, ...]:

@@ -159,6 +159,7 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
                     q_at=joints(played),
                     t_start_s=played.t_start_s,
                     duration_s=float(played.t_s[-1]),
+                    at_home=stored.at_home,
                 )
             )
         except PerceptionError as error:

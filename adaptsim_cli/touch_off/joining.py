@@ -52,7 +52,7 @@ def touch_rig(
         loaded=Bench(model, task.X_FT, feeling(task, task.X_FT), keep_out),
         plan=plan_of(task),
         zeros_rad=zeros_rad,
-        home_rad=home(task.X_FT, model, held(task.X_FT, task.keep_clear)),
+        home_rad=home(task.X_FT, model, held(task.X_FT, task.keep_clear), task.home_pitch_rad),
         way=way,
         tool_there=tool_there,
         table=table,

@@ -85,6 +85,11 @@ class SimulatedLab:
         return self._bench
 
     @property
+    def title(self) -> str:
+        """What an operator calls it."""
+        return f"world {self._world.name}"
+
+    @property
     def home_q_rad(self) -> Array:
         """(7,) where paths from home begin."""
         return self._room.home_q_rad

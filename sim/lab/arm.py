@@ -51,7 +51,7 @@ class LabArm:
             table=self._table,
         )
         if not self._room.needs_physics(path):
-            return self._room.carry(path)
+            return self._room.travel(path)
         stop_s = self._room.chance.stop_fraction * path.duration_s
         if self._comes("arm_reflex"):
             keep = path.t_s <= stop_s

@@ -21,6 +21,7 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
+from perception.types import REST_M_S, REST_RAD_S, REST_S, SETTLE_S
 from sim.lab import mounting
 from sim.lab.motion import DivergedError, Motion
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
@@ -35,8 +36,7 @@ STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
 DAMPING_NMS_RAD = (150.0, 165.0, 130.0, 100.0, 20.0, 20.0, 15.0)
 """About critical for the inertia that each joint moves when the arm reaches to the table; the maker publishes none."""
 
-REST_SPEED_M_S = 0.002
-SETTLE_MIN_S, SETTLE_MAX_S, SETTLE_CHUNK_S = 0.3, 2.0, 0.1
+SETTLE_MIN_S, SETTLE_CHUNK_S = 0.3, 0.1
 
 
 class Cell:
@@ -101,7 +101,10 @@ class Cell:
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
     def simulate(self, t_s: Array, q_rad: Array) -> Motion:
-        """Follow the joint path (N,), (N, 7), then hold its end until the object rests. Raises DivergedError."""
+        """Follow the joint path (N,), (N, 7), then hold its end until the object rests, `SETTLE_S` at most.
+
+        Raises DivergedError.
+        """
         self._reference.UpdateTrajectory(PiecewisePolynomial.FirstOrderHold(t_s, q_rad.T))
         root = self._simulator.get_mutable_context()
         root.SetTime(0.0)
@@ -112,8 +115,8 @@ class Cell:
         end_s = float(t_s[-1]) + SETTLE_MIN_S
         try:
             self._simulator.AdvanceTo(end_s)
-            while self._object_speed() > REST_SPEED_M_S and end_s < t_s[-1] + SETTLE_MAX_S:
-                end_s += SETTLE_CHUNK_S
+            while not self._rests(log) and end_s < t_s[-1] + SETTLE_S:
+                end_s = min(end_s + SETTLE_CHUNK_S, float(t_s[-1]) + SETTLE_S)
                 self._simulator.AdvanceTo(end_s)
         except RuntimeError as error:
             raise DivergedError(root.get_time(), str(error), self._motion(log)) from error
@@ -121,14 +124,11 @@ class Cell:
         self.positions = motion.positions[-1]
         return motion
 
-    def carry(self, t_s: Array, q_rad: Array, *, held: bool) -> Motion:
-        """Be exactly at `q_rad` (M, 7) at `t_s` (M,); the object rides on the tool when `held`, else lies still."""
-        X_TO = np.linalg.inv(self._pose(self._tool)) @ self._pose(self._object)
+    def travel(self, t_s: Array, q_rad: Array) -> Motion:
+        """Be exactly at `q_rad` (M, 7) at `t_s` (M,), while the object lies still."""
         rows = np.empty((len(t_s), self._plant.num_positions()))
         for row, q in zip(rows, q_rad, strict=True):
             self.positions = self._with_arm(self.positions, q)
-            if held:
-                self._set_object(self._pose(self._tool) @ X_TO)
             row[:] = self.positions
         return Motion(t_s, rows, rows[:, self._joints])
 
@@ -174,9 +174,14 @@ class Cell:
     def _set_object(self, X_BO: Array) -> None:
         self._plant.SetFreeBodyPose(self._context, self._object, RigidTransform(X_BO))
 
-    def _object_speed(self) -> float:
-        velocity = self._plant.EvalBodySpatialVelocityInWorld(self._context, self._object)
-        return float(np.linalg.norm(velocity.translational()))
+    def _rests(self, log: Any) -> bool:
+        """Whether the object has been slow for as long as a trial asks for. The tool is at rest meanwhile."""
+        first = self._plant.num_positions() + self._object.floating_velocities_start_in_v()
+        times_s = log.sample_times()
+        w_rad_s, v_m_s = np.split(log.data()[first : first + 6, times_s >= times_s[-1] - REST_S], 2)
+        return bool(
+            np.linalg.norm(v_m_s, axis=0).max() < REST_M_S and np.linalg.norm(w_rad_s, axis=0).max() < REST_RAD_S
+        )
 
     def _with_arm(self, positions: Array, q_rad: Array) -> Array:
         full = np.array(positions)

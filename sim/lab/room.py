@@ -18,7 +18,7 @@ from sim.world import World
 TRIAL_S, ATTEMPT_S = 1000.0, 50.0
 """Placing sets the clock to `trial` of the one and `attempt` of the other, so that times depend on nothing else."""
 
-CARRY_PERIOD_S = 0.005
+TRAVEL_PERIOD_S = 0.005
 CHECK_PERIOD_S = 0.02
 TRUTH_PERIOD_S = 0.01
 
@@ -86,25 +86,19 @@ class Room:
         """(2,) where the object lies in the task's reference context."""
         return self._X_BO_reference()[:2, 3]
 
-    @property
-    def held(self) -> bool:
-        """Whether the tool, and nothing else, carries the object."""
-        on_tool, elsewhere = self.cell.touches()
-        return on_tool and not elsewhere
-
     def needs_physics(self, path: JointPath) -> bool:
-        """Whether tool, object or table may touch on the way. Else the object lies still, or rides on the tool."""
-        if path.contact is not None:
+        """Whether the tool touches anything on the way, or carries the object. Else the object lies still."""
+        if path.contact is not None or self.cell.touches()[0]:
             return True
-        return not self.held and self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)] + self.zeros_rad)
+        return self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)] + self.zeros_rad)
 
-    def carry(self, path: JointPath) -> Execution:
-        """Play a path on which nothing can touch; what it costs is only what a recording needs to see."""
+    def travel(self, path: JointPath) -> Execution:
+        """Play a path on which nothing touches; what it costs is only what a recording needs to see."""
         times_s = np.array([0.0, path.duration_s])
         if self.recording_since_s is not None:
-            times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / CARRY_PERIOD_S))
+            times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / TRAVEL_PERIOD_S))
         rows = np.stack([np.interp(times_s, path.t_s, column) for column in path.q_rad.T], axis=-1)
-        t_start_s = self._happened(self.cell.carry(times_s, rows + self.zeros_rad, held=self.held))
+        t_start_s = self._happened(self.cell.travel(times_s, rows + self.zeros_rad))
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def simulate(self, t_s: Array, q_rad: Array) -> Execution:

@@ -46,7 +46,8 @@ class Moment:
 
     @property
     def X_BO(self) -> RigidTransform:
-        return self.object.EvalPoseInWorld(self.state)
+        X: RigidTransform = self.object.EvalPoseInWorld(self.state)
+        return X
 
     @property
     def p_TO_m(self) -> Array:

@@ -6,7 +6,7 @@ walks an operator takes a `Task` and never asks which one it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -183,6 +183,8 @@ class Task:
     end_state: Callable[[ObjectTrack], Array]  # (k,) what the reward of a success depends on
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # how a person calls it, e.g. "piece of food"
+    plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    """Of each unmodelled effect, the range that a lab may show: what worlds are drawn from."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # of policies that NAF trains (Table A1); None: it trains none
     exact: Callable[[Task], Solver] | None = None

@@ -60,6 +60,19 @@ def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
     assert (back.execution.t_start_s, back.execution.control_success_rate) == (12.0, 0.98)
 
 
+def test_the_picture_of_home_is_kept_beside_the_one_of_before(tmp_path: Path, file: Path) -> None:
+    assert recording.read(file).at_home is None
+    path = tmp_path / "carried.mcap"
+    later = Frame(before().t_s + 30.0, before().colour[::-1].copy(), before().depth_mm)
+    path.write_bytes(recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4), after=later))
+    at_home = recording.read(path).at_home
+    assert at_home is not None
+    for stored, was in zip(at_home, (before(), later), strict=True):
+        np.testing.assert_array_equal(stored.colour, was.colour)
+        np.testing.assert_array_equal(stored.depth_mm, was.depth_mm)
+        assert stored.t_s == pytest.approx(was.t_s)
+
+
 def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None:
     with file.open("rb") as stream:
         reader = make_reader(stream)

@@ -12,7 +12,6 @@ from toy_rig import PARAMETERS, ToyLab
 from toy_session import NAME, ScriptedOperator, attended, no_space, run, unattended
 
 from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
-from adaptsim_cli.session.on_rig import SETTLE_S
 from adaptsim_cli.session.operator import Overrule, Proposal, Redo
 from adaptsim_cli.session.redoing import redo
 from adaptsim_cli.session.runner import run_iteration
@@ -20,7 +19,7 @@ from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import ArmFault, CameraError, MotionRefused
 from perception.errors import ObjectNotFound
-from perception.types import Outcome
+from perception.types import SETTLE_S, Outcome
 
 
 def rewards(store: SessionStore, iteration: int = 0) -> list[float]:

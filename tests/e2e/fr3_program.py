@@ -43,7 +43,7 @@ class Shown:
 
     def __init__(self, world: str, seed: int) -> None:
         task = get_task("scooping")
-        home_rad = home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear))
+        home_rad = home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear), task.home_pitch_rad)
         self.room = Room(task, load_world(world, task), seed, home_rad)
         self.offset_s = 0.0  # arm's clock less the room's, in the last motion
         self.is_placed = False
@@ -55,7 +55,7 @@ class Shown:
         measured = JointPath(path.t_s, played.q_measured_rad[: len(path.t_s)], path.contact)
         room = self.room
         physics = room.needs_physics(path)
-        happened = room.simulate(measured.t_s, measured.q_rad) if physics else room.carry(measured)
+        happened = room.simulate(measured.t_s, measured.q_rad) if physics else room.travel(measured)
         self.offset_s = played.t_start_s - happened.t_start_s
 
 

@@ -280,7 +280,7 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
 
 def _home_rad() -> Array:
     task = get_task("scooping")
-    return home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear))
+    return home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear), task.home_pitch_rad)
 
 
 def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:

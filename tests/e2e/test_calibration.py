@@ -41,7 +41,9 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 def found_off_mm(world: str, X_BC: Array) -> float:
     task = get_task("scooping")
     tracker, tool, off = tracker_of(task), held(task.X_FT, task.keep_clear), []
-    with SimulatedLab(task, load_world(world, task), 1, home_q_rad=home(task.X_FT, "panda", tool), tool=tool) as lab:
+    with SimulatedLab(
+        task, load_world(world, task), 1, home_q_rad=home(task.X_FT, "panda", tool, task.home_pitch_rad), tool=tool
+    ) as lab:
         for trial, xy_m in enumerate(PLACES_M, start=1):
             lab.bench.place(np.array(xy_m), trial, 0)
             truth = np.array(lab.truth()["trials"][-1]["X_BO_placed"])[:2, 3]

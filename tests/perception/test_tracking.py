@@ -13,6 +13,7 @@ from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 from hw.types import Array, Frame
 from perception.errors import TrackingFailed
 from perception.piece import PieceDetection, find_piece, track_piece
+from perception.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 
 HALF = (0.0125, 0.0125, 0.009)
@@ -168,3 +169,29 @@ def test_a_piece_that_was_taken_away_is_refused() -> None:
     frames = film(lambda _: at(*START, -1.0), lambda _: AWAY)
     with pytest.raises(TrackingFailed, match=r"lay at \(0\.680, 0\.010\) m is in none of"):
         track(frames, lambda _: AWAY)
+
+
+def at_home(lies: Array | None) -> tuple[Frame, Frame]:
+    """The table before and after, with the tool away; `lies` (4, 4) is where the piece is afterwards, None: nowhere."""
+    gone = at(*START, -5.0)
+    return scene().still(at(*START, HALF[2]), AWAY), scene().still(gone if lies is None else lies, AWAY)
+
+
+def ended(pictures: tuple[Frame, Frame]) -> ObjectTrack:
+    s = scene()
+    return track_piece(
+        scoop(), s.model, s.X_BC, detection(), tool_mesh(), lambda t: scoop_tool(t - T0), T0, 0.6, pictures
+    )
+
+
+def test_a_piece_that_came_home_on_the_tool_counts_as_on_the_blade() -> None:
+    found = ended(at_home(None))
+    assert found.outcome is Outcome.ON_BLADE
+    assert LOST_ON_THE_WAY not in found.flags
+
+
+@pytest.mark.parametrize("place", [(0.66, -0.02), (0.685, 0.012), (0.70, 0.03)])
+def test_a_piece_that_lies_on_the_table_again_was_lost_on_the_way_home(place: tuple[float, float]) -> None:
+    found = ended(at_home(at(*place, HALF[2])))
+    assert found.outcome is Outcome.ON_TABLE
+    assert LOST_ON_THE_WAY in found.flags

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -136,3 +136,15 @@ class Unmodelled:
             raise OutOfRange(f"table_tilt_rad = {self.table_tilt_rad} is steeper than 0.3 rad")
         if self.contact not in ("sap", "lagged"):
             raise OutOfRange(f'contact = "{self.contact}" is neither "sap" nor "lagged"')
+
+
+PLAUSIBLE: dict[str, tuple[Any, Any]] = {
+    "bottle_mass_scale": (0.3, 3.0),
+    "com_height_m": (0.025, 0.06),
+    "slosh_share": (0.0, 0.5),
+    "patch_size_scale": (0.6, 1.5),
+    "table_tilt_rad": ((-0.04, -0.04), (0.04, 0.04)),
+    "plate_restitution_scale": (1.0, 10.0),
+    "contact": ("lagged", "sap"),
+}
+"""What a lab may show of each effect; of the contact law, training's and the other one."""

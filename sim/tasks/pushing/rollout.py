@@ -47,9 +47,15 @@ def simulate(
     parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
 ) -> ObjectTrack:
     """Push once (see `sim.tasks.task.Simulate`)."""
-    motion = plan(context, action)
-    drive = drive_of(motion, ARM)
     X_BO = rest_pose(context, parameters, nuisance, unmodelled)
+    return play(plan(context, action), X_BO, parameters, nuisance, unmodelled)
+
+
+def play(
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+) -> ObjectTrack:
+    """The motion at a bottle that stands at X_BO (4, 4)."""
+    drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
@@ -82,7 +88,7 @@ def _still(motion: ToolMotion, now: Moment) -> bool:
     """Whether the bottle is still where the plate does not come any more."""
     if not now.is_still_on_table:
         return False
-    return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], now.X_BO.translation())) > _NEAR_M
+    return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], np.asarray(now.X_BO.translation()))) > _NEAR_M
 
 
 def _track(readings: Readings) -> ObjectTrack:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -160,3 +160,16 @@ class Unmodelled:
         """
         scale = self.second_friction_scale
         return scale * mu / (2.0 - scale)
+
+
+PLAUSIBLE: dict[str, tuple[Any, Any]] = {
+    "semi_axis_scale": ((0.8, 0.8), (1.3, 1.3)),
+    "density_scale": (0.5, 1.5),
+    "com_offset_m": ((-0.003, -0.002, -0.003), (0.003, 0.002, 0.003)),
+    "second_friction_scale": (0.4, 1.4),
+    "pitch_bias_rad": (-0.06, 0.06),
+    "blade_flex_rad": (0.0, 0.12),
+    "distance_bias_m": (-0.004, 0.008),
+    "contact": ("sap", "lagged"),
+}
+"""What a lab may show of each effect; of the contact law, training's and the other one."""

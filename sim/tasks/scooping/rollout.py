@@ -56,19 +56,25 @@ def simulate(
     parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
-    motion = plan(context, action)
+    X_BO = rest_pose(context, parameters, nuisance, unmodelled)
+    return play(plan(context, action), X_BO, parameters, nuisance, unmodelled)
+
+
+def play(
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+) -> ObjectTrack:
+    """The motion at a piece that lies at X_BO (4, 4)."""
     drive = drive_of(motion, ARM)
-    start_s = _start_s(motion, context, nuisance, unmodelled)
-    tool = _on_table(drive, start_s)
-    start = Start(start_s, rest_pose(context, parameters, nuisance, unmodelled), tool)
+    start_s = _start_s(motion, float(X_BO[0, 3]), nuisance, unmodelled)
+    start = Start(start_s, X_BO, _on_table(drive, start_s))
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
     return _track(run(drive, build, time_step_s(unmodelled), start, Ending(_still, _off_blade, LATEST_S)), motion)
 
 
-def _start_s(motion: ToolMotion, context: Array, nuisance: Array, unmodelled: Unmodelled | None) -> float:
+def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
     """Shortly before the edge reaches the piece, on the grid of readings."""
     effects = unmodelled or Unmodelled()
-    side_m = context[0] - nuisance[0] * effects.semi_axis_scale[0]
+    side_m = x_m - nuisance[0] * effects.semi_axis_scale[0]
     reached = motion.X_BT[:, 0, 3] - effects.distance_bias_m >= side_m
     touch_s = float(motion.t_s[reached][0]) if reached.any() else 0.0
     return reading_before_s(touch_s - LEAD_S)

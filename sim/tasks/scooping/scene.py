@@ -127,8 +127,9 @@ def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unm
 
 def _add_neck(plant: MultibodyPlant, handle: RigidBody, friction: float) -> GeometryId:
     """Where the handle rises from the root of the blade."""
-    X_TG = RigidTransform(RollPitchYaw(0.0, HANDLE_RISE_RAD, 0.0), ROOT_M + NECK_M / 2 * UP)
-    return plant.RegisterCollisionGeometry(handle, X_TG, Box(*NECK_SIZE_M), "neck", rigid(friction))
+    X_TG = RigidTransform(RollPitchYaw(0.0, HANDLE_RISE_RAD, 0.0), vector(*(ROOT_M + NECK_M / 2 * UP)))
+    neck: GeometryId = plant.RegisterCollisionGeometry(handle, X_TG, Box(*NECK_SIZE_M), "neck", rigid(friction))
+    return neck
 
 
 def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float) -> None:

@@ -1,0 +1,260 @@
+"""Does a rollout without an arm end as the whole lab does? One trial in each of many drawn worlds, both ways.
+
+    python benchmarks/agreement.py --task scooping --worlds 60
+
+The lab's trial has everything: placing, finding, planning, the whole arm, the way home, filming and tracking. The
+rollout is what training simulates, in the same world, at the place where the object truly was put. Actions are those of
+the policy of an E drawn in Omega for each world (`--actions policies`) or drawn evenly (`--actions even`).
+Disagreements are written out one by one; `--pictures FOLDER` keeps the last moments of each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.wiring import lab_as_shipped
+from hw.errors import MotionRefused
+from hw.types import Array
+from perception.errors import PerceptionError
+from perception.types import ObjectTrack, Outcome
+from sim.checkpoint import load_checkpoint
+from sim.errors import NotExecutable
+from sim.lab.drawn import drawn_world, effects_of
+from sim.solver import policy_for
+from sim.tasks import get_task
+from sim.tasks.task import Task
+from sim.types import ToolMotion
+from sim.world import World
+
+NUDGE_M = 0.0003
+"""How far the object is moved to see whether a rollout agrees with itself: less than a camera errs."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One world."""
+
+    number: int
+    parameters: dict[str, float]
+    effects: dict[str, Any]
+    action: dict[str, float]
+    refused: str = ""  # why there was no trial in the lab
+    outcome: tuple[str, str] = ("", "")  # rollout, lab
+    reward: tuple[float, float] = (0.0, 0.0)
+    end_m: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
+    true_m: tuple[tuple[float, ...], ...] = ()  # where the object truly was in the lab after each motion with contact
+    apart_mm: float = 0.0  # between the two ends on the table
+    repeated: tuple[str, ...] = ()  # outcomes of the rollout at distances that differ by `NUDGE_M`
+    flags: tuple[str, ...] = field(default_factory=tuple)
+    wall_s: float = 0.0
+
+    @property
+    def agrees(self) -> bool:
+        return self.outcome[0] == self.outcome[1]
+
+
+class _Nobody:
+    """An operator who has nothing to say."""
+
+    def placed(self, *_: Any) -> None:
+        pass
+
+
+def main() -> None:
+    arguments = _arguments()
+    task = get_task(arguments.task)
+    one = partial(trial, arguments.task, arguments.seed, arguments.actions, arguments.checkpoint, arguments.pictures)
+    numbers = range(arguments.first, arguments.first + arguments.worlds)
+    rows = list[Row]()
+    with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(one, numbers):
+            rows.append(row)
+            if not arguments.json:
+                print(told(row), flush=True)
+    if arguments.json:
+        print(json.dumps({**summary(task, rows), "rows": [asdict(row) for row in rows]}))
+    else:
+        print(report(task, rows))
+
+
+def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | None, number: int) -> Row:
+    """World `number` of `seed`, in the lab and without an arm."""
+    task, world, began = get_task(name), drawn_world(get_task(name), seed, number), time.monotonic()
+    rng = np.random.default_rng((seed, number, 1))
+    wanted = task.context.sample(rng, 1)[0]
+    policy = _policy(task, actions, checkpoint, rng)
+    facts = {
+        "number": number,
+        "parameters": dict(zip(task.parameters.names, world.parameters.round(6).tolist(), strict=True)),
+        "effects": effects_of(task, world),
+    }
+    with lab_as_shipped(task, world, seed) as (lab, rig):
+        nobody: Operator = _Nobody()  # type: ignore[assignment]
+        try:
+            ready = rig.set_up(wanted, TrialKey(1, 0), nobody)
+            action = policy(ready.context)
+            facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
+            executed = ready.plan(action).execute()
+            seen, images = _seen(rig, ready.context, action, executed.files())
+        except (NotExecutable, MotionRefused, PerceptionError) as error:
+            return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
+        truth = lab.truth()["trials"][-1]
+        X_BO = np.array(truth["X_BO_placed"])
+    motion = task.plan(ready.context, action)
+    alone = _without_arm(name, world, motion, X_BO)
+    back_m = np.zeros((4, 4))
+    back_m[0, 3] = NUDGE_M
+    repeated = [_without_arm(name, world, motion, X_BO + sign * back_m).outcome.value for sign in (-1.0, 1.0)]
+    row = Row(
+        **facts,
+        outcome=(alone.outcome.value, seen.outcome.value),
+        reward=(task.score(alone, ready.context), task.score(seen, ready.context)),
+        end_m=(tuple(alone.state[-1].round(4).tolist()), tuple(seen.state[-1].round(4).tolist())),
+        true_m=tuple(tuple(np.round(np.array(m["X_BO"])[-1, :3, 3], 4).tolist()) for m in truth["motions"]),
+        apart_mm=1e3 * float(np.linalg.norm(alone.state[-1, :2] - seen.state[-1, :2])),
+        repeated=tuple(repeated),
+        flags=(*alone.flags, *seen.flags),
+        wall_s=time.monotonic() - began,
+    )
+    if pictures and not row.agrees:
+        _keep(Path(pictures), f"{name}-{seed}-{number}", images)
+    return row
+
+
+def _seen(
+    rig: OnRig, context: Array, action: Array, files: Mapping[str, bytes]
+) -> tuple[ObjectTrack, dict[str, bytes]]:
+    """The track that the camera gives, and its key frames."""
+    with TemporaryDirectory() as folder:
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        replay = rig.replay(context, action, Path(folder))
+        track = replay.track()
+        return track, {n: c for n, c in replay.evidence(track).files.items() if n.endswith(".jpg")}
+
+
+def _without_arm(name: str, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:
+    play = import_module(f"sim.tasks.{name}.rollout").play
+    track: ObjectTrack = play(motion, X_BO, world.parameters, world.nuisance, world.unmodelled)
+    return track
+
+
+def _policy(task: Task, actions: str, checkpoint: str, rng: np.random.Generator) -> Callable[[Array], Array]:
+    if actions == "even":
+        action = task.action.sample(rng, 1)[0]
+        return lambda _: action
+    solver = load_checkpoint(task, checkpoint).solver
+    return policy_for(solver, task.parameters.sample(rng, 1))
+
+
+def _keep(folder: Path, name: str, images: Mapping[str, bytes]) -> None:
+    """The key frames side by side."""
+    folder.mkdir(parents=True, exist_ok=True)
+    order = ("start", "contact", "lift", "middle", "end", "rest")
+    shown = [images[f"moment-{label}.jpg"] for label in order if f"moment-{label}.jpg" in images]
+    strip = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for content in shown]
+    cv2.imwrite(str(folder / f"{name}.jpg"), np.hstack(strip))
+
+
+def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
+    """The figures over all worlds in which there was a trial."""
+    done = [row for row in rows if not row.refused]
+    first, second = (np.array([row.reward[i] for row in done]) for i in (0, 1))
+    near = [row.apart_mm for row in done if row.agrees and task_succeeded(row)]
+    return {
+        "task": task.name,
+        "worlds": len(rows),
+        "refused": len(rows) - len(done),
+        "agree": float(np.mean([row.agrees for row in done])),
+        "success": [float(np.mean([task_succeeded(row, i) for row in done])) for i in (0, 1)],
+        "apart_mm_median": float(np.median(near)) if near else None,
+        "apart_mm_p90": float(np.quantile(near, 0.9)) if near else None,
+        "reward_correlation": float(np.corrcoef(first, second)[0, 1]),
+        "reward_bias": float((second - first).mean()),
+        "itself": float(np.mean([[o == row.outcome[0] for o in row.repeated] for row in done])),
+    }
+
+
+def task_succeeded(row: Row, which: int = 0) -> bool:
+    """Whether a trial ended as its task wants."""
+    return row.outcome[which] in (Outcome.ON_BLADE.value, Outcome.UPRIGHT.value)
+
+
+def report(task: Task, rows: Sequence[Row]) -> str:
+    """Figures, and agreement by shape and by effect, as Markdown."""
+    found = summary(task, rows)
+    lines = [
+        "",
+        f"{found['worlds']} worlds, {found['refused']} without a trial. Outcomes agree in {found['agree']:.3f} "
+        f"(success: rollout {found['success'][0]:.2f}, lab {found['success'][1]:.2f}); a rollout agrees with itself, "
+        f"the object moved by {1e3 * NUDGE_M:g} mm, in {found['itself']:.3f}.",
+        f"Where both succeed the ends are {found['apart_mm_median']:.1f} mm apart (median; p90 "
+        f"{found['apart_mm_p90']:.1f}). Rewards correlate with {found['reward_correlation']:.3f}; the lab's are "
+        f"{found['reward_bias']:+.3f} higher.",
+        "",
+        "| where | worlds | agree | apart mm |",
+        "|---|---|---|---|",
+    ]
+    done = [row for row in rows if not row.refused]
+    for what, chosen in _groups(task, done):
+        apart = [row.apart_mm for row in chosen if row.agrees and task_succeeded(row)]
+        median = f"{np.median(apart):.1f}" if apart else "–"
+        lines.append(f"| {what} | {len(chosen)} | {sum(row.agrees for row in chosen)} | {median} |")
+    return "\n".join(lines)
+
+
+def _groups(task: Task, rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
+    for dimension in task.parameters.dimensions:
+        if dimension.scale == "integer":
+            for kind in sorted({row.parameters[dimension.name] for row in rows}):
+                yield f"{dimension.name} = {kind:g}", [r for r in rows if r.parameters[dimension.name] == kind]
+    for effect in task.plausible:
+        yield effect, [row for row in rows if effect in row.effects]
+    yield "nothing unmodelled", [row for row in rows if not row.effects]
+
+
+def told(row: Row) -> str:
+    if row.refused:
+        return f"{row.number}: no trial: {row.refused}"
+    verdict = (
+        ""
+        if row.agrees
+        else f"  DISAGREE {row.end_m}, truly {row.true_m} {row.parameters} {row.effects} {row.action} {row.flags}"
+    )
+    rewards = ", ".join(f"{reward:.2f}" for reward in row.reward)
+    return f"{row.number}: {' / '.join(row.outcome)}, {rewards}, {row.apart_mm:.1f} mm, {row.wall_s:.0f} s{verdict}"
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="scooping")
+    parser.add_argument("--worlds", type=int, default=60)
+    parser.add_argument("--first", type=int, default=0, help="number of the first world")
+    parser.add_argument("--seed", type=int, default=0, help="of the worlds, the labs and the actions")
+    parser.add_argument("--actions", choices=("policies", "even"), default="policies")
+    parser.add_argument("--checkpoint", default="default", help="whose policies act: a shipped name, or a folder")
+    parser.add_argument("--pictures", help="folder for the key frames of the disagreements")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

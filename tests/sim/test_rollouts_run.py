@@ -11,6 +11,10 @@ from sim.errors import RolloutError
 from sim.rollouts import Requests, process_pool, run_many, serial_executor
 from sim.rollouts.dataset import dataset_requests
 from sim.rollouts.run import OUTCOMES
+from sim.tasks import get_task
+from sim.tasks.scene_key import scene_key
+from sim.tasks.scooping import rollout as scooping_rollout
+from sim.tasks.scooping import scene as scooping_scene
 
 
 def raising(parameters, context, action, nuisance, unmodelled=None):
@@ -102,3 +106,17 @@ def test_nothing_to_run_and_wrong_shapes_are_refused():
         run_many(TOY, dataset_requests(TOY, 0, 8)[:0], executor)
     with pytest.raises(ValueError, match="action has shape"):
         Requests(np.zeros((3, 4)), np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))
+
+
+def test_kept_rollouts_are_of_another_scene_when_the_tool_or_the_end_of_a_trial_changes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task = get_task("scooping")
+    before = scene_key(task)
+    assert scene_key(task) == before
+    with monkeypatch.context() as patch:
+        patch.setattr(scooping_scene, "NECK_SIZE_M", (1e-3, 1e-3, 1e-3))
+        assert scene_key(task) != before
+    with monkeypatch.context() as patch:
+        patch.setattr(scooping_rollout, "LATEST_S", 1.0)
+        assert scene_key(task) != before

@@ -46,6 +46,7 @@ from sim.tasks.task import Task
 if TYPE_CHECKING:
     from adaptsim_cli.mounted import MountedTask
     from adaptsim_cli.rigs.openers import Openers
+    from sim.adaptation.phase1 import PretrainBudget
     from sim.lab import SimulatedLab
     from sim.world import World
 
@@ -228,18 +229,49 @@ def _executable(task: Task, planner: Planner, arm: str) -> Executable:
     return executable
 
 
+@dataclass(frozen=True)
+class Sizes:
+    """What is asked for instead of the budget's; None: the budget's."""
+
+    rollouts: int | None = None  # of the dataset, evenly over the space
+    denser: int | None = None  # and where the outcome is uncertain
+    steps: int | None = None  # adaptation steps that the Q-policy learns from
+    judged: int | None = None  # unseen targets of the evaluation
+
+    def of(self, budget: PretrainBudget) -> PretrainBudget:
+        """The budget with these sizes."""
+        return replace(
+            budget,
+            rollouts=_either(self.rollouts, budget.rollouts),
+            denser=_either(self.denser, budget.denser),
+            meta=replace(budget.meta, steps=_either(self.steps, budget.meta.steps)),
+            evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
+        )
+
+    @property
+    def label(self) -> str:
+        """Part of a folder's name; empty where nothing was asked for."""
+        asked = zip(
+            ("", "denser", "steps", "judged"), (self.rollouts, self.denser, self.steps, self.judged), strict=True
+        )
+        return "-".join(f"{what}{size}" for what, size in asked if size is not None)
+
+
+def _either(asked: int | None, usual: int) -> int:
+    return usual if asked is None else asked
+
+
 def pretrain(
     resolved: Resolved,
     out: Path | None,
     budget: str,
     targets: str,
-    sizes: tuple[int | None, int | None],
+    sizes: Sizes,
     executor: Executor,
     progress: Callable[[str, int, int], None],
 ) -> Path:
     """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
 
-    `sizes` of the two parts of the dataset; None: the budget's.
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
     from adaptsim_cli.wiring_solvers import SOLVERS
@@ -256,19 +288,13 @@ def pretrain(
     kind = next((known for known in TARGETS if known == targets), None)
     if kind is None:
         raise UsageError(f"--targets {targets}: it is one of {', '.join(TARGETS)}")
-    task, chosen = task_of(config), budgets[budget]().on_targets(kind)
-    even, denser = sizes
-    chosen = replace(
-        chosen,
-        rollouts=chosen.rollouts if even is None else even,
-        denser=chosen.denser if denser is None else denser,
-    )
+    task, chosen = task_of(config), sizes.of(budgets[budget]().on_targets(kind))
     unusual = (
         Path(config.object).stem,
         solver if solver != SOLVERS[0] else "",
         targets if targets != TARGETS[0] else "",
         budget,
-        f"{chosen.rollouts}+{chosen.denser}" if sizes != (None, None) else "",
+        sizes.label,
     )
     parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
     folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()

@@ -33,6 +33,7 @@ from adaptsim_cli.wiring import lab_as_shipped
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
+from perception.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 from sim.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
@@ -61,6 +62,7 @@ class Row:
     end_m: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
     true_m: tuple[tuple[float, ...], ...] = ()  # where the object truly was in the lab after each motion with contact
     apart_mm: float = 0.0  # between the two ends on the table
+    is_lost: bool = False  # on the way home
     repeated: tuple[str, ...] = ()  # outcomes of the rollout at distances that differ by `NUDGE_M`
     flags: tuple[str, ...] = field(default_factory=tuple)
     wall_s: float = 0.0
@@ -128,6 +130,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
         reward=(task.score(alone, ready.context), task.score(seen, ready.context)),
         end_m=(tuple(alone.state[-1].round(4).tolist()), tuple(seen.state[-1].round(4).tolist())),
         true_m=tuple(tuple(np.round(np.array(m["X_BO"])[-1, :3, 3], 4).tolist()) for m in truth["motions"]),
+        is_lost=any(LOST_ON_THE_WAY in flag for flag in seen.flags),
         apart_mm=1e3 * float(np.linalg.norm(alone.state[-1, :2] - seen.state[-1, :2])),
         repeated=tuple(repeated),
         flags=(*alone.flags, *seen.flags),
@@ -188,6 +191,7 @@ def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
         "apart_mm_p90": float(np.quantile(near, 0.9)) if near else None,
         "reward_correlation": float(np.corrcoef(first, second)[0, 1]),
         "reward_bias": float((second - first).mean()),
+        "lost_on_the_way": sum(row.is_lost for row in done),
         "itself": float(np.mean([[o == row.outcome[0] for o in row.repeated] for row in done])),
     }
 
@@ -207,7 +211,7 @@ def report(task: Task, rows: Sequence[Row]) -> str:
         f"the object moved by {1e3 * NUDGE_M:g} mm, in {found['itself']:.3f}.",
         f"Where both succeed the ends are {found['apart_mm_median']:.1f} mm apart (median; p90 "
         f"{found['apart_mm_p90']:.1f}). Rewards correlate with {found['reward_correlation']:.3f}; the lab's are "
-        f"{found['reward_bias']:+.3f} higher.",
+        f"{found['reward_bias']:+.3f} higher. Lost on the way home: {found['lost_on_the_way']}.",
         "",
         "| where | worlds | agree | apart mm |",
         "|---|---|---|---|",

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hw.kinematics import forward
 from hw.limits import check_braking, check_path
 from hw.types import Array
 from sim.errors import NotExecutable
@@ -27,6 +28,8 @@ from sim.panda.redundancy import ALLOWED
 from sim.panda.tool import held
 from sim.tasks import get_task
 from sim.tasks.task import Task
+
+GENTLE_LEAN_RAD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class Motion:
     cpu_s: float
     note: str
     tightest: str = ""  # "joint 4, velocity"
+    home_lean_rad: float = 0.0  # the largest change of the tool's roll on the way home
 
 
 def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
@@ -53,13 +57,13 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
     tool = held(task.X_FT, task.keep_clear)
-    q_home = home(task.X_FT, model, tool)
+    q_home = home(task.X_FT, model, tool, task.home_pitch_rad)
     found = []
     for context, action in product(contexts, actions):
         motion = task.plan(context, action)
         start = time.process_time()
         try:
-            path = trial_paths(motion, task.X_FT, model, q_home, tool=tool)[1]
+            _, path, back = trial_paths(motion, task.X_FT, model, q_home, tool=tool, carries=task.carries)
         except NotExecutable as error:
             found.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
             continue
@@ -71,7 +75,8 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
             continue
         tightest = max((c for c in report.checks if c.unit.startswith("rad")), key=lambda c: c.ratio)
         what = f"{tightest.where}, {tightest.quantity}"
-        found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what))
+        lean_rad = np.arcsin((forward(back.q_rad) @ task.X_FT)[:, 2, 1])
+        found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what, float(np.ptp(lean_rad))))
     return found
 
 
@@ -83,6 +88,9 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
     if good.any():
         quantiles = np.quantile(ratios[good], [0.5, 0.9, 1.0])
         print(f"  ratio of those: median {quantiles[0]:.3f}, 90 % {quantiles[1]:.3f}, worst {quantiles[2]:.3f}")
+    if task.carries and good.any():
+        gentle = sum(m.home_lean_rad < GENTLE_LEAN_RAD for m in found if m.ratio <= ALLOWED)
+        print(f"  the tool stays level across on the way home of {gentle} of them")
     print(f"  planning a trial on one core: median {np.median(cpu_s):.2f} s, longest {cpu_s.max():.2f} s")
     for motion in sorted(found, key=lambda m: -m.ratio)[:5]:
         where = ", ".join(

@@ -15,6 +15,10 @@ def pretrain(
     denser: Annotated[
         int | None, typer.Option("--denser", min=0, help="And further ones, where the outcome is uncertain.")
     ] = None,
+    steps: Annotated[
+        int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
+    ] = None,
+    judged: Annotated[int | None, typer.Option("--judged", min=4, help="Unseen targets that judge the result.")] = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="emulator (default), or naf: the paper's, on true rollouts alone.")
     ] = None,
@@ -59,7 +63,9 @@ def pretrain(
         if report and out is not None and wiring_proof.is_finished(out):
             folder = out / "checkpoint"
         else:
-            folder = wiring.pretrain(resolved, out, budget, targets, (rollouts, denser), crew, progress)
+            folder = wiring.pretrain(
+                resolved, out, budget, targets, wiring.Sizes(rollouts, denser, steps, judged), crew, progress
+            )
         document = None
         if report:
             of = wiring_checkpoints.task_of(resolved.config)

@@ -24,7 +24,7 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from sim.drake_types import vector
-from sim.tasks.contact import compliant, material, relaxing, rigid, set_contact
+from sim.tasks.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.params import (
@@ -76,11 +76,10 @@ def build_scene(
 ) -> SceneBodies:
     """Add table, piece and spatula, and set the contact model. The spatula's body frame is T (see plan.py)."""
     effects = unmodelled or Unmodelled()
-    mu, e_Pa = float(parameters[0]), float(parameters[1])
+    mu = float(parameters[0])
     set_contact(plant, effects.contact)
     table = plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(mu))
-    piece = piece_of(parameters, nuisance, effects)
-    _add_piece(plant, piece, mu, e_Pa, effects)
+    add_piece(plant, parameters, nuisance, effects)
     handle, turner = _add_spatula(plant, tool_parent, X_PT, effects)
     face = plant.RegisterCollisionGeometry(
         turner, RigidTransform(), _polyhedron(blade()), "blade", rigid(effects.friction_of_blade(mu))
@@ -88,17 +87,31 @@ def build_scene(
     neck = _add_neck(plant, handle, effects.friction_of_blade(mu))
     for side in (-1.0, 1.0):
         _add_corner(plant, turner, side)
-    visuals = (table_visual(), piece_visual(OBJECT, piece), *spatula_visuals(TOOL, handle.name()))
+    visuals = (
+        table_visual(),
+        piece_visual(OBJECT, piece_of(parameters, nuisance, effects)),
+        *spatula_visuals(TOOL, handle.name()),
+    )
     return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
 
-def _add_piece(plant: MultibodyPlant, piece: Piece, mu: float, e_Pa: float, effects: Unmodelled) -> None:
+def add_piece(
+    plant: MultibodyPlant,
+    parameters: Array,
+    nuisance: Array,
+    effects: Unmodelled,
+    relaxation_time_s: float = RELAXATION_TIME_S,
+) -> RigidBody:
+    """The piece as a free body."""
+    piece, mu, e_Pa = piece_of(parameters, nuisance, effects), float(parameters[0]), float(parameters[1])
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
     G = piece.unit_inertia_m2
     central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
     inertia = SpatialInertia.MakeFromCentralInertia(mass_kg, vector(*effects.com_offset_m), central * mass_kg)
-    body = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
-    plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, compliant(mu, e_Pa))
+    body: RigidBody = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
+    soft = compliant(mu, e_Pa, relaxation_time_s=relaxation_time_s)
+    plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, soft)
+    return body
 
 
 def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:

@@ -55,6 +55,10 @@ def command(made: Pretrained) -> str:
         words += [
             f"--{part} {planned[part]}" for part in ("rollouts", "denser") if planned[part] != getattr(usual, part)
         ]
+    if planned["meta"]["steps"] != usual.meta.steps:
+        words.append(f"--steps {planned['meta']['steps']}")
+    if planned["evaluation"]["targets"] != usual.evaluation.targets:
+        words.append(f"--judged {planned['evaluation']['targets']}")
     if made.by_naf:
         words.append("--solver naf")
     return " ".join(words)

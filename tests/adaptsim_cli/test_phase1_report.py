@@ -92,18 +92,22 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
         assert app.run([*call, "--workers", "1"]) == 0
     text = (docs / "phase1.md").read_text()
     paper, beyond = (text.split(f"<!-- begin pendulum{s} -->")[1].split("<!-- end")[0] for s in ("", "-wide"))
-    assert "`adaptsim pretrain --task pendulum`" in paper
+    assert "`adaptsim pretrain --task pendulum --steps 80 --judged 3`" in paper
     assert "(in Ω, as in the paper)" in paper
-    assert "`adaptsim pretrain --task pendulum --targets wide`" in beyond
+    assert "`adaptsim pretrain --task pendulum --targets wide --steps 80 --judged 3`" in beyond
     assert "(in Ω and the margin around it)" in beyond
     capfd.readouterr()
 
 
-def test_the_sizes_of_another_dataset_are_part_of_the_command(proof: Proof) -> None:
+def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(proof: Proof) -> None:
     made = proof.pretrained
     learnt = dataclasses.replace(made, emulator=object())
-    assert wiring_proof.command(made) == "adaptsim pretrain --task pendulum"
-    planned = {**made.plan, "budget": {**made.plan["budget"], "rollouts": 512, "denser": 0}}
+    assert wiring_proof.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
+    usual = dataclasses.asdict(PretrainBudget())
+    assert wiring_proof.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
+        "adaptsim pretrain --task pendulum"
+    )
+    planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0}}
     told = wiring_proof.command(dataclasses.replace(learnt, plan=planned))
     assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
     small = dataclasses.asdict(PretrainBudget.small())

@@ -22,13 +22,13 @@ from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.emulator import Emulator
 from sim.errors import CheckpointError
-from sim.files import read_toml, sha256, write_toml
 from sim.naf_solver import restore_naf
 from sim.solver import Solver
+from sim.storage.files import read_toml, sha256, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
 from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
-from sim.tensors import load_tensors, save_tensors
 
 __all__ = [
     "CARD",
@@ -37,10 +37,8 @@ __all__ = [
     "Checkpoint",
     "list_checkpoints",
     "load_checkpoint",
-    "load_tensors",
     "read_card",
     "save_checkpoint",
-    "save_tensors",
     "verify_weights",
 ]
 

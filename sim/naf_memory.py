@@ -15,12 +15,12 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.files import read_toml, write_toml
 from sim.naf import NafPolicy, restore_policy
 from sim.policy_reuse import TrainedPolicy
+from sim.storage.files import read_toml, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
-from sim.tensors import load_tensors, save_tensors
 
 RECORD = "record.toml"
 

@@ -15,7 +15,7 @@ from sim.adaptation.evaluation import LEAST_GAP
 from sim.adaptation.proof import Proof
 from sim.adaptation.proof_statistics import RankCorrelation
 from sim.baselines.udr import DRAWS as UDR_POLICIES
-from sim.files import whole_file
+from sim.storage.files import whole_file
 from sim.tasks import TASKS
 
 DOCUMENT = "phase1.md"

@@ -11,7 +11,7 @@ import numpy as np
 from sim.adaptation.proof import Proof
 from sim.adaptation.proof_emulator import HeldOut
 from sim.adaptation.proof_policies import Pairs
-from sim.files import whole_file
+from sim.storage.files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -39,7 +39,6 @@ from sim.checkpoint import CARD, save_checkpoint
 from sim.emulator import Emulator
 from sim.emulator_training import EmulatorSettings, outcome_variance, train_emulator
 from sim.errors import DatasetError
-from sim.files import read_toml, write_toml
 from sim.naf_memory import NafMemory
 from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
 from sim.rollouts.cache import CachedRollouts
@@ -47,10 +46,11 @@ from sim.rollouts.dataset import build_dataset
 from sim.rollouts.denser import Denser
 from sim.rollouts.run import run_many
 from sim.solver import Solver
+from sim.storage.files import read_toml, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
 from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
-from sim.tensors import load_tensors, save_tensors
 
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from sim.errors import DatasetError
-from sim.files import read_toml, write_toml
+from sim.storage.files import read_toml, write_toml
 
 TIMINGS = "timings.toml"
 

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import DatasetError
-from sim.files import read_toml, whole_file, write_toml
 from sim.rollouts.denser import POOL, Denser, choose
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
 from sim.sampling import sobol, spread
+from sim.storage.files import read_toml, whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 

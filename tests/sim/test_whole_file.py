@@ -1,6 +1,6 @@
 import pytest
 
-from sim.files import read_toml, sha256, whole_file, write_toml
+from sim.storage.files import read_toml, sha256, whole_file, write_toml
 
 
 def test_a_file_appears_whole(tmp_path):

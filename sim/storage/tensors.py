@@ -10,7 +10,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from sim.errors import CheckpointError
-from sim.files import whole_file
+from sim.storage.files import whole_file
 
 
 def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:

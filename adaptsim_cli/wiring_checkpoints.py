@@ -19,8 +19,8 @@ ROLLOUTS, QUICK = 240, 96
 
 def task_of(config: Config) -> Task:
     """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
-    from sim.own_objects import load_object, with_ranges
     from sim.tasks import get_task
+    from sim.tasks.own_object import load_object, with_ranges
 
     task = get_task(config.task)
     return with_ranges(task, load_object(Path(config.object))) if config.object else task

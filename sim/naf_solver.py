@@ -22,12 +22,12 @@ from sim.errors import UnknownName
 from sim.misfit import misfit
 from sim.naf import NafPolicy, NafSettings, Training, naf_training, train_together
 from sim.naf_memory import NafMemory, policy_key
-from sim.policy_reuse import ReuseRules, TrainingPlan, features, plan_training
+from sim.policy_reuse import TrainingPlan, features, plan_training
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, run_many
 from sim.sampling import sobol, spread
 from sim.solver import Executable, Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import ReuseRules, Task
 
 REWARD_ROLLOUTS = 8
 """Behind one expected reward. A mean of eight is off by 0.15 or so; Phase 1 averages over its ten thousand steps."""

@@ -11,33 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hw.types import Array
-
-
-@dataclass(frozen=True)
-class ReuseRules:
-    """D, M, M_min, M_max and alpha of the paper; budgets in rollouts. Raises ValueError when they contradict."""
-
-    distance: float  # D, between means normalised by their ranges
-    first_budget: int  # M
-    least_budget: int  # M_min
-    max_budget: int  # M_max
-    discount: float  # alpha
-
-    def __post_init__(self) -> None:
-        if not 0 < self.least_budget <= self.first_budget <= self.max_budget:
-            raise ValueError(
-                f"budgets must be 0 < M_min <= M <= M_max, not {self.least_budget}, {self.first_budget}, "
-                f"{self.max_budget} rollouts"
-            )
-        if not (self.distance >= 0.0 and 0.0 < self.discount < 1.0):
-            raise ValueError(f"D = {self.distance:g} must not be negative, alpha = {self.discount:g} lies in (0, 1)")
-
-    def scaled(self, factor: float) -> ReuseRules:
-        """The same rules with all budgets times `factor`."""
-        first, least, most = (
-            max(1, round(factor * b)) for b in (self.first_budget, self.least_budget, self.max_budget)
-        )
-        return replace(self, first_budget=first, least_budget=least, max_budget=most)
+from sim.tasks.task import ReuseRules
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,12 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array, JointPath
-from sim import drake_log
-from sim.drake_types import vector
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
-from sim.tasks.task import Task, Visual
+from sim.tasks.shared import drake_log
+from sim.tasks.shared.drake_types import vector
+from sim.tasks.task import Task
+from sim.types import Visual
 
 FRAMES_PER_S = 30.0
 

@@ -31,12 +31,12 @@ from sim.panda.tool import held
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
-from sim.tasks.direct import READ_EVERY_S
 from sim.tasks.pushing import TASK
 from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
-from sim.tasks.shapes import box, table_visual
-from sim.tasks.task import Visual
+from sim.tasks.shared.direct import READ_EVERY_S
+from sim.tasks.shared.shapes import box, table_visual
+from sim.types import Visual
 from sim.world import Sensing, load_world
 
 WORLDS = ("wd", "ood-2")

@@ -19,7 +19,7 @@ from sim.panda.planning import home, trial_paths
 from sim.tasks.scooping import TASK
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.piece import make_piece
-from sim.tasks.shapes import table_visual
+from sim.tasks.shared.shapes import table_visual
 from sim.tasks.tool_mesh import tool_mesh
 from sim.world import Sensing, load_world
 

@@ -12,7 +12,7 @@ from hw.collision import HAND, Capsule, Tool
 from hw.kinematics import FLANGE
 from hw.types import Array
 from sim.panda.shapes import Primitive, mesh
-from sim.tasks.task import Texture, Visual
+from sim.types import Texture, Visual
 
 BODY = "board"
 MARGIN_M = 0.012

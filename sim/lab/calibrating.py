@@ -29,7 +29,8 @@ from sim.lab.chance import joint_zeros, of_calibration, of_camera, of_view
 from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD
-from sim.tasks.task import Task, Visual
+from sim.tasks.task import Task
+from sim.types import Visual
 from sim.world import World
 
 FRAME_RATE_HZ = 15.0

@@ -26,7 +26,7 @@ from sim.lab import mounting
 from sim.lab.motion import DivergedError, Motion
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
-from sim.tasks.contact import keep_apart
+from sim.tasks.shared.contact import keep_apart
 from sim.tasks.task import Task
 from sim.world import World
 

@@ -16,7 +16,7 @@ from sim.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 BODY = Cylinder(0.03, 0.10)
 AREA = (0.42, 1.22, -0.36, 0.36)

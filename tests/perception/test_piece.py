@@ -9,7 +9,7 @@ from table_scenes import AREA, at, box, close_up, food, studio
 from perception.errors import ObjectNotFound
 from perception.piece import find_piece, overlay
 from sim.kinect import kinect_model
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 SHAPES = {
     "cylinder": (0.0125, 0.0125, 0.0100),

@@ -12,7 +12,7 @@ from hw.types import Array, CameraModel, Intrinsics
 from sim.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.render.poses import inverse, within_exposure
 from sim.render.rays import pixel_rays
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 RNG = np.random.default_rng
 HALF_M = 0.02

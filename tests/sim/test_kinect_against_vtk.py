@@ -25,7 +25,7 @@ from pydrake.systems.sensors import CameraInfo
 
 from hw.types import Array, CameraModel, Intrinsics
 from sim.kinect import Renderer, default_X_BC
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 WIDTH, HEIGHT = 320, 240
 FOCAL = 600.0

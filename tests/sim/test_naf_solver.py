@@ -15,11 +15,11 @@ from sim.misfit import misfit
 from sim.naf import naf_training, train_together
 from sim.naf_memory import RECORD, NafMemory
 from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of, session_naf
-from sim.policy_reuse import ReuseRules
 from sim.rollouts import Requests
 from sim.solver import policy_for
 from sim.task_policy import EmulatorSolver
 from sim.tasks import get_task
+from sim.tasks.task import ReuseRules
 from sim.types import Dimension, Space
 
 RULES = ReuseRules(distance=0.16, first_budget=300, least_budget=50, max_budget=700, discount=0.9)

@@ -11,10 +11,10 @@ from sim.adaptation.phase1 import PretrainBudget, pretrain
 from sim.adaptation.prospects import ProspectSettings
 from sim.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, ObjectError
-from sim.own_objects import OwnObject, load_object, with_ranges
 from sim.rollouts import serial_executor
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
+from sim.tasks.own_object import OwnObject, load_object, with_ranges
 
 TOFU = """
 task = "scooping"

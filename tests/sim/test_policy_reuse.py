@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.policy_reuse import ReuseRules, features, plan_training
+from sim.policy_reuse import features, plan_training
 from sim.tasks import get_task
+from sim.tasks.task import ReuseRules
 
 RULES = ReuseRules(distance=0.16, first_budget=1200, least_budget=300, max_budget=4000, discount=0.9)
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.carriage import Compliance, Drive, drive_of
-from sim.tasks.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
+from sim.tasks.shared.carriage import Compliance, Drive, drive_of
+from sim.tasks.shared.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
 from sim.types import ToolMotion
 
 ARM = Compliance(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 Shape = tuple[Array, NDArray[np.int32]]
 """Vertices (V, 3) in m and triangles (F, 3), counter-clockwise seen from outside."""

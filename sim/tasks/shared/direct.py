@@ -17,8 +17,8 @@ from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S, REST_S
-from sim.tasks.carriage import CARRIAGE, Drive, add_carriage, place_carriage
-from sim.tasks.contact import keep_apart
+from sim.tasks.shared.carriage import CARRIAGE, Drive, add_carriage, place_carriage
+from sim.tasks.shared.contact import keep_apart
 from sim.tasks.task import SceneBodies
 
 READ_EVERY_S = 0.020

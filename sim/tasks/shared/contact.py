@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
-from sim import drake_log
+from sim.tasks.shared import drake_log
 
 RELAXATION_TIME_S = 0.120
 HUNT_CROSSLEY_S_M = 1.0

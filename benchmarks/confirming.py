@@ -21,7 +21,7 @@ from sim.adaptation.episodes import Roll, trial_requests
 from sim.checkpoint import load_checkpoint
 from sim.confirmed import SCENARIOS, WINNERS, confirming
 from sim.rollouts import run_many, serial_executor
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import policy_for
 from sim.tasks import get_task
 

@@ -26,7 +26,7 @@ from sim.baselines.udr import several
 from sim.checkpoint import load_checkpoint
 from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.rollouts import process_pool, run_many
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task

@@ -24,7 +24,7 @@ from sim.baselines.udr import Udr
 from sim.checkpoint import load_checkpoint
 from sim.misfit import misfit
 from sim.rollouts import Requests, run_many, serial_executor
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Solver
 from sim.tasks import get_task
 from sim.tasks.pendulum.lqr import optimal

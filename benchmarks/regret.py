@@ -30,7 +30,7 @@ from scipy.stats import qmc
 
 from hw.types import Array
 from sim.baselines.udr import Udr
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task

@@ -34,7 +34,7 @@ from sim.naf_memory import NafMemory
 from sim.naf_solver import NafSolver, rules_of
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import SolvedPolicy, policy_for
 from sim.storage.files import write_toml
 from sim.tasks import get_task

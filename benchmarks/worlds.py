@@ -32,7 +32,7 @@ from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint, load_checkpoint
 from sim.rollouts import process_pool, run_many
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task

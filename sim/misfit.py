@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw.types import Array
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 
 if TYPE_CHECKING:
     from sim.solver import Solver

@@ -19,7 +19,7 @@ from hw.types import Array, frozen_array
 from sim.emulator import one_thread
 from sim.errors import NotExecutable
 from sim.rollouts.run import Requests, Rollouts
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Executable
 from sim.tasks.task import Task
 

@@ -25,7 +25,7 @@ from sim.naf_memory import NafMemory, policy_key
 from sim.policy_reuse import TrainingPlan, features, plan_training
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, run_many
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Executable, Solver, SolverSettings
 from sim.tasks.task import ReuseRules, Task
 

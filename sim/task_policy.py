@@ -15,7 +15,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.emulator import Emulator
 from sim.errors import NotExecutable
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 

@@ -25,7 +25,7 @@ from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import CheckpointError
 from sim.misfit import squared_misfits
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Solver
 from sim.tasks.task import Task
 

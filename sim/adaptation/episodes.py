@@ -12,7 +12,7 @@ from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
 from sim.adaptation.method import Trial
 from sim.adaptation.q_network import Transitions
 from sim.rollouts.run import Requests, Rollouts
-from sim.sampling import spread
+from sim.rollouts.sampling import spread
 from sim.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 

@@ -15,7 +15,7 @@ from sim.adaptation.meta_training import Targets, sample_targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.baselines.udr import several
 from sim.rollouts.run import Requests
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 

@@ -42,8 +42,7 @@ from sim.errors import DatasetError
 from sim.naf_memory import NafMemory
 from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.dataset import build_dataset
-from sim.rollouts.denser import Denser
+from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import run_many
 from sim.solver import Solver
 from sim.storage.files import read_toml, write_toml

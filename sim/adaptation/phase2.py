@@ -13,7 +13,7 @@ from sim.adaptation.memory import MemoryName, encode, of_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:

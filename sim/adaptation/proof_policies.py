@@ -15,7 +15,7 @@ from hw.types import Array
 from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.proof_statistics import Estimate, RankCorrelation, clustered, rank_correlation
 from sim.rollouts.run import Requests, Rollouts
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Solver
 from sim.tasks.task import Task
 

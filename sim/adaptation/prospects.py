@@ -14,7 +14,7 @@ from torch import Tensor
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import Solver
 from sim.tasks.task import Task
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.adaptation.method import Iteration, Particle
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
 from sim.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from perception.types import Outcome
-from sim.sampling import spread
+from sim.rollouts.sampling import spread
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task

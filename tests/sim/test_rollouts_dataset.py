@@ -9,9 +9,8 @@ from sim.emulator_training import outcome_variance
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.dataset import dataset_requests
-from sim.rollouts.denser import Denser
-from sim.sampling import sobol, spread
+from sim.rollouts.dataset import Denser, dataset_requests
+from sim.rollouts.sampling import sobol, spread
 from sim.types import Dimension, Space
 
 calls = []

@@ -40,7 +40,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
-from sim.solver import Executable, SolvedPolicy, Solver
+from sim.solvers.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ class _SolverLearner:
         return self.method.next(history, rng)
 
     def train(self, particle: Particle) -> TrainedPolicy:
-        from sim.solver import policy_for
+        from sim.solvers.solver import policy_for
 
         return _Policy(policy_for(self.solver, particle.samples, self.executable))
 

@@ -37,7 +37,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
-from sim.solver import policy_for
+from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import ToolMotion

@@ -27,7 +27,7 @@ from sim.checkpoint import load_checkpoint
 from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import SolvedPolicy
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.world import World, load_world

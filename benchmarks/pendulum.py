@@ -22,10 +22,10 @@ from sim.adaptation import choose_best, make_method
 from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.baselines.udr import Udr
 from sim.checkpoint import load_checkpoint
-from sim.misfit import misfit
 from sim.rollouts import Requests, run_many, serial_executor
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Solver
+from sim.solvers.misfit import misfit
+from sim.solvers.solver import Solver
 from sim.tasks import get_task
 from sim.tasks.pendulum.lqr import optimal
 from sim.world import list_worlds, load_world

@@ -30,12 +30,12 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.episodes import trial_requests
 from sim.checkpoint import load_checkpoint
-from sim.naf_memory import NafMemory
-from sim.naf_solver import NafSolver, rules_of
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import SolvedPolicy, policy_for
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, rules_of
+from sim.solvers.solver import SolvedPolicy, policy_for
 from sim.storage.files import write_toml
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key

@@ -33,7 +33,7 @@ from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint, load_checkpoint
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import SolvedPolicy
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.world import World, list_worlds, load_world

@@ -20,13 +20,13 @@ from torch import Tensor
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.q_network import QNetwork
-from sim.emulator import Emulator
 from sim.errors import CheckpointError
-from sim.naf_solver import restore_naf
-from sim.solver import Solver
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.naf.solver import restore_naf
+from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, sha256, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
-from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
 
@@ -82,7 +82,7 @@ def save_checkpoint(
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
     `emulator` is None for a task with an exact solver, and where the policies are NAF's: then the facts hold
-    `sim.naf_solver.naf_facts`.
+    `sim.solvers.naf.solver.naf_facts`.
     """
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     for memory, network in networks.items():

@@ -24,9 +24,9 @@ from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import CheckpointError
-from sim.misfit import squared_misfits
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Solver
+from sim.solvers.misfit import squared_misfits
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:

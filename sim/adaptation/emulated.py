@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.types import Outcome
-from sim.emulator import Emulator
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
+from sim.solvers.emulator.network import Emulator
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from sim.adaptation.method import Trial
 from sim.adaptation.q_network import Transitions
 from sim.rollouts.run import Requests, Rollouts
 from sim.rollouts.sampling import spread
-from sim.solver import Solver, SolverSettings
+from sim.solvers.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 
 Roll = Callable[[Requests], Rollouts]

@@ -16,7 +16,7 @@ from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.baselines.udr import several
 from sim.rollouts.run import Requests
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 LEAST_GAP = 0.1

@@ -9,11 +9,11 @@ import numpy as np
 
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Verdict
-from sim.misfit import misfit
+from sim.solvers.misfit import misfit
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
-    from sim.solver import Solver
+    from sim.solvers.solver import Solver
 
 LEAST_TRIALS = 6
 """Trials below which the sentence is only that there are too few."""

@@ -14,7 +14,7 @@ from sim.adaptation.episodes import Episodes, EpisodeSettings, Roll, Visit, join
 from sim.adaptation.logs import Log, silent
 from sim.adaptation.memory import MemoryName, inputs, new_policy
 from sim.adaptation.q_network import Learner, QNetwork, Replay, Transitions
-from sim.solver import Solver
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 BATCH = 64

@@ -36,18 +36,18 @@ from sim.adaptation.timing import Stopwatch
 from sim.baselines.random_search import RandomSearch
 from sim.baselines.udr import DRAWS as UDR_POLICIES
 from sim.checkpoint import CARD, save_checkpoint
-from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings, outcome_variance, train_emulator
 from sim.errors import DatasetError
-from sim.naf_memory import NafMemory
-from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import run_many
-from sim.solver import Solver
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
+from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
-from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 

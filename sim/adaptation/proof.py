@@ -24,15 +24,15 @@ from sim.adaptation.proof_replays import Replays, replay
 from sim.adaptation.q_network import QNetwork
 from sim.adaptation.timing import wall_times_s
 from sim.checkpoint import CARD, read_card
-from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings
 from sim.errors import DatasetError
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
-from sim.solver import Solver
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings
+from sim.solvers.solver import Solver
 from sim.storage.tensors import load_tensors
-from sim.task_policy import EmulatorSolver
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.proof_statistics import wilson
-from sim.emulator import Emulator
-from sim.emulator_training import EmulatorSettings, held_out_errors, rows_of, split
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import Rollouts
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, rows_of, split
 
 BINS = 10
 

@@ -16,7 +16,7 @@ from sim.adaptation.episodes import Roll, trial_requests
 from sim.adaptation.proof_statistics import Estimate, RankCorrelation, clustered, rank_correlation
 from sim.rollouts.run import Requests, Rollouts
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Solver
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 CONTEXTS = 16

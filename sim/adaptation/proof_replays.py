@@ -17,9 +17,9 @@ from sim.adaptation.episodes import Episodes, EpisodeSettings, Roll, sparse, tri
 from sim.adaptation.memory import MemoryName
 from sim.adaptation.proof_statistics import Estimate, clustered
 from sim.adaptation.q_network import QNetwork
-from sim.emulator import Emulator
 from sim.rollouts.run import Requests, Rollouts
-from sim.solver import Solver
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 AT_ONCE = 64

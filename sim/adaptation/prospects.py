@@ -15,7 +15,7 @@ from torch import Tensor
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Solver
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 

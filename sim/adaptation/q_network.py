@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from hw.types import Array
-from sim.emulator import one_thread
 from sim.errors import CheckpointError
+from sim.solvers.threads import one_thread
 
 MOVES = 3
 """Choices a parameter: down, stay, up."""

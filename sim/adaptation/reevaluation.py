@@ -21,12 +21,12 @@ from sim.adaptation.evaluation import EvaluationSettings, run_session
 from sim.adaptation.meta_training import sample_targets
 from sim.baselines.udr import several
 from sim.checkpoint import Checkpoint
-from sim.emulator import Emulator
-from sim.emulator_training import held_out_errors
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.run import Requests, Rollouts, concatenate
-from sim.solver import SolvedPolicy
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import held_out_errors
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks.task import Task
 
 SIGMAS = 3.0

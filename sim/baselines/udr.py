@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:

@@ -1,7 +1,6 @@
-"""What learning asks of the simulator's answers: task policies, and what they earn.
+"""The contract of a solver: task policies of one task, and what they earn in its simulator.
 
-Two siblings: `sim.task_policy.EmulatorSolver`, which asks an emulator of the task, and a task's own exact one
-(`Task.exact`), which needs neither dataset nor emulator.
+A task with exact answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
 """
 
 from __future__ import annotations
@@ -85,5 +84,5 @@ class SolverOf(Protocol[T_co]):
 
     @property
     def misfit_limit(self) -> float:
-        """Misfit (see `sim.misfit`) that 95 % of simulated trials inside the ranges stay below."""
+        """Misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges stay below."""
         ...

@@ -11,8 +11,8 @@ from sim.adaptation.memory import encode, looking_back, new_policy, of_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.phase2 import AdaptSim
 from sim.errors import CheckpointError, UnknownName
-from sim.misfit import misfit
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.misfit import misfit
 
 MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
 

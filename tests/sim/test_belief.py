@@ -16,7 +16,7 @@ from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prosp
 from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.solver import EmulatorSolver
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 

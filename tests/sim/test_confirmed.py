@@ -5,10 +5,10 @@ import pytest
 from toy_learning import roll, trained
 from toy_task import TOY, best_action
 
-from sim.confirmed import SCENARIOS, WINNERS, ConfirmedPolicy, confirming
 from sim.errors import NotExecutable
-from sim.solver import policy_for
-from sim.task_policy import EmulatorSolver
+from sim.solvers.confirmation import SCENARIOS, WINNERS, ConfirmedPolicy, confirming
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.solver import policy_for
 
 CONTEXT = TOY.reference_context
 MEAN = TOY.parameters.denormalise(np.array([0.4, 0.5, 0.0, 0.6]))

@@ -6,9 +6,9 @@ import torch
 from toy_learning import SETTINGS, dataset, trained
 from toy_task import TOY
 
-from sim.emulator import Emulator, encode
-from sim.emulator_training import train_emulator
 from sim.errors import CheckpointError, DatasetError
+from sim.solvers.emulator.network import Emulator, encode
+from sim.solvers.emulator.training import train_emulator
 from sim.types import Dimension, Space
 
 

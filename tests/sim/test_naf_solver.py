@@ -11,13 +11,13 @@ from sim.adaptation.meta_training import MetaSettings, train_adaptation
 from sim.adaptation.phase2 import AdaptSim
 from sim.checkpoint import CARD, load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError, NotExecutable, UnknownName
-from sim.misfit import misfit
-from sim.naf import naf_training, train_together
-from sim.naf_memory import RECORD, NafMemory
-from sim.naf_solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of, session_naf
 from sim.rollouts import Requests
-from sim.solver import policy_for
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.misfit import misfit
+from sim.solvers.naf.memory import RECORD, NafMemory
+from sim.solvers.naf.policy import naf_training, train_together
+from sim.solvers.naf.solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of, session_naf
+from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import ReuseRules
 from sim.types import Dimension, Space

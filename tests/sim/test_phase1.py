@@ -18,8 +18,8 @@ from sim.baselines.random_search import RandomSearch
 from sim.checkpoint import load_checkpoint
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import serial_executor
-from sim.solver import SolverSettings
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.solver import SolverSettings
 
 TINY = PretrainBudget(
     rollouts=256,

@@ -20,7 +20,7 @@ from sim.adaptation.prospects import ProspectSettings
 from sim.adaptation.timing import TIMINGS
 from sim.errors import DatasetError
 from sim.rollouts import serial_executor
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.solver import EmulatorSolver
 
 BUDGET = PretrainBudget(
     rollouts=1024,

@@ -9,9 +9,9 @@ from sim.adaptation.evaluation import EvaluationSettings
 from sim.adaptation.memory import new_policy
 from sim.adaptation.reevaluation import Figure, reevaluate
 from sim.checkpoint import load_checkpoint, save_checkpoint
-from sim.naf_memory import NafMemory
-from sim.naf_solver import NafSolver, naf_facts, rules_of
 from sim.rollouts import run_many, serial_executor
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
 
 EVALUATION = {"targets": 200, "udr": 0.57, "emulator_bias": 0.0}
 

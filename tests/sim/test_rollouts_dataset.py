@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from toy_task import ACTION, TOY, best_action, simulate
 
-from sim.emulator_training import outcome_variance
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, dataset_requests
 from sim.rollouts.sampling import sobol, spread
+from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 
 calls = []

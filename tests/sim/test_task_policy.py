@@ -8,8 +8,8 @@ from toy_task import PARAMETERS, TOY, best_action
 from sim.adaptation.episodes import trial_requests
 from sim.baselines.udr import Udr
 from sim.errors import NotExecutable
-from sim.solver import SolverSettings, policy_for
-from sim.task_policy import EmulatorSolver, expected_reward, train_many
+from sim.solvers.emulator.solver import EmulatorSolver, expected_reward, train_many
+from sim.solvers.solver import SolverSettings, policy_for
 
 CONTEXT = TOY.reference_context
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.rollouts.run import Requests, Rollouts
-from sim.solver import Executable, Solver, SolverSettings
-from sim.task_policy import EmulatorPolicy, EmulatorSolver, train_many
+from sim.solvers.emulator.solver import EmulatorPolicy, EmulatorSolver, train_many
+from sim.solvers.solver import Executable, Solver, SolverSettings
 from sim.tasks.task import Task
 
 WINNERS = 4

@@ -16,11 +16,11 @@ from torch import Tensor, nn
 from torch.nn.functional import huber_loss, softplus
 
 from hw.types import Array, frozen_array
-from sim.emulator import one_thread
 from sim.errors import NotExecutable
 from sim.rollouts.run import Requests, Rollouts
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Executable
+from sim.solvers.solver import Executable
+from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
 
 CANDIDATES = 256
@@ -71,7 +71,7 @@ class NafSettings:
 
 @dataclass(frozen=True, eq=False)
 class NafPolicy:
-    """A `sim.solver.SolvedPolicy`: the mean action of a trained network."""
+    """A `sim.solvers.solver.SolvedPolicy`: the mean action of a trained network."""
 
     task: Task
     network: NafNetwork

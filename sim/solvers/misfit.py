@@ -1,16 +1,12 @@
-"""How unlike what the simulator can express an observed trajectory is."""
+"""How far an observed trajectory lies from anything the simulator can produce."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw.types import Array
 from sim.rollouts.sampling import sobol, spread
-
-if TYPE_CHECKING:
-    from sim.solver import Solver
+from sim.solvers.solver import Solver
 
 DRAWS = 512
 """Parameters, nuisances and action errors tried: the spread of trajectories that one commanded action can have."""

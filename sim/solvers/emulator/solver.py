@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array, frozen_array
-from sim.emulator import Emulator
 from sim.errors import NotExecutable
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Executable, SolverSettings
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
 APART = 0.1
@@ -170,7 +170,7 @@ def expected_reward(
 
 @dataclass(frozen=True, eq=False)
 class EmulatorSolver:
-    """A `sim.solver.Solver` that asks an emulator."""
+    """A `sim.solvers.solver.Solver` that asks an emulator."""
 
     emulator: Emulator
 

@@ -7,8 +7,7 @@ al. 2018): where there are data the trained part cancels it, elsewhere the membe
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from torch import Tensor, relu_
 
 from hw.types import Array
 from sim.errors import CheckpointError
+from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -25,17 +25,6 @@ ROWS = 16384
 
 PRIOR_SCALE = 0.5
 """Weight of the fixed random networks, in standard deviations of the outputs."""
-
-
-@contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """The same numbers on every number of cores: sums are split differently on each."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Tensor:
@@ -74,7 +63,7 @@ class Prediction:
 
 
 class Emulator:
-    """Final: the networks of `sim.emulator_training`, ready to ask."""
+    """Final: the networks of `sim.solvers.emulator.training`, ready to ask."""
 
     def __init__(self, task: Task, tensors: Mapping[str, Tensor]) -> None:
         """Raises CheckpointError when the tensors are not those of an emulator of this task."""
@@ -106,7 +95,7 @@ class Emulator:
 
     @property
     def misfit_limit(self) -> float:
-        """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.misfit`)."""
+        """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.solvers.misfit`)."""
         return float(self._tensors["misfit_limit"])
 
     def predict(self, parameters: Array, action: Array, nuisance: Array) -> Prediction:

@@ -1,9 +1,10 @@
 """The paper's solver: NAF task policies, trained on true rollouts alone within the budgets and reuse rules of A2.2.
 
-It knows nothing but the simulator, so every expectation that `sim.solver.Solver` asks of it is rollouts: rewards are
-means of `reward_rollouts` of them (unbiased, but noisy), those of executed trials and trajectories are the simulator's
-own. What a policy says of itself is its value head. Where a session has an emulator all the same, that one may be asked
-for trajectories (`judge`), which are wanted by the hundred to tell whether the simulator expresses an object at all.
+It knows nothing but the simulator, so every expectation that `sim.solvers.solver.Solver` asks of it is rollouts:
+rewards are means of `REWARD_ROLLOUTS` of them (unbiased, but noisy), those of executed trials and trajectories are the
+simulator's own. What a policy says of itself is its value head. Where a session has an emulator all the same, that one
+may be asked for trajectories (`judge`), which are wanted by the hundred to tell whether the simulator expresses an
+object at all.
 """
 
 from __future__ import annotations
@@ -19,26 +20,26 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import UnknownName
-from sim.misfit import misfit
-from sim.naf import NafPolicy, NafSettings, Training, naf_training, train_together
-from sim.naf_memory import NafMemory, policy_key
-from sim.policy_reuse import TrainingPlan, features, plan_training
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, run_many
 from sim.rollouts.sampling import sobol, spread
-from sim.solver import Executable, Solver, SolverSettings
+from sim.solvers.misfit import misfit
+from sim.solvers.naf.memory import NafMemory, policy_key
+from sim.solvers.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
+from sim.solvers.naf.reuse import TrainingPlan, features, plan_training
+from sim.solvers.solver import Executable, Solver, SolverSettings
 from sim.tasks.task import ReuseRules, Task
 
 REWARD_ROLLOUTS = 8
 """Behind one expected reward. A mean of eight is off by 0.15 or so; Phase 1 averages over its ten thousand steps."""
 
 MISFIT_TRIALS = 32
-"""Simulated trials that tell how far one lies from the nearest of `sim.misfit.DRAWS` others."""
+"""Simulated trials that tell how far one lies from the nearest of `sim.solvers.misfit.DRAWS` others."""
 
 
 @dataclass(frozen=True, eq=False)
 class NafSolver:
-    """A `sim.solver.Solver`. Its policies depend on those that were trained before (paper, remark 1)."""
+    """A `sim.solvers.solver.Solver`. Its policies depend on those that were trained before (paper, remark 1)."""
 
     task: Task
     roll: Callable[[Requests], Rollouts]

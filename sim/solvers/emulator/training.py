@@ -15,12 +15,13 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from hw.types import Array
 from perception.types import Outcome
-from sim.emulator import Emulator, encode, forward, one_thread
 from sim.errors import DatasetError
-from sim.misfit import misfit
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
-from sim.task_policy import EmulatorSolver
+from sim.solvers.emulator.network import Emulator, encode, forward
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.misfit import misfit
+from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
 
 Rows = NDArray[np.intp]

@@ -1,6 +1,6 @@
 """What learning asks of the simulator's answers: task policies, and what they earn.
 
-Three siblings: the emulator's (`sim.task_policy`), NAF's (`sim.naf_solver`), and a task's own exact one (`Task.exact`).
+Three siblings: `sim.solvers.emulator.solver`, `sim.solvers.naf.solver`, and a task's own exact one (`Task.exact`).
 """
 
 from __future__ import annotations

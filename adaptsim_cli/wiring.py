@@ -61,7 +61,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
     from adaptsim_cli.wiring_solvers import solver_of
-    from sim.adaptation import make_method
+    from sim.adaptation.methods import make_method
 
     checkpoint = checkpoint_of(config)
     own = checkpoint.solver.task
@@ -209,7 +209,8 @@ class _SolverLearner:
         return _Policy(policy_for(self.solver, particle.samples, self.executable))
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
-        from sim.adaptation import choose_best, verdict
+        from sim.adaptation.best import choose_best
+        from sim.adaptation.verdict import verdict
 
         return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
@@ -243,8 +244,8 @@ def pretrain(
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
     from adaptsim_cli.wiring_solvers import SOLVERS
-    from sim.adaptation.meta_training import TARGETS
-    from sim.adaptation.phase1 import PretrainBudget, pretrain
+    from sim.pretraining.meta_training import TARGETS
+    from sim.pretraining.pipeline import PretrainBudget, pretrain
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
     if budget not in budgets:
@@ -295,7 +296,7 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
 
 def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
-    from sim.checkpoint import list_checkpoints, read_card
+    from sim.adaptation.checkpoint import list_checkpoints, read_card
     from sim.errors import CheckpointError
 
     def row(name: str, folder: Path) -> dict[str, str]:
@@ -312,7 +313,7 @@ def list_checkpoints() -> list[dict[str, str]]:
 
 def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
-    from sim.checkpoint import read_card
+    from sim.adaptation.checkpoint import read_card
 
     text = json.dumps(read_card(folder, task), default=str)
     card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)

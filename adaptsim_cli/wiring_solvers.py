@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
+    from sim.adaptation.checkpoint import Checkpoint
     from sim.solvers.solver import Solver
 
 SOLVERS = ("emulator", "naf")

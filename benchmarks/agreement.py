@@ -34,7 +34,7 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
 from sim.solvers.solver import policy_for

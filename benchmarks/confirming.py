@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.pretraining.episodes import Roll, trial_requests
 from sim.rollouts import run_many, serial_executor
 from sim.rollouts.sampling import sobol, spread
 from sim.solvers.confirmation import SCENARIOS, WINNERS, confirming

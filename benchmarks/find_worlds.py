@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from worlds import UDR_DRAWS, rewards_of, simulate_in
 
-from sim.baselines.udr import several
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.methods.udr import several
 from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.sampling import sobol, spread

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from hw.types import Array
-from sim.baselines.udr import Udr
+from sim.adaptation.methods.udr import Udr
 from sim.rollouts.sampling import sobol, spread
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key

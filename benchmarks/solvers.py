@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.episodes import trial_requests
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.pretraining.episodes import trial_requests
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.sampling import sobol, spread

@@ -26,11 +26,11 @@ from kept import Kept
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.adaptation import make_method
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
-from sim.baselines.udr import several
-from sim.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import several
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import SolvedPolicy

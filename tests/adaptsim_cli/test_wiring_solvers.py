@@ -8,8 +8,8 @@ import pytest
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.wiring_solvers import solver_of
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.errors import UnknownName
 from sim.rollouts import Requests, Rollouts
 from sim.solvers.naf.memory import NafMemory

@@ -6,10 +6,12 @@ import torch
 from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
-from sim.adaptation import METHODS, choose_best, make_method, verdict
+from sim.adaptation.best import choose_best
 from sim.adaptation.memory import encode, looking_back, new_policy, of_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
-from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.methods import METHODS, make_method
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.verdict import verdict
 from sim.errors import CheckpointError, UnknownName
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
@@ -56,7 +58,7 @@ def moved(method, history):
 
 @pytest.mark.parametrize("memory", ["iteration", "state", "history"])
 def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
-    method = AdaptSim(TOY, new_policy(TOY, memory, 0), memory)
+    method = QPolicy(TOY, new_policy(TOY, memory, 0), memory)
     moves = set()
     for seed in range(20):
         following = moved(method, visited(MEAN, observations(2, seed)))
@@ -68,7 +70,7 @@ def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
 
 
 def test_the_papers_policy_sees_the_mean_and_the_last_iteration():
-    method, seen = AdaptSim(TOY, network()), observations(2)
+    method, seen = QPolicy(TOY, network()), observations(2)
     state = np.concatenate([PARAMETERS.normalise(MEAN), *seen])[None]
     expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
     assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
@@ -77,14 +79,14 @@ def test_the_papers_policy_sees_the_mean_and_the_last_iteration():
 
 
 def test_the_state_only_policy_sees_how_the_last_trials_ended():
-    method, seen = AdaptSim(TOY, new_policy(TOY, "state", 0), "state"), observations(2)
+    method, seen = QPolicy(TOY, new_policy(TOY, "state", 0), "state"), observations(2)
     state = np.concatenate([PARAMETERS.normalise(MEAN), *[o[-2:] for o in seen]])[None]
     expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
     assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
 
 
 def test_the_last_trials_count_and_a_single_one_is_repeated():
-    method, three = AdaptSim(TOY, network()), observations(3)
+    method, three = QPolicy(TOY, network()), observations(3)
     rewards = (0.0, 0.0, 0.0)
     assert np.array_equal(
         moved(method, visited(MEAN, three, rewards)), moved(method, visited(MEAN, three[1:], rewards))
@@ -140,7 +142,7 @@ def test_the_order_of_older_entries_does_not_matter_to_the_network():
 
 
 def test_adaptsim_starts_apart_and_a_particle_without_trials_stays():
-    method = AdaptSim(TOY, network())
+    method = QPolicy(TOY, network())
     one, two = method.start(2, np.random.default_rng(0))
     assert PARAMETERS.contains(one.mean)
     assert PARAMETERS.contains(two.mean)

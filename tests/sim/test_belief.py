@@ -7,15 +7,15 @@ import pytest
 from toy_learning import roll, trained
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 
-from sim.adaptation import make_method
-from sim.adaptation.belief import APART, Belief, Estimate
-from sim.adaptation.evaluation import EvaluationSettings, run_session
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.adaptation.method import Particle, ParticleTrials, Trial
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.belief import APART, Belief, Estimate
+from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
-from sim.baselines.random_search import RandomSearch
-from sim.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError
+from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.solvers.emulator.solver import EmulatorSolver
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))

@@ -5,9 +5,9 @@ import pytest
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation import make_method
+from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
+from sim.adaptation.methods import make_method
 from sim.errors import CheckpointError
 from sim.tasks import get_task
 from sim.types import Dimension, Space

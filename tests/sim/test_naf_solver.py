@@ -5,12 +5,12 @@ import pytest
 from toy_learning import roll, train_naf, trained
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.adaptation.evaluation import EvaluationSettings, evaluate
+from sim.adaptation.checkpoint import CARD, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.adaptation.meta_training import MetaSettings, train_adaptation
-from sim.adaptation.phase2 import AdaptSim
-from sim.checkpoint import CARD, load_checkpoint, save_checkpoint
+from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName
+from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
@@ -200,7 +200,7 @@ def test_phase_1_runs_on_it():
     assert len(curve.reward) == TOY.adaptation.horizon
     assert curve.reward.min() > 0.0
     settings = EvaluationSettings(targets=1, particles=1, iterations=1, rollouts=8, oracle=2)
-    report = evaluate(solver, {"adaptsim": AdaptSim(TOY, network)}, roll, settings, 0)
+    report = evaluate(solver, {"adaptsim": QPolicy(TOY, network)}, roll, settings, 0)
     assert report.emulator_correlation == pytest.approx(1.0)  # the same rollouts
     assert report.emulator_bias == 0.0
 

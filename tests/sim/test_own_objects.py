@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.adaptation.evaluation import EvaluationSettings
-from sim.adaptation.meta_training import MetaSettings
-from sim.adaptation.phase1 import PretrainBudget, pretrain
+from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.prospects import ProspectSettings
-from sim.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, ObjectError
+from sim.pretraining.evaluation import EvaluationSettings
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import PretrainBudget, pretrain
 from sim.rollouts import serial_executor
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint

@@ -6,17 +6,17 @@ import torch
 from toy_learning import SETTINGS, roll, trained
 from toy_task import PARAMETERS, TOY, simulate
 
-from sim.adaptation import make_method
-from sim.adaptation.episodes import EpisodeSettings, sparse, visit
-from sim.adaptation.evaluation import EvaluationSettings, evaluate
+from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.adaptation.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
-from sim.adaptation.phase1 import STAGES, PretrainBudget, pretrain
-from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings
-from sim.baselines.random_search import RandomSearch
-from sim.checkpoint import load_checkpoint
 from sim.errors import DatasetError, RolloutError
+from sim.pretraining.episodes import EpisodeSettings, sparse, visit
+from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
+from sim.pretraining.pipeline import STAGES, PretrainBudget, pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
@@ -129,7 +129,7 @@ def _returns(episodes):
 
 def test_the_evaluation_orders_oracle_and_udr():
     emulator, _ = trained()
-    methods = {"adaptsim": AdaptSim(TOY, new_policy(TOY, "iteration", 0)), "random": RandomSearch(TOY)}
+    methods = {"adaptsim": QPolicy(TOY, new_policy(TOY, "iteration", 0)), "random": RandomSearch(TOY)}
     settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
     report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
     assert report.oracle > report.udr + 0.1

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from sim.adaptation.q_network import Learner, Replay, Transitions, branching_target, new_network, restore_network
+from sim.adaptation.q_network import new_network, restore_network
 from sim.errors import CheckpointError
+from sim.pretraining.q_training import Learner, Replay, Transitions, branching_target
 
 
 def steps(n, rng, reward=0.0):

@@ -5,10 +5,10 @@ import pytest
 from toy_learning import roll, trained
 from toy_task import TOY, Unmodelled, simulate
 
-from sim.adaptation.evaluation import EvaluationSettings
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.adaptation.reevaluation import Figure, reevaluate
-from sim.checkpoint import load_checkpoint, save_checkpoint
+from sim.pretraining.evaluation import EvaluationSettings
+from sim.pretraining.reevaluation import Figure, reevaluate
 from sim.rollouts import run_many, serial_executor
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of

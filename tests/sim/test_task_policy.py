@@ -5,9 +5,9 @@ import pytest
 from toy_learning import roll, train_one, trained
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.adaptation.episodes import trial_requests
-from sim.baselines.udr import Udr
+from sim.adaptation.methods.udr import Udr
 from sim.errors import NotExecutable
+from sim.pretraining.episodes import trial_requests
 from sim.solvers.emulator.solver import EmulatorSolver, expected_reward, train_many
 from sim.solvers.solver import SolverSettings, policy_for
 

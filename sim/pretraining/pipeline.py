@@ -22,21 +22,21 @@ from typing import Any
 import numpy as np
 import torch
 
-from sim.adaptation.belief import Belief
-from sim.adaptation.episodes import Episodes, Roll
-from sim.adaptation.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
-from sim.adaptation.logs import Log, tensorboard
+from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.memory import MemoryName, restore_policy
-from sim.adaptation.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
 from sim.adaptation.method import Method
-from sim.adaptation.phase2 import AdaptSim
+from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.methods.random_search import RandomSearch
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
 from sim.adaptation.q_network import QNetwork
-from sim.adaptation.timing import Stopwatch
-from sim.baselines.random_search import RandomSearch
-from sim.baselines.udr import DRAWS as UDR_POLICIES
-from sim.checkpoint import CARD, save_checkpoint
 from sim.errors import DatasetError
+from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.pretraining.logs import Log, tensorboard
+from sim.pretraining.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
+from sim.pretraining.timing import Stopwatch
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import run_many
@@ -59,7 +59,7 @@ FURTHER: tuple[MemoryName, ...] = ("history", "state")
 
 NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 BELIEF, RANDOM = "adaptsim-belief", "random"
-"""What the evaluation compares, by the names of `sim.adaptation.METHODS`."""
+"""What the evaluation compares, by the names of `sim.adaptation.methods.METHODS`."""
 COMPARED = len(NETWORKS) + 2
 
 STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "prospects", "evaluation", "checkpoint")
@@ -288,7 +288,7 @@ def _evaluation(
     path, task = folder / "evaluation.toml", means.solver.task
     if not path.exists():
         methods: dict[str, Method] = {
-            name: AdaptSim(task, networks[memory], memory) for memory, name in NETWORKS.items()
+            name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items()
         }
         methods[RANDOM] = RandomSearch(task)
         if ahead is not None:

@@ -2,7 +2,7 @@
 
 A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where there is one) and
 `card.toml` (task, object, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie
-beside this file.
+in `sim/checkpoints`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ __all__ = [
     "verify_weights",
 ]
 
-SHIPPED = Path(__file__).parent / "checkpoints"
+SHIPPED = Path(__file__).parents[1] / "checkpoints"
 MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.sampling import sobol, spread
 from sim.tasks.task import Task
-
-if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
 
 CANDIDATES = 256
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> RandomSearch:
-    """The method's entry in `sim.adaptation.METHODS`; it needs no checkpoint."""
+    """The method's entry in `METHODS`; it needs no checkpoint."""
     return RandomSearch(task)
 
 

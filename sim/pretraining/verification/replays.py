@@ -12,11 +12,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.emulated import EmulatedRolls
-from sim.adaptation.episodes import Episodes, EpisodeSettings, Roll, sparse, trial_requests
 from sim.adaptation.memory import MemoryName
-from sim.adaptation.proof_statistics import Estimate, clustered
 from sim.adaptation.q_network import QNetwork
+from sim.pretraining.emulated import EmulatedRolls
+from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, sparse, trial_requests
+from sim.pretraining.verification.statistics import Estimate, clustered
 from sim.rollouts.run import Requests, Rollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Solver

@@ -14,17 +14,17 @@ from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from sim.adaptation.episodes import Episodes, Roll
+from sim.adaptation.checkpoint import CARD, read_card
 from sim.adaptation.memory import MemoryName, restore_policy
-from sim.adaptation.meta_training import MetaSettings
-from sim.adaptation.phase1 import STAGES, stage_seeds, stored
-from sim.adaptation.proof_emulator import HeldOut, held_out
-from sim.adaptation.proof_policies import Pairs, PairSettings, compare_policies
-from sim.adaptation.proof_replays import Replays, replay
 from sim.adaptation.q_network import QNetwork
-from sim.adaptation.timing import wall_times_s
-from sim.checkpoint import CARD, read_card
 from sim.errors import DatasetError
+from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import STAGES, stage_seeds, stored
+from sim.pretraining.timing import wall_times_s
+from sim.pretraining.verification.emulator import HeldOut, held_out
+from sim.pretraining.verification.policies import Pairs, PairSettings, compare_policies
+from sim.pretraining.verification.replays import Replays, replay
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
@@ -49,7 +49,7 @@ S = TypeVar("S", MetaSettings, EmulatorSettings)
 
 
 @dataclass(frozen=True)
-class ProofSettings:
+class VerificationSettings:
     """How much is simulated: by default some 3,600 rollouts."""
 
     pairs: PairSettings = field(default_factory=PairSettings)
@@ -101,7 +101,7 @@ class Pretrained:
 
 
 @dataclass(frozen=True, eq=False)
-class Proof:
+class Verification:
     """Everything that the report shows."""
 
     pretrained: Pretrained
@@ -149,7 +149,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     )
 
 
-def prove(made: Pretrained, settings: ProofSettings, executor: Executor, progress: Progress) -> Proof:
+def verify(made: Pretrained, settings: VerificationSettings, executor: Executor, progress: Progress) -> Verification:
     """Simulate what is missing and sum up. The same folder gives the same numbers."""
     draws = np.random.SeedSequence(int(made.plan["seed"]), spawn_key=(STREAM,)).spawn(2)
     rngs = [np.random.default_rng(s) for s in draws]
@@ -161,7 +161,7 @@ def prove(made: Pretrained, settings: ProofSettings, executor: Executor, progres
         pairs = compare_policies(made.solver, rolls[0], settings.pairs, rngs[0])
     if made.solver is not None:
         replays = replay(made.solver, made.emulator, made.networks, made.episodes, settings.episodes, rolls[1], rngs[1])
-    return Proof(
+    return Verification(
         pretrained=made,
         held_out=judged,
         pairs=pairs,
@@ -199,7 +199,7 @@ def _held_out(made: Pretrained) -> HeldOut | None:
     return held_out(made.emulator, made.dataset, seeds[1], settings, stored(made.folder / "emulator.toml"))
 
 
-def _replayed(made: Pretrained, settings: ProofSettings) -> int:
+def _replayed(made: Pretrained, settings: VerificationSettings) -> int:
     targets, particles, visits = made.episodes.rewards.shape
     wanted = min(targets, -(-settings.episodes // particles))
     return int(wanted * particles * visits * made.task.adaptation.trials_per_iteration)

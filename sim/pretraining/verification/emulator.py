@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.proof_statistics import wilson
 from sim.errors import DatasetError
+from sim.pretraining.verification.statistics import wilson
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import Rollouts
 from sim.solvers.emulator.network import Emulator

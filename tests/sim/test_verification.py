@@ -10,15 +10,22 @@ import pytest
 from toy_learning import SETTINGS, roll, trained
 from toy_task import ACTION, PARAMETERS, TOY, best_action, simulate
 
-from sim.adaptation.evaluation import EvaluationSettings
-from sim.adaptation.meta_training import MetaSettings
-from sim.adaptation.phase1 import STAGES, PretrainBudget, pretrain
-from sim.adaptation.proof import PARTS, ProofSettings, is_finished, load_pretrained, prove, stage_costs
-from sim.adaptation.proof_emulator import reliability_bins
-from sim.adaptation.proof_policies import PairSettings, compare_policies, search_policies
 from sim.adaptation.prospects import ProspectSettings
-from sim.adaptation.timing import TIMINGS
 from sim.errors import DatasetError
+from sim.pretraining.evaluation import EvaluationSettings
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import STAGES, PretrainBudget, pretrain
+from sim.pretraining.timing import TIMINGS
+from sim.pretraining.verification.emulator import reliability_bins
+from sim.pretraining.verification.policies import PairSettings, compare_policies, search_policies
+from sim.pretraining.verification.verify import (
+    PARTS,
+    VerificationSettings,
+    is_finished,
+    load_pretrained,
+    stage_costs,
+    verify,
+)
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 
@@ -31,7 +38,7 @@ BUDGET = PretrainBudget(
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
     further_updates=30,
 )
-FEW = ProofSettings(PairSettings(environments=8, targets=2, actions=32, rollouts=12), episodes=11)
+FEW = VerificationSettings(PairSettings(environments=8, targets=2, actions=32, rollouts=12), episodes=11)
 calls = []
 
 
@@ -55,32 +62,32 @@ def folder(tmp_path):
 
 
 @functools.cache
-def proved():
-    """(proof of that folder, what its progress was, how many rollouts it ran)."""
+def verified():
+    """(verification of that folder, what its progress was, how many rollouts it ran)."""
     seen, task = [], dataclasses.replace(TOY, simulate=counting)
     calls.clear()
     with serial_executor() as executor:
         made = load_pretrained(task, Path(finished().name))
-        return prove(made, FEW, executor, lambda *call: seen.append(call)), seen, len(calls)
+        return verify(made, FEW, executor, lambda *call: seen.append(call)), seen, len(calls)
 
 
-def test_a_finished_pretraining_is_proved_and_a_second_time_costs_no_rollout():
-    proof, seen, simulated = proved()
-    assert simulated == proof.rollouts + len(PARTS)  # each looks whether the scene is that of its kept rollouts
+def test_a_finished_pretraining_is_verified_and_a_second_time_costs_no_rollout():
+    verification, seen, simulated = verified()
+    assert simulated == verification.rollouts + 8 * len(PARTS)  # each looks whether its kept rollouts are of this scene
     for part in PARTS:
         last = [call for call in seen if call[0] == part][-1]
         assert last[1] == last[2]
     calls.clear()
     with serial_executor() as executor:
-        again = prove(proof.pretrained, FEW, executor, lambda stage, done, total: None)
+        again = verify(verification.pretrained, FEW, executor, lambda stage, done, total: None)
     assert len(calls) == len(PARTS)
-    assert np.array_equal(again.pairs.emulated, proof.pairs.emulated)
-    assert again.pairs.regret == proof.pairs.regret
-    assert again.replays == proof.replays
+    assert np.array_equal(again.pairs.emulated, verification.pairs.emulated)
+    assert again.pairs.regret == verification.pairs.regret
+    assert again.replays == verification.replays
 
 
 def test_the_figures_of_a_fair_emulator_are_fair():
-    held, pairs = proved()[0].held_out, proved()[0].pairs
+    held, pairs = verified()[0].held_out, verified()[0].pairs
     assert held.everywhere.accuracy > held.everywhere.base_rate + 0.05
     assert held.reliability.count.sum() == held.everywhere.rollouts == 77
     assert 0 < held.inside.rollouts < held.everywhere.rollouts
@@ -91,7 +98,7 @@ def test_the_figures_of_a_fair_emulator_are_fair():
 
 
 def test_replayed_episodes_earn_what_the_emulator_paid():
-    replays = proved()[0].replays
+    replays = verified()[0].replays
     assert replays.episodes == 12  # pairs of particles stay together
     every, counted, of_trials, training = replays.returns
     assert training.episodes == 16
@@ -174,4 +181,4 @@ def test_an_emulator_of_another_dataset_is_refused(folder):
     report.write_text(report.read_text().replace("brier = 0.", "brier = 0.9"))
     made = load_pretrained(TOY, folder)
     with serial_executor() as executor, pytest.raises(DatasetError, match="Brier"):
-        prove(made, FEW, executor, lambda stage, done, total: None)
+        verify(made, FEW, executor, lambda stage, done, total: None)

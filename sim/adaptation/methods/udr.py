@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
-
-if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
 
 SAMPLES = 64
 """Parameters that stand for all of Omega."""
@@ -24,7 +21,7 @@ DRAWS = 4
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
-    """The method's entry in `sim.adaptation.METHODS`; it needs no checkpoint."""
+    """The method's entry in `METHODS`; it needs no checkpoint."""
     return Udr(task)
 
 

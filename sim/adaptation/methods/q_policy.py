@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw.types import Array, frozen_array
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.memory import MemoryName, encode, of_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
@@ -16,26 +16,23 @@ from sim.errors import CheckpointError
 from sim.rollouts.sampling import sobol, spread
 from sim.tasks.task import Task
 
-if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
 
-
-def create_iteration(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+def create_iteration(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
     """AdaptSim as in the paper: a particle moves by what its last iteration showed. Raises CheckpointError."""
     return _with(task, checkpoint, "iteration")
 
 
-def create_state(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+def create_state(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
     """AdaptSim-State of the paper: it sees only how the last trials ended. Raises CheckpointError."""
     return _with(task, checkpoint, "state")
 
 
-def create_history(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
+def create_history(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
     """AdaptSim that sees all parameters, trajectories and rewards of the session. Raises CheckpointError."""
     return _with(task, checkpoint, "history")
 
 
-def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> AdaptSim:
+def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> QPolicy:
     if checkpoint is None:
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
     if memory not in checkpoint.networks:
@@ -43,11 +40,11 @@ def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> Adap
             f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain again with "
             f"`adaptsim pretrain --task {task.name}`"
         )
-    return AdaptSim(task, checkpoint.networks[memory], memory)
+    return QPolicy(task, checkpoint.networks[memory], memory)
 
 
 @dataclass(frozen=True, eq=False)
-class AdaptSim:
+class QPolicy:
     """A `Method`: the adaptation policy, applied to each particle."""
 
     task: Task

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import CheckpointError
@@ -28,9 +28,6 @@ from sim.rollouts.sampling import sobol, spread
 from sim.solvers.misfit import squared_misfits
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
-
-if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
 
 DRAWS = 16
 """Of nuisance and action error, over which the likelihood of a trajectory is averaged."""
@@ -53,7 +50,7 @@ OPTIMISM = 1.0
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
-    """The method's entry in `sim.adaptation.METHODS`. Raises CheckpointError where there is nothing to infer with."""
+    """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to infer with."""
     if checkpoint is None or checkpoint.prospects is None:
         why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
         raise CheckpointError(

@@ -10,7 +10,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
 from sim.adaptation.method import Trial
-from sim.adaptation.q_network import Transitions
+from sim.pretraining.q_training import Transitions
 from sim.rollouts.run import Requests, Rollouts
 from sim.rollouts.sampling import spread
 from sim.solvers.solver import Solver, SolverSettings

@@ -12,8 +12,8 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.adaptation.proof_statistics import Estimate, RankCorrelation, clustered, rank_correlation
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
 from sim.rollouts.run import Requests, Rollouts
 from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import Solver

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.adaptation.proof_statistics import clustered, rank_correlation, reliability, spearman, wilson
+from sim.pretraining.verification.statistics import clustered, rank_correlation, reliability, spearman, wilson
 
 
 def test_the_interval_of_clusters_covers_the_mean():

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.episodes import Episodes, EpisodeSettings, Roll, Visit, joined, sparse, visit
-from sim.adaptation.logs import Log, silent
 from sim.adaptation.memory import MemoryName, inputs, new_policy
-from sim.adaptation.q_network import Learner, QNetwork, Replay, Transitions
+from sim.adaptation.q_network import QNetwork
+from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, Visit, joined, sparse, visit
+from sim.pretraining.logs import Log, silent
+from sim.pretraining.q_training import Learner, Replay, Transitions
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 

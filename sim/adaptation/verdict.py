@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Verdict
 from sim.solvers.misfit import misfit
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
-
-if TYPE_CHECKING:
-    from sim.solvers.solver import Solver
 
 LEAST_TRIALS = 6
 """Trials below which the sentence is only that there are too few."""

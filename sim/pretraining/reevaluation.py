@@ -15,12 +15,12 @@ from typing import Any, Literal
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation import make_method
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.adaptation.evaluation import EvaluationSettings, run_session
-from sim.adaptation.meta_training import sample_targets
-from sim.baselines.udr import several
-from sim.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import several
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.evaluation import EvaluationSettings, run_session
+from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.run import Requests, Rollouts, concatenate
 from sim.solvers.emulator.network import Emulator

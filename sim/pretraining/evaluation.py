@@ -10,10 +10,10 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.best import choose_best
-from sim.adaptation.episodes import Roll, simulated_trials, trial_requests
-from sim.adaptation.meta_training import Targets, sample_targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
-from sim.baselines.udr import several
+from sim.adaptation.methods.udr import several
+from sim.pretraining.episodes import Roll, simulated_trials, trial_requests
+from sim.pretraining.meta_training import Targets, sample_targets
 from sim.rollouts.run import Requests
 from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for

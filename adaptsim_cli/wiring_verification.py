@@ -10,38 +10,38 @@ from typing import TYPE_CHECKING
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
-    from sim.adaptation.proof import Pretrained
+    from sim.pretraining.verification.verify import Pretrained
 
 
 def is_finished(folder: Path | None) -> bool:
     """Whether a report can be made of the pretraining in `folder` as it is."""
-    from sim.adaptation import proof
+    from sim.pretraining.verification import verify
 
-    return folder is not None and proof.is_finished(folder)
+    return folder is not None and verify.is_finished(folder)
 
 
 def write_report(
     task: Task, folder: Path, docs: Path | None, executor: Executor, progress: Callable[[str, int, int], None]
 ) -> Path:
-    """Prove what the pretraining in `folder` is worth -> the document, `phase1.md` in `docs` (default: in `folder`).
+    """Verify what the pretraining in `folder` is worth -> the document, `phase1.md` in `docs` (default: in `folder`).
 
     Rollouts that an earlier call made are not made again. Raises DatasetError where the pretraining is not finished or
     not of this task, RolloutError.
     """
     from adaptsim_cli.report import phase1
     from adaptsim_cli.session.durable import make_folder
-    from sim.adaptation.proof import ProofSettings, load_pretrained, prove
+    from sim.pretraining.verification.verify import VerificationSettings, load_pretrained, verify
 
     made = load_pretrained(task, folder.absolute())
-    proof = prove(made, ProofSettings(), executor, progress)
+    verification = verify(made, VerificationSettings(), executor, progress)
     where = (docs or folder).absolute()
     make_folder(where)
-    return phase1.write(proof, where, command(made))
+    return phase1.write(verification, where, command(made))
 
 
 def command(made: Pretrained) -> str:
     """The command that makes it again, as far as it differs from the usual one."""
-    from sim.adaptation.phase1 import PretrainBudget
+    from sim.pretraining.pipeline import PretrainBudget
     from sim.tasks import get_task
 
     words, planned, usual = ["adaptsim pretrain --task", made.task.name], made.plan["budget"], PretrainBudget()

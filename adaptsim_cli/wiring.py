@@ -46,8 +46,8 @@ from sim.tasks.task import Task
 if TYPE_CHECKING:
     from adaptsim_cli.mounted import MountedTask
     from adaptsim_cli.rigs.openers import Openers
-    from sim.lab import SimulatedLab
-    from sim.world import World
+    from sim.lab.simulated import SimulatedLab
+    from sim.lab.world import World
 
 _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
@@ -111,7 +111,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
             f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
             "Leave --hw out, or choose another --task"
         )
-    from sim.world import load_world
+    from sim.lab.world import load_world
 
     world = load_world(config.world, task)
 
@@ -135,8 +135,8 @@ def versions() -> dict[str, str]:
 def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from adaptsim_cli.mounted import mounted
     from adaptsim_cli.touch_off.store import touch_off_of
-    from sim.lab import SimulatedLab
-    from sim.world import load_world
+    from sim.lab.simulated import SimulatedLab
+    from sim.lab.world import load_world
 
     world = load_world(config.world, task)
     eye, zeros_rad = calibration_of(config, places(), _calibration_of(SimulatedLab(task, world, config.seed)))
@@ -151,7 +151,7 @@ def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
 def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
     """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
     from adaptsim_cli.mounted import mounted
-    from sim.lab import SimulatedLab
+    from sim.lab.simulated import SimulatedLab
 
     there = mounted(task, "panda")
     with SimulatedLab(task, world, seed, home_q_rad=there.home_rad, tool=there.tool) as lab:

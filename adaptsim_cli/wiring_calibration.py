@@ -88,8 +88,8 @@ def open_calibration_rig(
 def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
     from hw.kinematics import forward
     from sim.lab.calibrating import CalibrationLab
+    from sim.lab.world import load_world
     from sim.tasks import get_task
-    from sim.world import load_world
 
     task = get_task(config.task)
     world, held = load_world(config.world, task), _held(board)

@@ -37,11 +37,11 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
+from sim.lab.world import World
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import ToolMotion
-from sim.world import World
 
 NUDGE_M = 0.0003
 """How far the object is moved to see whether a rollout agrees with itself: less than a camera errs."""

@@ -29,6 +29,7 @@ from perception.types import ObjectTrack
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import several
+from sim.lab.world import World, list_worlds, load_world
 from sim.pretraining.episodes import Roll, trial_requests
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
@@ -36,7 +37,6 @@ from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
-from sim.world import World, list_worlds, load_world
 
 SCREENING, FINAL, AGAIN = 8, 4, 32
 """Rollouts by which the oracle leaves `FINAL` of its policies, and by which it then chooses."""

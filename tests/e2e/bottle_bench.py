@@ -23,7 +23,7 @@ from hw.kinematics import forward
 from hw.limits import require
 from hw.types import Array, CameraModel, Frame, JointPath
 from sim.adaptation.method import Best, Iteration, Particle
-from sim.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import held
 from sim.render.bodies import Body

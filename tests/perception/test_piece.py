@@ -8,7 +8,7 @@ from table_scenes import AREA, at, box, close_up, food, studio
 
 from perception.errors import ObjectNotFound
 from perception.piece import find_piece, overlay
-from sim.kinect import kinect_model
+from sim.lab.kinect import kinect_model
 from sim.types import Visual
 
 SHAPES = {

@@ -8,7 +8,7 @@ from table_scenes import at, close_up
 
 from perception.geometry import View, project, transform, view_of
 from perception.proxy import Proxy, Shape, coverage
-from sim.kinect import default_X_BC
+from sim.lab.kinect import default_X_BC
 
 HALF = (0.014, 0.011, 0.009)
 AREA = (0.64, 0.72, -0.04, 0.04)

@@ -16,15 +16,15 @@ from hw.types import Array, Frame, Intrinsics
 from perception.board import detect, draw, locate
 from perception.board_types import Board
 from sim.errors import SimError
-from sim.kinect import default_X_BC
-from sim.lab import SimulatedLab
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
 from sim.lab.guided_tip import AIM_STD_M, TIP_M, touching_q_rad
+from sim.lab.kinect import default_X_BC
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Faults, Sensing, World, load_world
 from sim.panda.moves import move_path
 from sim.panda.visits import postures
 from sim.tasks import get_task
-from sim.world import Faults, Sensing, World, load_world
 
 BOARD = Board()
 HELD = HeldBoard(draw(BOARD, 112), BOARD.size_m)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hw.types import Array, CameraModel, Intrinsics
-from sim.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.render.poses import inverse, within_exposure
 from sim.render.rays import pixel_rays
 from sim.types import Visual

@@ -13,12 +13,12 @@ from slider import HOME_RAD, TASK, Unmodelled
 
 from hw.errors import CameraError
 from hw.types import Array, ContactWindow, Execution, Frame, JointPath
-from sim.lab import SimulatedLab
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Faults, Sensing, World
 from sim.panda.inverse import inverse
 from sim.panda.moves import move_path
-from sim.world import Faults, Sensing, World
 
 XY_M = np.array([0.55, 0.0])
 PERIOD_S = 1 / 30

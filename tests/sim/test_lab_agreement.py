@@ -7,10 +7,10 @@ import pytest
 
 from perception.types import Outcome
 from sim.lab.cell import Cell
+from sim.lab.world import Faults, Sensing, World
 from sim.panda.planning import home, joint_path, trial_paths
 from sim.panda.tool import held
 from sim.tasks import get_task
-from sim.world import Faults, Sensing, World
 
 BLADE_M = (0.10, 0.04)  # length, half width
 

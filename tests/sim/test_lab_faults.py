@@ -9,9 +9,9 @@ from test_lab import XY_M, run, shove, world
 
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from hw.types import JointPath
-from sim.lab import SimulatedLab
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Faults, Sensing
 from sim.panda.moves import move_path
-from sim.world import Faults, Sensing
 
 
 def lab_with(**faults: tuple[int, ...]) -> SimulatedLab:

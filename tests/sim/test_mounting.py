@@ -9,10 +9,11 @@ import pytest
 
 from hw.kinematics import forward
 from sim.errors import WorldError
-from sim.lab import READY_RAD, mounting
+from sim.lab import mounting
+from sim.lab.simulated import READY_RAD
+from sim.lab.world import Mount, list_worlds, load_world
 from sim.panda.correction import ToolCorrection
 from sim.tasks import get_task
-from sim.world import Mount, list_worlds, load_world
 
 TASK = get_task("scooping")
 HEAD = 'task = "scooping"\n[params]\nmu = 0.3\ne = 5e4\ng = 1\nh = 2.0\n[mount]\n'

@@ -13,11 +13,11 @@ from hw.types import JointPath
 from perception.types import Outcome
 from sim.errors import NotExecutable
 from sim.lab.cell import Cell
+from sim.lab.world import Faults, Sensing, World
 from sim.panda.carrying import GENTLE_M_S2, carry_path
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import held
 from sim.tasks.scooping import TASK
-from sim.world import Faults, Sensing, World
 
 TOOL = held(TASK.X_FT, TASK.keep_clear)
 ACTION = np.array([0.10, 0.05, 0.018])  # a gentle late scoop

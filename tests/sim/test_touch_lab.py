@@ -16,11 +16,11 @@ from hw.types import Array
 from sim.errors import NotExecutable, UnknownName
 from sim.lab import mounting
 from sim.lab.touch import TouchLab
+from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import FINGERTIPS, empty_hand
 from sim.panda.moves import move_path
 from sim.panda.touching import Bench, Probe, Stage, descent, stance
 from sim.tasks import get_task
-from sim.world import Faults, Mount, World, load_world
 
 TASK = get_task("scooping")
 BENCH = Bench("panda", np.eye(4), empty_hand())

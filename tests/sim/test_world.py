@@ -10,7 +10,7 @@ import pytest
 from slider import TASK
 
 from sim.errors import UnknownName, WorldError
-from sim.world import Faults, Sensing, list_worlds, load_world
+from sim.lab.world import Faults, Sensing, list_worlds, load_world
 
 PARAMS = "[params]\nmu = 0.3\ne = 1e5\nkind = 1\nh = 2.0\ny = 0.0\n"
 

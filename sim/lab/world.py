@@ -13,17 +13,15 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from hw.types import Array
 from sim.errors import OutOfRange, UnknownName, WorldError
+from sim.tasks.task import Task
 from sim.types import Dimension, Space
-
-if TYPE_CHECKING:
-    from sim.tasks.task import Task
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from calib.types import HandEye
 from hw import collision
 from hw.collision import LEVEL, KeepOut, Table, Tool
 from hw.types import Array, JointPath
-from perception.board_types import Board
+from perception.board.types import Board
 
 if TYPE_CHECKING:
     from adaptsim_cli.rigs.openers import Openers

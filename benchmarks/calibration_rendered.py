@@ -35,7 +35,7 @@ from calib.saved import SavedCalibration
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab

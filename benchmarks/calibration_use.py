@@ -33,7 +33,7 @@ from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
 from sim.lab.chance import joint_zeros

@@ -9,7 +9,7 @@ from board_scenes import INFRARED, KINECT, pose, project, render
 
 from hw.types import Intrinsics
 from perception.board import detect, draw, locate
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 
 BOARD = Board()

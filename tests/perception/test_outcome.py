@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hw.types import Array
-from perception.outcome import Verdict, judge
-from perception.proxy import Proxy, Shape
+from perception.piece.outcome import Verdict, judge
+from perception.piece.proxy import Proxy, Shape
 from perception.types import Outcome
 
 PROXY = Proxy(Shape.CYLINDER, (0.012, 0.012, 0.009))

@@ -7,7 +7,7 @@ import pytest
 from table_scenes import at, close_up
 
 from perception.geometry import View, project, transform, view_of
-from perception.proxy import Proxy, Shape, coverage
+from perception.piece.proxy import Proxy, Shape, coverage
 from sim.lab.kinect import default_X_BC
 
 HALF = (0.014, 0.011, 0.009)

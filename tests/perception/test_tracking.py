@@ -13,7 +13,7 @@ from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 from hw.types import Array, Frame
 from perception.errors import TrackingFailed
 from perception.piece import PieceDetection, find_piece, track_piece
-from perception.tracking import LOST_ON_THE_WAY
+from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 
 HALF = (0.0125, 0.0125, 0.009)

@@ -14,7 +14,7 @@ from hw.errors import ArmFault, CameraError
 from hw.kinematics import forward
 from hw.types import Array, Frame, Intrinsics
 from perception.board import detect, draw, locate
-from perception.board_types import Board
+from perception.board.types import Board
 from sim.errors import SimError
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from perception.geometry import Array32, View, transform
-from perception.proxy import Proxy, coverage
+from perception.piece.proxy import Proxy, coverage
 
 _OUTLINE_NOISE = 0.25  # of a pixel's share; also covers a proxy that is not quite the piece
 _DEPTH_FLOOR_M, _DEPTH_NOISE_M = 0.0008, 0.0025  # of the mean over the piece: what stays, and of one pixel

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from perception.arm_mask import Arm, Capsules
-from perception.bottle_detection import BottleDetection, find_bottle
-from perception.bottle_overlay import overlay
-from perception.bottle_tracking import track_bottle
+from perception.bottle.detection import BottleDetection, find_bottle
+from perception.bottle.overlay import overlay
+from perception.bottle.tracking import track_bottle
 from perception.cylinder import Cylinder
 from perception.geometry import Area
 from perception.tool_mask import ToolMask

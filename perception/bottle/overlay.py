@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, CameraModel, Frame
-from perception.bottle_detection import BottleDetection
+from perception.bottle.detection import BottleDetection
 from perception.cylinder import Cylinder
 from perception.geometry import inverse, project
 

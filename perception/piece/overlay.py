@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, CameraModel, Frame
-from perception.detection import PieceDetection
 from perception.geometry import Area, inverse, project
+from perception.piece.detection import PieceDetection
 
 _AREA_RGB, _FOUND_RGB, _TARGET_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)
 _SHIFT = 4  # OpenCV draws at 1/16 px

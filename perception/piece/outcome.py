@@ -8,7 +8,7 @@ import numpy as np
 
 from hw.types import Array
 from perception.geometry import inverse, transform
-from perception.proxy import Proxy
+from perception.piece.proxy import Proxy
 from perception.types import Outcome
 
 BLADE_LENGTH_M, BLADE_WIDTH_M = 0.10, 0.08

@@ -8,7 +8,7 @@ import numpy as np
 
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM, Arm
-from perception.bottle_place import Place, patch, place
+from perception.bottle.place import Place, patch, place
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound

@@ -10,8 +10,8 @@ import numpy as np
 
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import Arm
-from perception.bottle_detection import HEIGHT_M, BottleDetection
-from perception.bottle_place import Place, patch, place
+from perception.bottle.detection import HEIGHT_M, BottleDetection
+from perception.bottle.place import Place, patch, place
 from perception.clutter import things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import TrackingFailed

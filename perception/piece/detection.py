@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from hw.types import Array, CameraModel, Frame, frozen_array
-from perception.chroma import chromaticity, matte, typical
 from perception.errors import ObjectNotFound
 from perception.geometry import Area, Array32, View, on_plane, transform, view_of
-from perception.proxy import Proxy, Shape, coverage
+from perception.piece.chroma import chromaticity, matte, typical
+from perception.piece.proxy import Proxy, Shape, coverage
 
 HEIGHT_M = 0.04
 """Nothing taller than this is looked for."""

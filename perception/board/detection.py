@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board_types import DICTIONARIES, Board, BoardPose, Corners
+from perception.board.types import DICTIONARIES, Board, BoardPose, Corners
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
-
-__all__ = ["Board", "BoardPose", "Corners", "detect", "draw", "locate"]
 
 Grey = NDArray[np.uint8]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from perception.detection import PieceDetection, find_piece
 from perception.geometry import Area
-from perception.overlay import overlay
-from perception.tracking import track_piece
+from perception.piece.detection import PieceDetection, find_piece
+from perception.piece.overlay import overlay
+from perception.piece.tracking import track_piece
 
 __all__ = ["Area", "PieceDetection", "find_piece", "overlay", "track_piece"]

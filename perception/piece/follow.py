@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.types import Array, Frame
-from perception.chroma import chromaticity, matte
-from perception.detection import PieceDetection
 from perception.geometry import View, inverse, transform
-from perception.locate import Evidence, Place, appraise, locate
-from perception.proxy import Proxy
+from perception.piece.chroma import chromaticity, matte
+from perception.piece.detection import PieceDetection
+from perception.piece.locate import Evidence, Place, appraise, locate
+from perception.piece.proxy import Proxy
 from perception.tool_mask import ToolMask
 
 _SEARCH_M = 0.014

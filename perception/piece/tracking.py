@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, CameraModel, Frame
-from perception.detection import PieceDetection, depth_window, table_offset
 from perception.errors import TrackingFailed
-from perception.follow import Rig, follow
 from perception.geometry import Area, view_of
-from perception.leftover import lies_at
-from perception.locate import Place
-from perception.outcome import judge
-from perception.registration import tool_shift, turned
+from perception.piece.detection import PieceDetection, depth_window, table_offset
+from perception.piece.follow import Rig, follow
+from perception.piece.leftover import lies_at
+from perception.piece.locate import Place
+from perception.piece.outcome import judge
+from perception.piece.registration import tool_shift, turned
 from perception.tool_mask import ToolMask
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 

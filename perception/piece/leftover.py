@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from hw.types import Array, CameraModel, Frame
-from perception.chroma import matte
-from perception.detection import HEIGHT_M, PieceDetection
 from perception.geometry import Area, on_plane, view_of
+from perception.piece.chroma import matte
+from perception.piece.detection import HEIGHT_M, PieceDetection
 
 _BACK_M, _FORTH_M, _SIDE_M = 0.25, 0.50, 0.30  # from where the piece lay: as far as it may roll
 _LEAST, _MOST = 0.25, 3.0  # of the area in pixels that it had before

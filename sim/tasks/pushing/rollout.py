@@ -35,7 +35,7 @@ ARM = Compliance(
     inertia_kg_m2=0.01,
 )
 """Stiffer than an arm and without its coupling: a bottle of 0.3 kg moves the plate by micrometres either way
-(tests/sim/test_lab_agreement.py)."""
+(tests/sim/lab/test_lab_agreement.py)."""
 
 STILL_MOVING = f"the bottle still moves {SETTLE_S:g} s after the push"
 """The flag of a bottle that is judged while it moves."""

@@ -29,8 +29,8 @@ ARM = Compliance(
     inertia_kg_m2=0.012,
 )
 """A Franka under its default joint impedance, as the edge feels it while it touches the table: joint stiffness,
-damping and inertia carried to the edge along planned scoops (tests/sim/test_arm_compliance.py). Nearly all of it is
-a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
+damping and inertia carried to the edge along planned scoops (tests/sim/panda/test_arm_compliance.py). Nearly all of it
+is a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
 
 LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
+    from sim.lab.preview import Preview
     from sim.panda.correction import ToolCorrection
-    from sim.preview import Preview
     from sim.tasks.task import Task
 
 PATHS = ("approach", "task", "way back")
@@ -37,7 +37,7 @@ class PlannedMotion:
 
     def page(self) -> Preview:
         """The motion in a browser."""
-        from sim.preview import Preview
+        from sim.lab.preview import Preview
 
         return Preview(self.task, self.context, self.paths)
 

@@ -40,15 +40,15 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
-from sim.solver import Executable, SolvedPolicy, Solver
+from sim.solvers.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.mounted import MountedTask
     from adaptsim_cli.rigs.openers import Openers
-    from sim.adaptation.phase1 import PretrainBudget
-    from sim.lab import SimulatedLab
-    from sim.world import World
+    from sim.lab.simulated import SimulatedLab
+    from sim.lab.world import World
+    from sim.pretraining.pipeline import PretrainBudget
 
 _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
@@ -62,7 +62,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
     from adaptsim_cli.wiring_solvers import solver_of
-    from sim.adaptation import make_method
+    from sim.adaptation.methods import make_method
 
     checkpoint = checkpoint_of(config)
     own = checkpoint.solver.task
@@ -112,7 +112,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
             f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
             "Leave --hw out, or choose another --task"
         )
-    from sim.world import load_world
+    from sim.lab.world import load_world
 
     world = load_world(config.world, task)
 
@@ -136,8 +136,8 @@ def versions() -> dict[str, str]:
 def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from adaptsim_cli.mounted import mounted
     from adaptsim_cli.touch_off.store import touch_off_of
-    from sim.lab import SimulatedLab
-    from sim.world import load_world
+    from sim.lab.simulated import SimulatedLab
+    from sim.lab.world import load_world
 
     world = load_world(config.world, task)
     eye, zeros_rad = calibration_of(config, places(), _calibration_of(SimulatedLab(task, world, config.seed)))
@@ -152,7 +152,7 @@ def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
 def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
     """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
     from adaptsim_cli.mounted import mounted
-    from sim.lab import SimulatedLab
+    from sim.lab.simulated import SimulatedLab
 
     there = mounted(task, "panda")
     with SimulatedLab(task, world, seed, home_q_rad=there.home_rad, tool=there.tool) as lab:
@@ -205,12 +205,13 @@ class _SolverLearner:
         return self.method.next(history, rng)
 
     def train(self, particle: Particle) -> TrainedPolicy:
-        from sim.solver import policy_for
+        from sim.solvers.solver import policy_for
 
         return _Policy(policy_for(self.solver, particle.samples, self.executable))
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
-        from sim.adaptation import choose_best, verdict
+        from sim.adaptation.best import choose_best
+        from sim.adaptation.verdict import verdict
 
         return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
@@ -275,8 +276,8 @@ def pretrain(
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
     from adaptsim_cli.wiring_solvers import SOLVERS
-    from sim.adaptation.meta_training import TARGETS
-    from sim.adaptation.phase1 import PretrainBudget, pretrain
+    from sim.pretraining.meta_training import TARGETS
+    from sim.pretraining.pipeline import PretrainBudget, pretrain
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
     if budget not in budgets:
@@ -321,7 +322,7 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
 
 def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
-    from sim.checkpoint import list_checkpoints, read_card
+    from sim.adaptation.checkpoint import list_checkpoints, read_card
     from sim.errors import CheckpointError
 
     def row(name: str, folder: Path) -> dict[str, str]:
@@ -338,7 +339,7 @@ def list_checkpoints() -> list[dict[str, str]]:
 
 def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
-    from sim.checkpoint import read_card
+    from sim.adaptation.checkpoint import read_card
 
     text = json.dumps(read_card(folder, task), default=str)
     card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)

@@ -22,7 +22,7 @@ from calib.types import HandEye
 from hw import collision
 from hw.collision import LEVEL, KeepOut, Table, Tool
 from hw.types import Array, JointPath
-from perception.board_types import Board
+from perception.board.types import Board
 
 if TYPE_CHECKING:
     from adaptsim_cli.rigs.openers import Openers
@@ -88,8 +88,8 @@ def open_calibration_rig(
 def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
     from hw.kinematics import forward
     from sim.lab.calibrating import CalibrationLab
+    from sim.lab.world import load_world
     from sim.tasks import get_task
-    from sim.world import load_world
 
     task = get_task(config.task)
     world, held = load_world(config.world, task), _held(board)

@@ -11,7 +11,7 @@ from adaptsim_cli.config import Config, places
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
+    from sim.adaptation.checkpoint import Checkpoint
 
 ROLLOUTS, QUICK = 240, 96
 """True rollouts of a re-evaluation: half a minute of one core, and some ten seconds."""
@@ -19,8 +19,8 @@ ROLLOUTS, QUICK = 240, 96
 
 def task_of(config: Config) -> Task:
     """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
-    from sim.own_objects import load_object, with_ranges
     from sim.tasks import get_task
+    from sim.tasks.own_object import load_object, with_ranges
 
     task = get_task(config.task)
     return with_ranges(task, load_object(Path(config.object))) if config.object else task
@@ -31,7 +31,7 @@ def checkpoint_of(config: Config) -> Checkpoint:
 
     Raises UnknownName, ObjectError, CheckpointError.
     """
-    from sim.checkpoint import load_checkpoint
+    from sim.adaptation.checkpoint import load_checkpoint
 
     task = task_of(config)
     own = _pretrained(task) if config.object and not config.checkpoint else []
@@ -40,7 +40,7 @@ def checkpoint_of(config: Config) -> Checkpoint:
 
 def own_checkpoints() -> list[Path]:
     """Folders of those that `adaptsim pretrain` made in its own place, newest last."""
-    from sim.checkpoint import CARD
+    from sim.adaptation.checkpoint import CARD
 
     cards = places().pretraining.glob(f"*/checkpoint/{CARD}")
     return [card.parent for card in sorted(cards, key=lambda card: card.stat().st_mtime_ns)]
@@ -48,7 +48,7 @@ def own_checkpoints() -> list[Path]:
 
 def _pretrained(task: Task) -> list[Path]:
     """Those for exactly these ranges."""
-    from sim.checkpoint import read_card
+    from sim.adaptation.checkpoint import read_card
     from sim.errors import CheckpointError
     from sim.tasks.fingerprint import fingerprint
 
@@ -66,7 +66,7 @@ def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], Non
 
     Raises CheckpointError where it is corrupt or foreign; a figure that does not hold is told in `holds`.
     """
-    from sim.adaptation.reevaluation import Figure, reevaluate
+    from sim.pretraining.reevaluation import Figure, reevaluate
     from sim.rollouts import process_pool, run_many
 
     checkpoint = checkpoint_of(config)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from sim.checkpoint import Checkpoint
-    from sim.solver import Solver
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.solvers.solver import Solver
 
 SOLVERS = ("emulator", "naf")
 
@@ -26,11 +26,11 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
     Raises UsageError on an unknown name and where the checkpoint lacks what is asked for, UnknownName where a task has
     no NAF, CheckpointError where `folder` holds something else.
     """
-    from sim.confirmed import confirming
-    from sim.naf_solver import NafSolver, session_naf
     from sim.rollouts import process_pool, run_many
     from sim.rollouts.cache import CachedRollouts
-    from sim.task_policy import EmulatorSolver
+    from sim.solvers.confirmation import confirming
+    from sim.solvers.emulator.solver import EmulatorSolver
+    from sim.solvers.naf.solver import NafSolver, session_naf
 
     if name not in ("", *SOLVERS):
         raise UsageError(f"--solver {name}: it is one of {', '.join(SOLVERS)}")

@@ -33,16 +33,16 @@ from adaptsim_cli.wiring import lab_as_shipped
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
-from perception.tracking import LOST_ON_THE_WAY
+from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
-from sim.solver import policy_for
+from sim.lab.world import World
+from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import ToolMotion
-from sim.world import World
 
 NUDGE_M = 0.0003
 """How far the object is moved to see whether a rollout agrees with itself: less than a camera errs."""

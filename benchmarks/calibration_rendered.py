@@ -35,16 +35,16 @@ from calib.saved import SavedCalibration
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 from perception.errors import PerceptionError
-from sim.kinect import default_X_BC
-from sim.lab import SimulatedLab
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
+from sim.lab.kinect import default_X_BC
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Sensing, World, load_world
 from sim.panda.planning import home
 from sim.panda.tool import held
 from sim.tasks import get_task
-from sim.world import Sensing, World, load_world
 
 CASES = {
     "noise": Sensing(extrinsic_error_mm=3.0, extrinsic_error_deg=0.3),

@@ -33,16 +33,16 @@ from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 from sim.errors import NotExecutable
-from sim.kinect import SensorNoise, default_X_BC, kinect_model
-from sim.lab import SimulatedLab
 from sim.lab.board import HeldBoard
 from sim.lab.chance import joint_zeros
+from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import held
 from sim.tasks.pushing.params import START_M
-from sim.world import Sensing, load_world
 
 SENSING = Sensing(
     extrinsic_error_mm=3.0, extrinsic_error_deg=0.3, encoder_noise_mrad=0.1, joint_offset_mrad=0.5

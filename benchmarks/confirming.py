@@ -1,4 +1,4 @@
-"""What it gains to simulate the emulator's best actions before one is executed (`sim.confirmed`).
+"""What it gains to simulate the emulator's best actions before one is executed (`sim.solvers.confirmation`).
 
     python benchmarks/confirming.py --task scooping
 
@@ -17,12 +17,12 @@ from functools import partial
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.checkpoint import load_checkpoint
-from sim.confirmed import SCENARIOS, WINNERS, confirming
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.pretraining.episodes import Roll, trial_requests
 from sim.rollouts import run_many, serial_executor
-from sim.sampling import sobol, spread
-from sim.solver import policy_for
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.confirmation import SCENARIOS, WINNERS, confirming
+from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 
 BOOTSTRAP = 4000

@@ -22,15 +22,15 @@ from typing import Any
 import numpy as np
 from worlds import UDR_DRAWS, rewards_of, simulate_in
 
-from sim.baselines.udr import several
-from sim.checkpoint import load_checkpoint
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.methods.udr import several
 from sim.lab.drawn import as_toml, draw_world, effects_of
+from sim.lab.world import World, load_world
 from sim.rollouts import process_pool, run_many
-from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
-from sim.world import World, load_world
 
 UDR_BELOW, BEST_ABOVE = 0.6, 0.85
 CANDIDATES = 16

@@ -16,7 +16,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array
-from sim.kinect import Renderer, kinect_model
+from sim.lab.kinect import Renderer, kinect_model
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals

@@ -18,17 +18,18 @@ from functools import partial
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation import choose_best, make_method
-from sim.adaptation.evaluation import EvaluationSettings, run_session
-from sim.baselines.udr import Udr
-from sim.checkpoint import load_checkpoint
-from sim.misfit import misfit
+from sim.adaptation.best import choose_best
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import Udr
+from sim.lab.world import list_worlds, load_world
+from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.rollouts import Requests, run_many, serial_executor
-from sim.sampling import sobol, spread
-from sim.solver import Solver
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.misfit import misfit
+from sim.solvers.solver import Solver
 from sim.tasks import get_task
 from sim.tasks.pendulum.lqr import optimal
-from sim.world import list_worlds, load_world
 
 FINE, BATCH = 8192, 4096
 

@@ -29,12 +29,12 @@ import numpy as np
 from scipy.stats import qmc
 
 from hw.types import Array
-from sim.baselines.udr import Udr
-from sim.sampling import sobol, spread
+from sim.adaptation.methods.udr import Udr
+from sim.lab.world import list_worlds, load_world
+from sim.rollouts.sampling import sobol, spread
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
-from sim.world import list_worlds, load_world
 
 FINE = 8192
 """Parameters in Omega that the best E is sought among, where that costs nothing."""

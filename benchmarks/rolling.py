@@ -24,9 +24,9 @@ from pydrake.systems.analysis import Simulator
 from hw.types import Array
 from perception.types import REST_M_S
 from sim.rollouts import process_pool
-from sim.tasks.contact import rigid, set_contact
 from sim.tasks.scooping import TASK, rollout, scene
 from sim.tasks.scooping.params import Unmodelled
+from sim.tasks.shared.contact import rigid, set_contact
 
 RADIUS_M, FRICTION, SPEED_M_S = 0.0125, 0.35, 0.2
 LAWS = {

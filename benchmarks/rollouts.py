@@ -139,9 +139,9 @@ def compare(coarse: Measured, fine: Measured) -> str:
 def whole_arm_cpu_s(task: Task, draws: list[tuple[Array, Array, Array]], count: int) -> float:
     """CPU time of a rollout in the lab's cell: the same scene, carried by a whole arm (building it included)."""
     from sim.lab.cell import Cell  # noqa: PLC0415 - only where there is a lab
+    from sim.lab.world import Faults, Sensing, World  # noqa: PLC0415
     from sim.panda.planning import home, trial_paths  # noqa: PLC0415
     from sim.panda.tool import held  # noqa: PLC0415
-    from sim.world import Faults, Sensing, World  # noqa: PLC0415
 
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")

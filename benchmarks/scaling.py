@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.adaptation.reevaluation import held_out_errors
-from sim.emulator_training import train_emulator
+from sim.pretraining.reevaluation import held_out_errors
 from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.emulator.training import train_emulator
 from sim.tasks import get_task
 from sim.tasks.task import Task
 

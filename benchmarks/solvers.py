@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.episodes import trial_requests
-from sim.checkpoint import load_checkpoint
-from sim.files import write_toml
-from sim.naf_memory import NafMemory
-from sim.naf_solver import NafSolver, rules_of
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.pretraining.episodes import trial_requests
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
-from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy, policy_for
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, rules_of
+from sim.solvers.solver import SolvedPolicy, policy_for
+from sim.storage.files import write_toml
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task

@@ -26,15 +26,15 @@ from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.touch_off.rigs import touch_rig
 from adaptsim_cli.touch_off.solving import Result
 from hw.types import Array
-from sim.lab import READY_RAD
 from sim.lab.cell import Cell
+from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
+from sim.lab.world import Mount, Sensing, World, load_world
 from sim.panda.correction import ToolCorrection
 from sim.panda.feelers import touchable
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import held
 from sim.tasks import get_task
-from sim.world import Mount, Sensing, World, load_world
 
 TASK = get_task("scooping")
 MOST = {"table": 10.0, "tilt": 5.0, "tool": 4.0, "roll": 15.0, "pitch": 50.0}

@@ -26,17 +26,17 @@ from kept import Kept
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.adaptation import make_method
-from sim.adaptation.episodes import Roll, trial_requests
-from sim.adaptation.evaluation import LEAST_GAP, EvaluationSettings, run_session
-from sim.baselines.udr import several
-from sim.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import several
+from sim.lab.world import World, list_worlds, load_world
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
-from sim.sampling import sobol, spread
-from sim.solver import SolvedPolicy
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
-from sim.world import World, list_worlds, load_world
 
 SCREENING, FINAL, AGAIN = 8, 4, 32
 """Rollouts by which the oracle leaves `FINAL` of its policies, and by which it then chooses."""

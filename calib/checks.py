@@ -18,7 +18,7 @@ from calib.geometry import adjoint, angle_deg, distance_mm, inverse, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Setup, Solution, Verdict, View
 from hw.types import Array, Intrinsics
-from perception.board_types import Board
+from perception.board.types import Board
 
 SQUARE_LIMIT = 0.003
 """Share by which the board may differ from its stated size before it is said; also 4 of its standard deviations."""

@@ -19,7 +19,7 @@ from calib.errors import BoardDisagrees, TooFewViews
 from calib.geometry import move
 from calib.projection import project, project_with_jacobian
 from hw.types import Array, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 MIN_CORNERS = 6
 _HUBER = 2.5  # in standard deviations of a corner

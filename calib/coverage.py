@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.poses import centre, tilt_and_turn
 from hw.types import Array, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 COLUMNS, ROWS = 4, 3
 LEAN_DEG = 12.0

@@ -21,7 +21,7 @@ from calib.errors import ViewFolderError
 from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.types import Mounting, Setup
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from perception.board_types import Board
+from perception.board.types import Board
 
 SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
 PREFIX = "view-"

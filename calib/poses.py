@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
 from hw.types import Array, Intrinsics
-from perception.board_types import Board
+from perception.board.types import Board
 
 TILT_DEG = (18.0, 42.0)
 TURN_DEG = 40.0

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from calib.errors import ViewFolderError
 from hw.types import Array, Intrinsics
-from perception.board_types import Board
+from perception.board.types import Board
 
 FORMAT = 1
 

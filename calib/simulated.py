@@ -15,7 +15,7 @@ from calib.geometry import inverse, move
 from calib.projection import project
 from calib.types import Forward, Mounting, Setup, View
 from hw.types import Array, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 
 @dataclass(frozen=True, eq=False)

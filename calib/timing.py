@@ -15,7 +15,7 @@ from calib.bundle import State, motion, predict
 from calib.projection import project
 from calib.types import Check, Forward, Setup, Solution, Verdict
 from hw.types import Array
-from perception.board_types import Corners
+from perception.board.types import Corners
 
 NAME = "time offset"
 LIMIT_MS = 5.0

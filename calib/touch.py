@@ -16,7 +16,7 @@ from calib.checks import touched_point
 from calib.types import Check, Setup, Solution, Verdict
 from hw.types import Array, frozen_array
 from perception.board import locate
-from perception.board_types import Corners
+from perception.board.types import Corners
 
 NAME = "touched point"
 MIN_TOUCHES = 4

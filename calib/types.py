@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 
 from hw.types import Array, Intrinsics, frozen_array
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 Forward = Callable[[Array], Array]
 """Forward kinematics: joints (..., n) in rad -> X_BF (..., 4, 4). `hw.kinematics.forward` is one."""

@@ -1,4 +1,4 @@
-"""Spaces, motions and policies."""
+"""Values that tasks, arm, pictures and learning share: spaces, motions, looks."""
 
 from __future__ import annotations
 
@@ -121,3 +121,23 @@ class ToolMotion:
         t_s = frozen_array(self.t_s, (None,), "t_s")
         object.__setattr__(self, "t_s", t_s)
         object.__setattr__(self, "X_BT", frozen_array(self.X_BT, (len(t_s), 4, 4), "X_BT"))
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A grey picture printed on a plane of a body: on z = 0 of its own frame P, from the origin along X and Y."""
+
+    albedo: NDArray[np.float32]  # (h, w) linear, 0..1; row 0 along Y = 0
+    X_OP: Array  # (4, 4) the picture's first corner in the body's frame
+    size_m: tuple[float, float]  # along X and Y
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """A coloured triangle mesh fixed to a body of the plant (or to the world), as a camera sees it."""
+
+    body: str  # name of the body in the plant; "world" for what never moves
+    vertices_m: Array  # (V, 3) in the body's frame
+    triangles: NDArray[np.int32]  # (F, 3)
+    rgb: tuple[float, float, float]  # albedo, linear, 0..1
+    texture: Texture | None = None  # replaces `rgb` where a surface of the mesh lies on it

@@ -7,7 +7,7 @@ import numpy as np
 
 from adaptsim_cli.session.preflight import Check
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 SATURATED, DARK = 250, 12
 MOST_SATURATED, MOST_DARK = 0.25, 0.60

@@ -18,7 +18,7 @@ from calib.timing import time_offset
 from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
 from hw.types import Array, Intrinsics
 from perception.board import detect
-from perception.board_types import Corners
+from perception.board.types import Corners
 from perception.errors import BoardNotFound
 
 MOTION = "motion.json"

@@ -24,7 +24,7 @@ from adaptsim_cli.report import calibration as report
 from adaptsim_cli.session import durable
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
-from perception.board_types import Board
+from perception.board.types import Board
 
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""

@@ -26,7 +26,7 @@ from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews
 from calib.types import Verdict
 from hw.types import Array
-from perception.board_types import Corners
+from perception.board.types import Corners
 from perception.errors import BoardNotFound
 
 TRIES = 3

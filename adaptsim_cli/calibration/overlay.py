@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 _HEIGHT_PX = 720
 _QUALITY = 85

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from hw.ports import Arm, Camera
 from hw.types import Array, JointPath
-from perception.board_types import Board
+from perception.board.types import Board
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import tomli_w
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import durable
 from calib.records import BoardRecord, Record, read
-from perception.board_types import Board
+from perception.board.types import Board
 
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "letter": (279.4, 215.9)}
 FORMATS = (".pdf", ".png")

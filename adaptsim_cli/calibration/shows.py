@@ -13,7 +13,7 @@ from adaptsim_cli import views
 from adaptsim_cli.calibration.parts import CalibrationRig
 from calib.coverage import Coverage
 from calib.saved import SavedCalibration
-from perception.board_types import BoardPose
+from perception.board.types import BoardPose
 
 
 def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:

@@ -13,7 +13,7 @@ from calib.errors import TooFewViews
 from calib.records import SetupRecord
 from calib.saved import Origin, SavedCalibration, saved
 from calib.types import Forward, Setup, View
-from perception.board_types import Corners
+from perception.board.types import Corners
 from perception.errors import BoardNotFound
 
 DEVICES = ("arm", "camera")

@@ -20,7 +20,7 @@ from adaptsim_cli.errors import StoppedByOperator
 from calib import files
 from calib.touch import LIMIT_SCATTER_M, MIN_TOUCHES, pivot
 from hw.types import Array
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 from perception.errors import BoardNotFound
 
 TRIES = 3

@@ -27,9 +27,9 @@ def show(
     """
     from adaptsim_cli import config, console, views
     from adaptsim_cli.errors import UsageError
-    from sim.lab import SimulatedLab
+    from sim.lab.simulated import SimulatedLab
+    from sim.lab.world import load_world
     from sim.tasks import get_task
-    from sim.world import load_world
 
     chosen = config.load({"task": task, "world": world, "seed": seed}).config
     the_task = get_task(chosen.task)
@@ -68,8 +68,8 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
     Example: adaptsim lab list --task scooping
     """
     from adaptsim_cli import config, console, views
+    from sim.lab.world import list_worlds, load_world
     from sim.tasks import get_task
-    from sim.world import list_worlds, load_world
 
     the_task = get_task(config.load({"task": task}).config.task)
     worlds = [load_world(name, the_task) for name in list_worlds(the_task)]

@@ -52,7 +52,7 @@ def pretrain(
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """
-    from adaptsim_cli import config, console, wiring, wiring_checkpoints, wiring_proof
+    from adaptsim_cli import config, console, wiring, wiring_checkpoints, wiring_verification
     from adaptsim_cli.errors import UsageError
 
     if docs is not None and not report:
@@ -60,7 +60,7 @@ def pretrain(
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, wiring.open_executor(resolved.config, executor, scheduler) as crew:
-        if report and out is not None and wiring_proof.is_finished(out):
+        if report and out is not None and wiring_verification.is_finished(out):
             folder = out / "checkpoint"
         else:
             folder = wiring.pretrain(
@@ -69,7 +69,7 @@ def pretrain(
         document = None
         if report:
             of = wiring_checkpoints.task_of(resolved.config)
-            document = wiring_proof.write_report(of, folder.parent, docs, crew, progress)
+            document = wiring_verification.write_report(of, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""

@@ -81,8 +81,8 @@ def _machine(config: Config, places: Places) -> Iterator[Finding]:
 
 def _task(config: Config) -> Iterator[Finding]:
     from adaptsim_cli.wiring_checkpoints import checkpoint_of
+    from sim.lab.world import load_world
     from sim.tasks import get_task
-    from sim.world import load_world
 
     def checkpoint() -> str:
         found = checkpoint_of(config)

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.report import phase1_figures
-from sim.adaptation.evaluation import LEAST_GAP
-from sim.adaptation.proof import Proof
-from sim.adaptation.proof_statistics import RankCorrelation
-from sim.baselines.udr import DRAWS as UDR_POLICIES
-from sim.files import whole_file
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
+from sim.pretraining.evaluation import LEAST_GAP
+from sim.pretraining.verification.statistics import RankCorrelation
+from sim.pretraining.verification.verify import Verification
+from sim.storage.files import whole_file
 from sim.tasks import TASKS
 
 DOCUMENT = "phase1.md"
@@ -36,23 +36,23 @@ MEMORIES = {
 }
 
 
-def write(proof: Proof, folder: Path, command: str) -> Path:
+def write(verification: Verification, folder: Path, command: str) -> Path:
     """Put the section of this task into `phase1.md` of `folder`, its figures into `figures/` -> the document.
 
     Sections of other tasks stay as they are.
     """
-    name = section_name(proof)
-    pictures = phase1_figures.draw_all(proof, folder / "figures", name)
+    name = section_name(verification)
+    pictures = phase1_figures.draw_all(verification, folder / "figures", name)
     document = folder / DOCUMENT
     before = document.read_text(encoding="utf-8") if document.exists() else PREAMBLE
     with whole_file(document) as temporary:
-        temporary.write_text(merged(before, name, section(proof, pictures, command)), encoding="utf-8")
+        temporary.write_text(merged(before, name, section(verification, pictures, command)), encoding="utf-8")
     return document
 
 
-def section_name(proof: Proof) -> str:
+def section_name(verification: Verification) -> str:
     """The task, and what is not the usual: targets beyond those of the paper, NAF as the solver."""
-    made = proof.pretrained
+    made = verification.pretrained
     return made.task.name + ("-wide" if made.wide else "") + ("-naf" if made.by_naf else "")
 
 
@@ -66,16 +66,16 @@ def merged(document: str, name: str, content: str) -> str:
     return PREAMBLE + "\n" + "\n".join(parts)
 
 
-def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
+def section(verification: Verification, pictures: Sequence[str], command: str) -> str:
     """The section as markdown."""
     from jinja2 import Environment, StrictUndefined
 
-    made, pairs = proof.pretrained, proof.pairs
+    made, pairs = verification.pretrained, verification.pairs
     environment = Environment(autoescape=False, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(signed=_signed, share=_share, thousands=_thousands, duration=_duration)
     folder = resources.files("adaptsim_cli.report")
     template = environment.from_string((folder / "phase1.md.j2").read_text(encoding="utf-8"))
-    held = proof.held_out
+    held = verification.held_out
     inside = [("inside Ω", held.inside)] if held and held.inside else []
     r = held.reliability if held else None
     targets = "in Ω and the margin around it" if made.wide else "in Ω, as in the paper"
@@ -86,7 +86,7 @@ def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
         + (", by NAF" if made.by_naf else ""),
         plan=made.plan,
         command=command,
-        simulations=sum(s.simulations or 0 for s in proof.stages),
+        simulations=sum(s.simulations or 0 for s in verification.stages),
         held=held,
         rows=[("Ω and the margin around it", held.everywhere), *inside] if held else [],
         bins=list(zip(r.predicted, r.observed, r.low, r.high, r.count, strict=True)) if r else [],
@@ -94,14 +94,14 @@ def section(proof: Proof, pictures: Sequence[str], command: str) -> str:
         own=[_own(pairs.emulated), _own(pairs.drake)] if pairs else [],
         ranks=list(zip(pairs.ranks.observed, pairs.ranks.ceiling, strict=True)) if pairs else [],
         rank_verdict=rank_verdict(pairs.ranks) if pairs else "",
-        replays=proof.replays,
+        replays=verification.replays,
         memories=MEMORIES,
         evaluation=made.evaluation,
         targets_from=targets,
         least_gap=LEAST_GAP,
         udr_policies=UDR_POLICIES,
-        stages=proof.stages,
-        report_rollouts=proof.rollouts,
+        stages=verification.stages,
+        report_rollouts=verification.rollouts,
         pictures={Path(p).stem.rsplit("-", 1)[-1]: p for p in pictures},
     )
     return re.sub(r"\n{3,}", "\n\n", text)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.adaptation.proof import Proof
-from sim.adaptation.proof_emulator import HeldOut
-from sim.adaptation.proof_policies import Pairs
-from sim.files import whole_file
+from sim.pretraining.verification.emulator import HeldOut
+from sim.pretraining.verification.policies import Pairs
+from sim.pretraining.verification.verify import Verification
+from sim.storage.files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,14 +21,14 @@ DPI = 100
 COLOURS = ("#1f6f8b", "#d1495b", "#8a8a8a", "#66a182", "#edae49")
 
 
-def draw_all(proof: Proof, folder: Path, name: str) -> tuple[str, ...]:
+def draw_all(verification: Verification, folder: Path, name: str) -> tuple[str, ...]:
     """Write `phase1-NAME-*.png` into `folder` -> the file names, in the order of the report."""
     drawn: dict[str, Figure] = {}
-    if proof.held_out is not None:
-        drawn["emulator"] = emulator(proof.held_out)
-    if proof.pairs is not None:
-        drawn["policies"] = policies(proof.pairs)
-    drawn["learning"] = learning(proof)
+    if verification.held_out is not None:
+        drawn["emulator"] = emulator(verification.held_out)
+    if verification.pairs is not None:
+        drawn["policies"] = policies(verification.pairs)
+    drawn["learning"] = learning(verification)
     files = []
     for what, figure in drawn.items():
         files.append(f"phase1-{name}-{what}.png")
@@ -87,10 +87,10 @@ def policies(pairs: Pairs) -> Figure:
     return figure
 
 
-def learning(proof: Proof) -> Figure:
+def learning(verification: Verification) -> Figure:
     """How the adaptation policy learnt, and what the methods close of the gap after each iteration."""
     figure, (left, middle, right) = _panels(3)
-    made = proof.pretrained
+    made = verification.pretrained
     _learning_curve(left, made.curve, int(made.plan["budget"]["meta"]["parallel"]))
     loss = np.asarray(made.curve["loss"])
     middle.plot(loss, color=COLOURS[0], linewidth=1)

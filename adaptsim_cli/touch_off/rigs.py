@@ -30,10 +30,10 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[Tou
 
 @contextmanager
 def _lab(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
-    from sim.lab import READY_RAD, SimulatedLab
+    from sim.lab.simulated import READY_RAD, SimulatedLab
     from sim.lab.touch import TouchLab
+    from sim.lab.world import load_world
     from sim.tasks import get_task
-    from sim.world import load_world
 
     task = get_task(config.task)
     world = load_world(config.world, task)

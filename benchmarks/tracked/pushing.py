@@ -21,9 +21,10 @@ from hw.types import Array, CameraModel, Execution, Frame
 from perception.errors import PerceptionError
 from perception.types import Outcome
 from sim.errors import NotExecutable
-from sim.kinect import SensorNoise, default_X_BC, kinect_model
-from sim.lab import SimulatedLab
 from sim.lab.calibration import nominal_calibration
+from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Sensing, load_world
 from sim.panda.model import HAND_NAME
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals
@@ -31,13 +32,12 @@ from sim.panda.tool import held
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
-from sim.tasks.direct import READ_EVERY_S
 from sim.tasks.pushing import TASK
 from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
-from sim.tasks.shapes import box, table_visual
-from sim.tasks.task import Visual
-from sim.world import Sensing, load_world
+from sim.tasks.shared.direct import READ_EVERY_S
+from sim.tasks.shared.shapes import box, table_visual
+from sim.types import Visual
 
 WORLDS = ("wd", "ood-2")
 SENSING = Sensing(extrinsic_error_mm=2.0, extrinsic_error_deg=0.2)

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.sampling import sobol, spread
-from sim.solver import Solver
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 

@@ -12,7 +12,7 @@ from hw.collision import HAND, Capsule, Tool
 from hw.kinematics import FLANGE
 from hw.types import Array
 from sim.panda.shapes import Primitive, mesh
-from sim.tasks.task import Texture, Visual
+from sim.types import Texture, Visual
 
 BODY = "board"
 MARGIN_M = 0.012
@@ -29,7 +29,7 @@ _CLEARANCE_M = 0.01
 
 @dataclass(frozen=True, eq=False)
 class HeldBoard:
-    """A printed pattern and where it is held. The frame M of the print is that of `perception.board_types.Board`."""
+    """A printed pattern and where it is held. The frame M of the print is that of `perception.board.types.Board`."""
 
     pattern: NDArray[np.uint8]  # (h, w) grey; the print without its margin, upright
     size_m: tuple[float, float]  # width and height as its maker states them

@@ -20,17 +20,18 @@ from hw.kinematics import link_poses
 from hw.ports import Arm, Camera
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
 from sim.errors import SimError
-from sim.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.calibration import NominalCalibration, nominal_calibration
 from sim.lab.camera import SLICES
 from sim.lab.cell import Cell
 from sim.lab.chance import joint_zeros, of_calibration, of_camera, of_view
 from sim.lab.guided_tip import laid_board, touching_q_rad
+from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.world import World
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD
-from sim.tasks.task import Task, Visual
-from sim.world import World
+from sim.tasks.task import Task
+from sim.types import Visual
 
 FRAME_RATE_HZ = 15.0
 """The camera's slower mode: enough for one swing of the board, and half the pictures."""

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.types import Array
-from sim.world import Sensing
+from sim.lab.world import Sensing
 
 
 @dataclass(frozen=True, eq=False)

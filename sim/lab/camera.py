@@ -10,8 +10,8 @@ import numpy as np
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
-from sim.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
 from sim.lab.chance import of_camera
+from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
 from sim.lab.room import Room
 
 FRAME_RATE_HZ = 30.0

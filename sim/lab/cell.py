@@ -24,11 +24,11 @@ from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S, REST_S, SETTLE_S
 from sim.lab import mounting
 from sim.lab.motion import DivergedError, Motion
+from sim.lab.world import World
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
-from sim.tasks.contact import keep_apart
+from sim.tasks.shared.contact import keep_apart
 from sim.tasks.task import Task
-from sim.world import World
 
 STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
 """What the maker's examples set for joint impedance (`setJointImpedance` in libfranka)."""

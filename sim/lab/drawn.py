@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sim.lab.world import Faults, Sensing, World
 from sim.tasks.task import Task
 from sim.types import Dimension
-from sim.world import Faults, Sensing, World
 
 _TRIED = 4096
 

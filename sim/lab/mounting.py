@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.collision import Table
 from hw.types import Array
-from sim.world import Mount
+from sim.lab.world import Mount
 
 
 def true_table(mount: Mount) -> Table:

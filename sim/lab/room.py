@@ -12,8 +12,8 @@ from hw.types import Array, Execution, JointPath
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance, joint_zeros
 from sim.lab.motion import DivergedError, Motion
+from sim.lab.world import World
 from sim.tasks.task import Task
-from sim.world import World
 
 TRIAL_S, ATTEMPT_S = 1000.0, 50.0
 """Placing sets the clock to `trial` of the one and `attempt` of the other, so that times depend on nothing else."""

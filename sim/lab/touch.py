@@ -1,6 +1,6 @@
 """The lab during a touch-off: an arm that feels, a hand, and a table and a tool that are not where they should be.
 
-The same world as `sim.lab.SimulatedLab` has: its `[mount]`, the task's own effects on the tool, its joint zeros.
+The same world as `SimulatedLab` has: its `[mount]`, the task's own effects on the tool, its joint zeros.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from sim.lab import mounting
 from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
 from sim.lab.hand import Grip, LabHand
 from sim.lab.touch_cell import Felt, TouchCell
+from sim.lab.world import World
 from sim.panda.feelers import FINGERTIPS, empty_hand, feelers_of, feeling
 from sim.tasks.task import Task
-from sim.world import World
 
 HANDLE_M = 0.012
 PIECE_S = 0.04

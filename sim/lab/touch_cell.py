@@ -29,14 +29,14 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from hw.collision import KeepOut
 from hw.types import PATH_RATE_HZ, Array, JointPath
-from sim.drake_types import vector
 from sim.lab import mounting
 from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD, hold, make_position_controlled
+from sim.lab.world import World
 from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, Feeler
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
-from sim.tasks.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
+from sim.tasks.shared.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
+from sim.tasks.shared.drake_types import vector
 from sim.tasks.task import Task
-from sim.world import World
 
 STEP_S = 0.0025
 FEELER_STIFFNESS_N_M = 2e5

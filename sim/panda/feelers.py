@@ -1,17 +1,16 @@
-"""What of the hand and of a task's tool may touch the table in a touch-off, and which task has what."""
+"""What of the hand and of a task's tool may touch the table in a touch-off."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from hw.collision import HAND, Tool
+from hw.collision import HAND, Capsule, Tool
 from hw.types import Array, frozen_array
 from sim.errors import UnknownName
 from sim.panda.tool import held
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, CORNER_M, EDGE_M
-from sim.tasks.task import Task
 
 FINGERTIP_M = 0.1034
 """From the flange to the ends of the Franka Hand's fingers (the maker's data sheet)."""
@@ -32,16 +31,6 @@ class Feeler:
 
 FINGERTIPS = Feeler("fingertips", np.array([0.0, 0.0, FINGERTIP_M - FINGERTIP_RADIUS_M]), FINGERTIP_RADIUS_M)
 
-_SIDE_M = (BLADE_WIDTH_M - EDGE_M) / 2.0
-_DOWN_M = -EDGE_M + CORNER_M
-
-BLADE: tuple[Feeler, ...] = tuple(
-    Feeler(f"{side} corner of the {end}", np.array([x_m, y_m, _DOWN_M]), CORNER_M)
-    for end, x_m in (("edge", 0.0), ("heel", -BLADE_LENGTH_M))
-    for side, y_m in (("left", _SIDE_M), ("right", -_SIDE_M))
-)
-"""The blade's lower corners: two at its leading edge, two at its root."""
-
 
 @dataclass(frozen=True)
 class Touchable:
@@ -51,20 +40,27 @@ class Touchable:
     centre_m: tuple[float, float]  # where on the table, in the middle of the task's work area
 
 
-TOUCHABLE: dict[str, Touchable] = {"scooping": Touchable(BLADE, (0.66, 0.0))}
-"""By task. A tool of another task: add its corners here."""
+class Touching(Protocol):
+    """All of a task that a touch-off asks for."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def keep_clear(self) -> tuple[Capsule, ...]: ...
+    @property
+    def touchable(self) -> Touchable | None: ...
 
 
-def touchable(task: Task) -> Touchable:
+def touchable(task: Touching) -> Touchable:
     """Raises UnknownName for a task whose tool has nothing to touch with."""
-    if task.name not in TOUCHABLE:
+    if task.touchable is None:
         raise UnknownName(
-            f"the tool of {task.name} has no corners to touch the table with; a touch-off is for {', '.join(TOUCHABLE)}"
+            f"the tool of {task.name} has no corners to touch the table with, so it cannot be touched off"
         )
-    return TOUCHABLE[task.name]
+    return task.touchable
 
 
-def feelers_of(task: Task) -> tuple[Feeler, ...]:
+def feelers_of(task: Touching) -> tuple[Feeler, ...]:
     """Raises UnknownName, as `touchable`."""
     return touchable(task).feelers
 
@@ -74,7 +70,7 @@ def empty_hand() -> Tool:
     return Tool("fingertips", HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
 
 
-def feeling(task: Task, X_FT: Array) -> Tool:
+def feeling(task: Touching, X_FT: Array) -> Tool:
     """The hand with the task's tool at `X_FT` (4, 4): only its feelers may touch."""
     lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in feelers_of(task)])
     return held(X_FT, task.keep_clear, lowest, f"tool of {task.name}")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 Rgb = tuple[float, float, float]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.render.rays import Array32
 from sim.render.textures import paint
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 
 @dataclass(frozen=True, eq=False)

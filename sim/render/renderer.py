@@ -15,7 +15,7 @@ from sim.render.depth import DepthView
 from sim.render.infrared import InfraredView
 from sim.render.poses import within_exposure
 from sim.render.sensor import SensorNoise, sense_colour, sense_depth, sense_infrared
-from sim.tasks.task import Visual
+from sim.types import Visual
 
 WORLD = "world"
 FLOOR_M = -0.75

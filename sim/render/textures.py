@@ -6,7 +6,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.render.rays import Array32
-from sim.tasks.task import Texture
+from sim.types import Texture
 
 _ON_PLANE_M = 1e-4
 

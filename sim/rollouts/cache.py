@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.rollouts.dataset import read_rollouts, stored_count, write_rollouts
 from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.rollouts.shards import read_rollouts, stored_count, write_rollouts
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
 

@@ -3,16 +3,15 @@
 A folder holds `dataset.toml` (what was drawn, and probe rollouts that tell whether the scene is still the
 same) and shards. Shard i holds rollouts i*SHARD and on of a scrambled Sobol sequence, so this part is a
 function of (task, seed, size), a larger one extends a smaller one, and a killed run goes on where it was.
-A second part is denser where the outcome is uncertain (`sim.rollouts.denser`): rows further along the same sequence,
+A second part is denser where the outcome is uncertain: rows further along the same sequence,
 chosen by what the first part tells and written down in `denser.npz`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import tomllib
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -23,10 +22,10 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import DatasetError
-from sim.files import read_toml, whole_file, write_toml
-from sim.rollouts.denser import POOL, Denser, choose
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.sampling import sobol, spread
+from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.shards import columns_digest, read_rollouts, write_rollouts
+from sim.storage.files import read_toml, whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
@@ -39,8 +38,11 @@ DENSER = "denser.npz"
 PROBE_TOLERANCE = 1e-3
 """Largest difference of a probe's normalised observation that still counts as the same scene."""
 
-_REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
-_RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
+POOL = 4
+"""Candidates for every rollout that is added."""
+
+FLOOR = 0.02
+"""Added to the variance of an outcome (at most .25), so that no region is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,21 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.succeeded)
+
+
+@dataclass(frozen=True)
+class Denser:
+    """How many rollouts are added, and what tells where."""
+
+    count: int
+    variance: Callable[[Dataset, Requests], Array]
+    """(first part, candidates (N,)) -> (N,) variance of the outcome of each, by what the first part tells."""
+
+
+def choose(variance: Array, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """`count` rows, ascending, drawn in proportion to the `variance` (N,) of their outcome."""
+    weight = variance + FLOOR
+    return np.sort(rng.choice(len(variance), count, replace=False, p=weight / weight.sum()))
 
 
 def dataset_requests(task: Task, seed: int, size: int) -> Requests:
@@ -122,8 +139,8 @@ def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
 
 def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
     columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
-    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
-    return Dataset(**columns, uniform=uniform, identity=_digest(columns)[:16])
+    columns |= {f.name: getattr(results, f.name) for f in fields(Rollouts)}
+    return Dataset(**columns, uniform=uniform, identity=columns_digest(columns)[:16])
 
 
 def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
@@ -234,46 +251,6 @@ def _read_manifest(folder: Path) -> dict[str, Any] | None:
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")
     return manifest
-
-
-def _digest(columns: dict[str, Any]) -> str:
-    total = hashlib.sha256()
-    for name in sorted(columns):
-        total.update(name.encode() + np.ascontiguousarray(columns[name]).tobytes())
-    return total.hexdigest()
-
-
-def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
-    columns = {name: getattr(requests, name) for name in _REQUEST_FIELDS}
-    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
-    digest = np.frombuffer(bytes.fromhex(_digest(columns)), dtype=np.uint8)
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, digest=digest, **columns)
-
-
-def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
-    """The results in a shard, or None where it is missing, damaged, or of other requests."""
-    if not path.exists():
-        return None
-    try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS)}
-            digest = file["digest"].tobytes().hex()
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-    same = all(np.array_equal(columns[name], getattr(requests, name)) for name in _REQUEST_FIELDS)
-    if not same or digest != _digest(columns):
-        return None
-    return Rollouts(**{name: columns[name] for name in _RESULT_FIELDS})
-
-
-def stored_count(path: Path) -> int:
-    """How many rollouts a shard holds. Raises DatasetError where it is damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return len(file["succeeded"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{path} is damaged ({error}): remove it, its rollouts are simulated again") from error
 
 
 def _offset(progress: Progress | None, start: int, total: int) -> Progress:

@@ -7,24 +7,22 @@ walks an operator takes a `Task` and never asks which one it is.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw.collision import Capsule
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
-from sim.types import Space, ToolMotion
+from sim.panda.feelers import Touchable
+from sim.tasks.solver import SolverOf
+from sim.types import Space, ToolMotion, Visual
 
 if TYPE_CHECKING:
     import pydrake.geometry as drake_geometry
     import pydrake.multibody.plant as drake_plant
     import pydrake.multibody.tree as drake_tree
-
-    from sim.policy_reuse import ReuseRules
-    from sim.solver import Solver
 
 
 @dataclass(frozen=True)
@@ -42,6 +40,36 @@ class AdaptationSettings:
     rewards are near 0 or near 1."""
     end_moments: int = 1
     """The last moments of an observation, which are all that the state-only variants see."""
+
+
+@dataclass(frozen=True)
+class ReuseRules:
+    """When NAF reuses a task policy: D, M, M_min, M_max and alpha of the paper (A2.2); budgets in rollouts.
+
+    Raises ValueError when they contradict.
+    """
+
+    distance: float  # D, between means normalised by their ranges
+    first_budget: int  # M
+    least_budget: int  # M_min
+    max_budget: int  # M_max
+    discount: float  # alpha
+
+    def __post_init__(self) -> None:
+        if not 0 < self.least_budget <= self.first_budget <= self.max_budget:
+            raise ValueError(
+                f"budgets must be 0 < M_min <= M <= M_max, not {self.least_budget}, {self.first_budget}, "
+                f"{self.max_budget} rollouts"
+            )
+        if not (self.distance >= 0.0 and 0.0 < self.discount < 1.0):
+            raise ValueError(f"D = {self.distance:g} must not be negative, alpha = {self.discount:g} lies in (0, 1)")
+
+    def scaled(self, factor: float) -> ReuseRules:
+        """The same rules with all budgets times `factor`."""
+        first, least, most = (
+            max(1, round(factor * b)) for b in (self.first_budget, self.least_budget, self.max_budget)
+        )
+        return replace(self, first_budget=first, least_budget=least, max_budget=most)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,26 +134,6 @@ class SimulateMany(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Texture:
-    """A grey picture printed on a plane of a body: on z = 0 of its own frame P, from the origin along X and Y."""
-
-    albedo: NDArray[np.float32]  # (h, w) linear, 0..1; row 0 along Y = 0
-    X_OP: Array  # (4, 4) the picture's first corner in the body's frame
-    size_m: tuple[float, float]  # along X and Y
-
-
-@dataclass(frozen=True, eq=False)
-class Visual:
-    """A coloured triangle mesh fixed to a body of the plant (or to the world), as a camera sees it."""
-
-    body: str  # name of the body in the plant; "world" for what never moves
-    vertices_m: Array  # (V, 3) in the body's frame
-    triangles: NDArray[np.int32]  # (F, 3)
-    rgb: tuple[float, float, float]  # albedo, linear, 0..1
-    texture: Texture | None = None  # replaces `rgb` where a surface of the mesh lies on it
-
-
-@dataclass(frozen=True, eq=False)
 class SceneBodies:
     """What `BuildScene` added to a plant."""
 
@@ -133,7 +141,7 @@ class SceneBodies:
     object: str  # name of the object's free body; its body frame is at the centre, Z up at rest
     visuals: tuple[Visual, ...]  # tool, object, table
     apart: tuple[tuple[drake_geometry.GeometryId, drake_geometry.GeometryId], ...] = ()
-    """Pairs that pass through each other (`sim.tasks.contact.keep_apart`)."""
+    """Pairs that pass through each other (`sim.tasks.shared.contact.keep_apart`)."""
 
 
 class BuildScene(Protocol):
@@ -187,7 +195,7 @@ class Task:
     """Of each unmodelled effect, the range that a lab may show: what worlds are drawn from."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # of policies that NAF trains (Table A1); None: it trains none
-    exact: Callable[[Task], Solver] | None = None
+    exact: Callable[[Task], SolverOf[Task]] | None = None
     """Makes the solver of a task whose answers are exact; None: they are learnt from a dataset, as an emulator."""
     build_scene: BuildScene | None = None  # None: no lab scene
     time_step_s: Callable[[Any], float] = no_scene  # of the plant, given the unmodelled effects (None: training)
@@ -201,6 +209,7 @@ class Task:
     """Whether the tool carries the object home, and the way there must be gentle."""
     keep_clear: tuple[Capsule, ...] = ()
     """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
+    touchable: Touchable | None = None  # how its tool finds the table by touch; None: it cannot
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
     tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 
 CAMERA = Intrinsics(640, 360, np.array([[413.0, 0, 319.0], [0, 413.0, 181.0], [0, 0, 1]]))
 _SQUARE_PX = 42

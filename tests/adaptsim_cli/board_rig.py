@@ -25,11 +25,11 @@ from calib import poses
 from hw.errors import CameraError
 from hw.kinematics import forward
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, Intrinsics, JointPath
-from perception.board_types import Board
+from perception.board.types import Board
 from sim.errors import NotExecutable
-from sim.kinect import default_X_BC
 from sim.lab.board import HeldBoard
 from sim.lab.guided_tip import laid_board, touching_q_rad
+from sim.lab.kinect import default_X_BC
 from sim.panda.visits import nearest_first, postures
 
 BOARD = Board()

@@ -23,8 +23,8 @@ from hw.collision import Table, Tool
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.fake import FakeArm, FakeCamera, FakeClock, FakeGuardedArm, FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
-from perception.board_types import Board
-from sim.kinect import default_X_BC
+from perception.board.types import Board
+from sim.lab.kinect import default_X_BC
 
 RIG = """\
 name = "lab-1"

@@ -29,7 +29,7 @@ from calib.types import HandEye
 from hw.errors import CameraError
 from hw.types import Intrinsics
 from perception.board import detect
-from perception.board_types import Board
+from perception.board.types import Board
 
 RUN = ["calibrate", "--world", "wd", "--seed", "0", "--yes"]
 

@@ -16,7 +16,7 @@ from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
 from adaptsim_cli.session import durable
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
 from hw.errors import ArmFault, CameraError
-from perception.board_types import Board
+from perception.board.types import Board
 from perception.errors import BoardMirrored, WrongBoard
 
 

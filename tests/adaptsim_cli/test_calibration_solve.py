@@ -16,7 +16,7 @@ from calib.errors import ViewFolderError
 from calib.files import read_folder
 from calib.poses import candidates, spread
 from hw.types import Array, Intrinsics
-from perception.board_types import Board
+from perception.board.types import Board
 
 BOARD = Board(8, 6, 0.025, 0.018)
 CAMERA = Intrinsics(800, 600, np.array([[700.0, 0, 405.0], [0, 702.0, 296.0], [0, 0, 1]]))

@@ -10,9 +10,9 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.wiring_checkpoints import task_of
+from sim.adaptation.checkpoint import CARD, SHIPPED, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.checkpoint import CARD, SHIPPED, save_checkpoint
-from sim.files import read_toml, write_toml
+from sim.storage.files import read_toml, write_toml
 from sim.tasks import TASKS
 
 

@@ -17,7 +17,7 @@ from adaptsim_cli.rigs.description import PersonPart
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
-from sim.kinect import default_X_BC
+from sim.lab.kinect import default_X_BC
 from sim.tasks import get_task
 from sim.tasks.task import Task
 

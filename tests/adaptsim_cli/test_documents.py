@@ -11,8 +11,8 @@ import pytest
 import typer
 
 from adaptsim_cli import app
+from sim.lab.world import list_worlds
 from sim.tasks import get_task
-from sim.world import list_worlds
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))

@@ -12,17 +12,17 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from adaptsim_cli import app, wiring_proof
+from adaptsim_cli import app, wiring_verification
 from adaptsim_cli.report import phase1
-from sim.adaptation.evaluation import EvaluationSettings
-from sim.adaptation.meta_training import MetaSettings
-from sim.adaptation.phase1 import PretrainBudget, pretrain
-from sim.adaptation.proof import Proof, ProofSettings, load_pretrained, prove
-from sim.adaptation.proof_emulator import Errors, HeldOut, reliability_bins
-from sim.adaptation.proof_policies import Pairs
-from sim.adaptation.proof_replays import Agreement
-from sim.adaptation.proof_statistics import Estimate, rank_correlation
 from sim.adaptation.prospects import ProspectSettings
+from sim.pretraining.evaluation import EvaluationSettings
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import PretrainBudget, pretrain
+from sim.pretraining.verification.emulator import Errors, HeldOut, reliability_bins
+from sim.pretraining.verification.policies import Pairs
+from sim.pretraining.verification.replays import Agreement
+from sim.pretraining.verification.statistics import Estimate, rank_correlation
+from sim.pretraining.verification.verify import Verification, VerificationSettings, load_pretrained, verify
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 
@@ -51,10 +51,13 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def proof(made: Path) -> Proof:
+def verification(made: Path) -> Verification:
     with serial_executor() as executor:
-        return prove(
-            load_pretrained(get_task("pendulum"), made), ProofSettings(), executor, lambda stage, done, total: None
+        return verify(
+            load_pretrained(get_task("pendulum"), made),
+            VerificationSettings(),
+            executor,
+            lambda stage, done, total: None,
         )
 
 
@@ -99,19 +102,19 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
     capfd.readouterr()
 
 
-def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(proof: Proof) -> None:
-    made = proof.pretrained
+def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification: Verification) -> None:
+    made = verification.pretrained
     learnt = dataclasses.replace(made, emulator=object())
-    assert wiring_proof.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
+    assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
     usual = dataclasses.asdict(PretrainBudget())
-    assert wiring_proof.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
+    assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
         "adaptsim pretrain --task pendulum"
     )
     planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0}}
-    told = wiring_proof.command(dataclasses.replace(learnt, plan=planned))
+    told = wiring_verification.command(dataclasses.replace(learnt, plan=planned))
     assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
     small = dataclasses.asdict(PretrainBudget.small())
-    told = wiring_proof.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
+    told = wiring_verification.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
     assert told == "adaptsim pretrain --task pendulum --budget small"
 
 
@@ -121,15 +124,15 @@ def test_unknown_targets_are_refused(made: Path, capfd: pytest.CaptureFixture[st
     assert not (made.parent / "new").exists()
 
 
-def test_the_rewards_of_an_exact_task_hold(proof: Proof) -> None:
-    assert proof.replays is not None
-    for found in proof.replays.returns:
+def test_the_rewards_of_an_exact_task_hold(verification: Verification) -> None:
+    assert verification.replays is not None
+    for found in verification.replays.returns:
         assert found.paid == pytest.approx(found.true, abs=1e-3)
-    assert proof.pairs is None
-    assert proof.held_out is None
+    assert verification.pairs is None
+    assert verification.held_out is None
 
 
-def test_a_whole_report_names_every_number(proof: Proof, tmp_path: Path) -> None:
+def test_a_whole_report_names_every_number(verification: Verification, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     probability = rng.random(500)
     held = HeldOut(
@@ -140,13 +143,13 @@ def test_a_whole_report_names_every_number(proof: Proof, tmp_path: Path) -> None
         reliability=reliability_bins(probability, rng.random(500) < probability),
         position_errors=rng.lognormal(-5.5, 1.0, 500),
     )
-    assert proof.replays is not None
+    assert verification.replays is not None
     agreement = Agreement("iteration", 832, Estimate(0.9, 0.88, 0.92), Estimate(0.8, 0.78, 0.82), 0.01, 0.04)
     whole = dataclasses.replace(
-        proof,
+        verification,
         held_out=held,
         pairs=_pairs(rng, noise=0.05),
-        replays=dataclasses.replace(proof.replays, agreements=(agreement,)),
+        replays=dataclasses.replace(verification.replays, agreements=(agreement,)),
     )
     document = phase1.write(whole, tmp_path, "adaptsim pretrain --task pendulum")
     text = document.read_text()

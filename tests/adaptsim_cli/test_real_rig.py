@@ -41,7 +41,7 @@ from calib.errors import CalibrationMissing
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
 from hw.types import JointPath
-from perception.board_types import Board
+from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.errors import NotExecutable
 from sim.tasks import get_task

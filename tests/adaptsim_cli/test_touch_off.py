@@ -28,12 +28,12 @@ from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array
 from sim.errors import UnknownName
+from sim.lab.world import Faults, Mount
 from sim.panda.correction import ToolCorrection
 from sim.panda.feelers import touchable
 from sim.panda.inverse import inverse
 from sim.panda.touch_plan import table_probes, tool_probes
 from sim.panda.touching import Probe
-from sim.world import Faults, Mount
 
 TRUE = ToolCorrection(Table(-0.007, 0.004, -0.003), 0.003, -0.0025, 0.05, -0.012)
 CENTRE_M = np.array(touchable(TASK).centre_m)

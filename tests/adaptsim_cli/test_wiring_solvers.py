@@ -8,12 +8,12 @@ import pytest
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.wiring_solvers import solver_of
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
-from sim.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.errors import UnknownName
-from sim.naf_memory import NafMemory
-from sim.naf_solver import NafSolver, naf_facts, rules_of
 from sim.rollouts import Requests, Rollouts
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
 from sim.tasks import get_task
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from adaptsim_cli.touch_off.rigs import touch_rig
 from hw.collision import KeepOut
-from sim.lab import READY_RAD
+from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
+from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import touchable
 from sim.panda.touch_plan import table_probes, tool_probes
 from sim.tasks import get_task
-from sim.world import Faults, Mount, World, load_world
 
 TASK = get_task("scooping")
 MOUNT = Mount(table_height_mm=-5.0, table_tilt_mrad=(3.0, -2.0), tool_height_mm=2.0, tool_roll_mrad=8.0)

@@ -22,7 +22,7 @@ from calib.timing import time_offset
 from calib.types import Mounting, Setup, Solution, Verdict, View
 from hw.kinematics import forward
 from hw.types import Array, Intrinsics
-from perception.board_types import Corners
+from perception.board.types import Corners
 
 INFRARED = Intrinsics(
     640,

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from calib.coverage import coverage
 from calib.poses import RIM_PX, candidates, centre, spread, tilt_and_turn
 from hw.types import Array, Intrinsics
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 BOARD = Board()
 CAMERA = Intrinsics(1280, 720, np.array([[612.0, 0, 639.0], [0, 612.0, 366.0], [0, 0, 1]]))

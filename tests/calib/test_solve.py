@@ -21,7 +21,7 @@ from calib.types import Mounting, Setup, View
 from calib.uncertainty import work_error_mm
 from hw.kinematics import forward
 from hw.types import Array
-from perception.board_types import Board, Corners
+from perception.board.types import Board, Corners
 
 
 def test_without_noise_the_truth_is_found() -> None:

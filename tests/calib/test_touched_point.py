@@ -17,7 +17,7 @@ from calib.solve import solve
 from calib.types import Solution, Verdict
 from hw.kinematics import forward
 from hw.types import Array
-from perception.board_types import Corners
+from perception.board.types import Corners
 
 CORNER = 14
 TIP_M = np.array([0.002, -0.003, 0.16])

@@ -14,10 +14,10 @@ from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.fake import FakeArm, FakeClock
 from hw.ports import Arm
 from hw.types import ContactWindow, JointPath
-from sim.lab import READY_RAD, SimulatedLab
+from sim.lab.simulated import READY_RAD, SimulatedLab
+from sim.lab.world import Faults, load_world
 from sim.panda.moves import move_path
 from sim.tasks import get_task
-from sim.world import Faults, load_world
 
 sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # shared with the tests of that arm
 from fr3_process import Fr3Process, arm_at, fr3

@@ -23,8 +23,8 @@ from hw.kinematics import forward
 from hw.ports import GuardedArm
 from hw.types import Array, Guard
 from sim.lab.touch import TouchLab
+from sim.lab.world import Faults, Mount, load_world
 from sim.tasks import get_task
-from sim.world import Faults, Mount, load_world
 
 SPEED_M_S = 0.004
 PATH = down(0.004, SPEED_M_S)

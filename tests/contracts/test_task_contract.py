@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from perception.types import Outcome
-from sim.sampling import spread
+from sim.lab.world import list_worlds, load_world
+from sim.rollouts.sampling import spread
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
-from sim.world import list_worlds, load_world
 
 EXACT = [name for name in sorted(TASKS) if get_task(name).exact is not None]
 

@@ -23,7 +23,7 @@ from hw.kinematics import forward
 from hw.limits import require
 from hw.types import Array, CameraModel, Frame, JointPath
 from sim.adaptation.method import Best, Iteration, Particle
-from sim.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import held
 from sim.render.bodies import Body
@@ -32,9 +32,8 @@ from sim.render.sensor import sense_depth
 from sim.tasks.pushing import TASK
 from sim.tasks.pushing.looks import bottle_visual
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
-from sim.tasks.shapes import box, table_visual
-from sim.tasks.task import Visual
-from sim.types import ToolMotion
+from sim.tasks.shared.shapes import box, table_visual
+from sim.types import ToolMotion, Visual
 
 FRAME_S = 0.1
 REST_S = 0.4

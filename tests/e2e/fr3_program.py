@@ -24,14 +24,14 @@ from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath
-from sim.kinect import default_X_BC
 from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
+from sim.lab.kinect import default_X_BC
 from sim.lab.room import Room
+from sim.lab.world import load_world
 from sim.panda.planning import home
 from sim.panda.tool import held
 from sim.tasks import get_task
-from sim.world import load_world
 
 SILENCE_S = 0.5
 """Of the pedal, instead of 0.06 s: a busy computer is no fault of its cable."""

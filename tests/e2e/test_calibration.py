@@ -12,12 +12,12 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.trackers import tracker_of
 from hw.types import Array
-from sim.kinect import default_X_BC
-from sim.lab import SimulatedLab
+from sim.lab.kinect import default_X_BC
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import load_world
 from sim.panda.planning import home
 from sim.panda.tool import held
 from sim.tasks import get_task
-from sim.world import load_world
 
 SENSING = """
 [sensing]

@@ -17,10 +17,10 @@ from adaptsim_cli.trackers import tracker_of
 from calib.types import HandEye
 from hw.types import Array
 from perception.types import Outcome
-from sim.kinect import default_X_BC
-from sim.lab import SimulatedLab
+from sim.lab.kinect import default_X_BC
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Sensing, load_world
 from sim.tasks import get_task
-from sim.world import Sensing, load_world
 
 LATE_MS = 25.0
 SLIDES_M_S = 0.2

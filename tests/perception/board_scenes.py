@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.types import Array, Intrinsics
 from perception.board import draw
-from perception.board_types import Board
+from perception.board.types import Board
 
 KINECT = Intrinsics(
     1280,

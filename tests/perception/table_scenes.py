@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from sim.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
-from sim.tasks.task import Visual
+from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.types import Visual
 
 AREA = (0.63, 0.73, -0.05, 0.05)
 FOOD_RGB, BLADE_RGB, TABLE_RGB = (0.55, 0.13, 0.03), (0.02, 0.02, 0.02), (0.55, 0.53, 0.50)

@@ -9,8 +9,8 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.task import AdaptationSettings, Observation, SceneBodies, Task, Visual
-from sim.types import Dimension, Space, ToolMotion
+from sim.tasks.task import AdaptationSettings, Observation, SceneBodies, Task
+from sim.types import Dimension, Space, ToolMotion, Visual
 
 BLOCK_M = 0.04
 TOOL_M = (0.02, 0.10, 0.04)

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from toy_task import TOY
 
-from sim.adaptation.episodes import Roll
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.emulator import Emulator
-from sim.emulator_training import EmulatorReport, EmulatorSettings, train_emulator
-from sim.naf import NafPolicy, naf_training, train_together
+from sim.pretraining.episodes import Roll
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
-from sim.solver import Executable, SolverSettings
-from sim.task_policy import EmulatorPolicy, train_many
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorPolicy, train_many
+from sim.solvers.emulator.training import EmulatorReport, EmulatorSettings, train_emulator
+from sim.solvers.naf.policy import NafPolicy, naf_training, train_together
+from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)

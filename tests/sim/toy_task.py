@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from perception.types import ObjectTrack, Outcome
-from sim.policy_reuse import ReuseRules
-from sim.tasks.task import AdaptationSettings, Observation, Task
+from sim.tasks.task import AdaptationSettings, Observation, ReuseRules, Task
 from sim.types import Dimension, Space
 
 PARAMETERS = Space(

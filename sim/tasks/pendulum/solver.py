@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hw.types import Array, frozen_array
-from sim.solver import Executable, SolverSettings
 from sim.tasks.pendulum.lqr import INPUTS, STATES, excess, optimal
 from sim.tasks.pendulum.observe import reward_of_success
 from sim.tasks.pendulum.params import OBSERVATION
 from sim.tasks.pendulum.rollout import simulate_many
-
-if TYPE_CHECKING:
-    from sim.tasks.task import Task
+from sim.tasks.solver import Executable, SolverSettings
+from sim.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,7 @@ class LqrPolicy:
 
 @dataclass(frozen=True, eq=False)
 class LqrSolver:
-    """The pendulum's `sim.solver.Solver`."""
+    """The pendulum's `sim.tasks.solver.SolverOf`."""
 
     task: Task
 

@@ -16,8 +16,8 @@ from sim.tasks.pushing.mount import (
     block_axes,
 )
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M
-from sim.tasks.shapes import Shape, box, turned_body
-from sim.tasks.task import Visual
+from sim.tasks.shared.shapes import Shape, box, turned_body
+from sim.types import Visual
 
 _PRINT = (0.02, 0.05, 0.16)
 _FELT = (0.03, 0.20, 0.07)

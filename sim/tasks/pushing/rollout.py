@@ -14,13 +14,13 @@ from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.carriage import Compliance, drive_of
-from sim.tasks.direct import Ending, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.pushing.params import BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.scene import build_scene, time_step_s
 from sim.tasks.pushing.table import on_table
+from sim.tasks.shared.carriage import Compliance, drive_of
+from sim.tasks.shared.direct import Ending, Moment, Readings, Start, reading_before_s, run
 from sim.types import ToolMotion
 
 LEAD_S = 0.020
@@ -35,7 +35,7 @@ ARM = Compliance(
     inertia_kg_m2=0.01,
 )
 """Stiffer than an arm and without its coupling: a bottle of 0.3 kg moves the plate by micrometres either way
-(tests/sim/test_lab_agreement.py)."""
+(tests/sim/lab/test_lab_agreement.py)."""
 
 STILL_MOVING = f"the bottle still moves {SETTLE_S:g} s after the push"
 """The flag of a bottle that is judged while it moves."""

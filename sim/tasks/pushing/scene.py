@@ -25,8 +25,6 @@ from pydrake.multibody.tree import (
 )
 
 from hw.types import Array
-from sim.drake_types import vector
-from sim.tasks.contact import coefficient, compliant, rigid, set_contact
 from sim.tasks.pushing import table
 from sim.tasks.pushing.looks import bottle_visual, patch_visual, pusher_visuals
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
@@ -39,7 +37,9 @@ from sim.tasks.pushing.params import (
     PLATE_FRICTION,
     Unmodelled,
 )
-from sim.tasks.shapes import table_visual
+from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact
+from sim.tasks.shared.drake_types import vector
+from sim.tasks.shared.shapes import table_visual
 from sim.tasks.task import SceneBodies
 
 TOOL = "pusher"

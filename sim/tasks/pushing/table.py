@@ -13,7 +13,7 @@ from pydrake.geometry import InMemoryMesh, Mesh
 
 from hw.types import Array
 from sim.errors import OutOfRange
-from sim.tasks.shapes import TABLE_CORNERS_M
+from sim.tasks.shared.shapes import TABLE_CORNERS_M
 
 _FAR_BELOW_M = -1.0
 

@@ -21,6 +21,7 @@ from sim.tasks.scooping.params import (
 from sim.tasks.scooping.plan import plan
 from sim.tasks.scooping.rollout import rest_pose, simulate
 from sim.tasks.scooping.scene import build_scene, time_step_s
+from sim.tasks.scooping.touch import TOUCHABLE
 from sim.tasks.task import Task
 
 TASK = Task(
@@ -53,4 +54,5 @@ TASK = Task(
     object_name="piece of food",
     tracker="piece",
     keep_clear=KEEP_CLEAR,
+    touchable=TOUCHABLE,
 )

@@ -7,8 +7,8 @@ import numpy as np
 from sim.tasks.scooping.handle import HANDLE_M, NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
 from sim.tasks.scooping.piece import Piece
-from sim.tasks.shapes import box
-from sim.tasks.task import Visual
+from sim.tasks.shared.shapes import box
+from sim.types import Visual
 
 _NYLON = (0.015, 0.015, 0.017)
 _TAPE = (0.25, 0.25, 0.27)

@@ -9,8 +9,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import OutOfRange
-from sim.policy_reuse import ReuseRules
-from sim.tasks.task import AdaptationSettings, Observation
+from sim.tasks.task import AdaptationSettings, Observation, ReuseRules
 from sim.types import Dimension, Space
 
 PARAMETERS = Space(

@@ -12,12 +12,12 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.carriage import Compliance, Drive, drive_of
-from sim.tasks.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
 from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
+from sim.tasks.shared.carriage import Compliance, Drive, drive_of
+from sim.tasks.shared.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
 from sim.types import ToolMotion
 
 ARM = Compliance(
@@ -29,8 +29,8 @@ ARM = Compliance(
     inertia_kg_m2=0.012,
 )
 """A Franka under its default joint impedance, as the edge feels it while it touches the table: joint stiffness,
-damping and inertia carried to the edge along planned scoops (tests/sim/test_arm_compliance.py). Nearly all of it is
-a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
+damping and inertia carried to the edge along planned scoops (tests/sim/panda/test_arm_compliance.py). Nearly all of it
+is a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
 
 LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""

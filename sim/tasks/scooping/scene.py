@@ -23,8 +23,6 @@ from pydrake.multibody.tree import (
 )
 
 from hw.types import Array
-from sim.drake_types import vector
-from sim.tasks.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.params import (
@@ -38,7 +36,9 @@ from sim.tasks.scooping.params import (
 )
 from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
-from sim.tasks.shapes import table_visual
+from sim.tasks.shared.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
+from sim.tasks.shared.drake_types import vector
+from sim.tasks.shared.shapes import table_visual
 from sim.tasks.task import SceneBodies
 
 TOOL = "spatula"

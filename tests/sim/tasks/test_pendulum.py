@@ -7,13 +7,13 @@ import pytest
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 
 from perception.types import Outcome
-from sim.misfit import misfit
+from sim.lab.world import list_worlds, load_world
+from sim.solvers.misfit import misfit
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.dynamics import GRAVITY_M_S2, exponential, linearise
 from sim.tasks.pendulum.lqr import closed_loop, cost, excess, optimal, riccati
 from sim.tasks.pendulum.params import START
 from sim.tasks.pendulum.solver import LqrSolver, rewards
-from sim.world import list_worlds, load_world
 
 NOTHING = np.zeros(0)
 SOLVER = LqrSolver(TASK)

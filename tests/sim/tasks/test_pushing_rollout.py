@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from perception.types import REST_M_S, Outcome
-from sim.tasks import direct
 from sim.tasks.pushing import TASK
 from sim.tasks.pushing.params import START_M, Unmodelled
 from sim.tasks.pushing.plan import plan
+from sim.tasks.shared import direct
 
 NOMINAL = np.array([0.12, 2e5, 0.4, 0.05])  # mu, e, mu_p, y_p
 STRAIGHT = np.array([0.0, 0.6])

@@ -6,9 +6,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from perception.types import REST_M_S, REST_S, Outcome
-from sim.tasks import direct
 from sim.tasks.scooping import TASK, scene
 from sim.tasks.scooping.params import REFERENCE_CONTEXT, Unmodelled
+from sim.tasks.shared import direct
 
 CYLINDER = np.array([0.30, 1e5, 1, 2.0])
 ELLIPSOID = np.array([0.30, 5e4, 0, 2.0])

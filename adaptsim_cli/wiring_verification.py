@@ -1,0 +1,64 @@
+"""Joins a finished pretraining with true rollouts and the document that reports on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.pretraining.verification.verify import Pretrained
+
+
+def is_finished(folder: Path | None) -> bool:
+    """Whether a report can be made of the pretraining in `folder` as it is."""
+    from sim.pretraining.verification import verify
+
+    return folder is not None and verify.is_finished(folder)
+
+
+def write_report(
+    task: Task, folder: Path, docs: Path | None, executor: Executor, progress: Callable[[str, int, int], None]
+) -> Path:
+    """Verify what the pretraining in `folder` is worth -> the document, `phase1.md` in `docs` (default: in `folder`).
+
+    Rollouts that an earlier call made are not made again. Raises DatasetError where the pretraining is not finished or
+    not of this task, RolloutError.
+    """
+    from adaptsim_cli.report import phase1
+    from adaptsim_cli.session.durable import make_folder
+    from sim.pretraining.verification.verify import VerificationSettings, load_pretrained, verify
+
+    made = load_pretrained(task, folder.absolute())
+    verification = verify(made, VerificationSettings(), executor, progress)
+    where = (docs or folder).absolute()
+    make_folder(where)
+    return phase1.write(verification, where, command(made))
+
+
+def command(made: Pretrained) -> str:
+    """The command that makes it again, as far as it differs from the usual one."""
+    from sim.pretraining.pipeline import PretrainBudget
+    from sim.tasks import get_task
+
+    words, planned, usual = ["adaptsim pretrain --task", made.task.name], made.plan["budget"], PretrainBudget()
+    if planned["meta"]["steps"] == PretrainBudget.small().meta.steps:
+        words, usual = [*words, "--budget small"], PretrainBudget.small()
+    if made.task.object_name != get_task(made.task.name).object_name:
+        words.append(f"--object {made.task.object_name}.toml")
+    if made.wide:
+        words.append("--targets wide")
+    if made.emulator is not None:
+        words += [
+            f"--{part} {planned[part]}" for part in ("rollouts", "denser") if planned[part] != getattr(usual, part)
+        ]
+    if planned["meta"]["steps"] != usual.meta.steps:
+        words.append(f"--steps {planned['meta']['steps']}")
+    if planned["evaluation"]["targets"] != usual.evaluation.targets:
+        words.append(f"--judged {planned['evaluation']['targets']}")
+    if made.by_naf:
+        words.append("--solver naf")
+    return " ".join(words)

@@ -1,0 +1,8 @@
+"""The calibration board: drawn, detected in an image, located in space."""
+
+from __future__ import annotations
+
+from perception.board.detection import detect, draw, locate
+from perception.board.types import Board, BoardPose, Corners
+
+__all__ = ["Board", "BoardPose", "Corners", "detect", "draw", "locate"]

@@ -1,0 +1,155 @@
+"""Finding the bottle before a trial: alone, upright, whole in the picture, and on its mark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array, CameraModel, Frame
+from perception.arm_mask import NO_ARM, Arm
+from perception.bottle.place import Place, patch, place
+from perception.clutter import Thing, things
+from perception.cylinder import Cylinder, distance_m
+from perception.errors import ObjectNotFound, TableNotFound
+from perception.geometry import Area, inverse
+from perception.scan import Raw, Scan, scan_of
+from perception.table import TableFit, refine
+
+HEIGHT_M = 0.22
+_TABLE_OFF_M = 0.012  # the calibration counts as wrong from here
+_BOTTLE_FIT = 0.85
+_UPRIGHT_DEG, _LIES_DEG = 15.0, 75.0  # in between nothing is at rest
+_OWN_M = 0.015  # so near to the bottle's surface a reading may still be the bottle's
+_FREE_SHARE, _TOUCHED_SHARE = 0.92, 0.30  # of the readings: a bottle by itself; a bottle and something at it
+_LYING_M, _LYING_SHARE = 0.005, 0.75  # stricter, since many low things are of about its size
+_FREE_VISIBLE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class BottleDetection:
+    """A bottle standing on the table."""
+
+    X_BO: Array  # (4, 4) centre, Z along the axis
+    body: Cylinder
+    confidence: float  # 0 ... 1: share that is seen, times how well it fits
+    table: TableFit  # what the table said of the camera
+
+    @property
+    def xy_m(self) -> Array:
+        """(2,) of the axis, in the base frame."""
+        return np.asarray(self.X_BO[:2, 3])
+
+    @property
+    def centre_m(self) -> Array:
+        return np.asarray(self.X_BO[:3, 3])
+
+
+def find_bottle(
+    frame: Frame,
+    model: CameraModel,
+    X_BC: Array,
+    body: Cylinder,
+    area: Area,
+    mark_m: Array,
+    within_m: float = 0.005,
+    arm: Arm = NO_ARM,
+) -> BottleDetection:
+    """The one bottle in `area`, which stands within `within_m` of `mark_m` (2,); nothing else may stand there.
+
+    `X_BC` (4, 4) is the colour camera in the base frame, whose plane z = 0 is the table top; the table in the picture
+    refines it. Raises ObjectNotFound, saying what was found instead and what to do, and TableNotFound.
+    """
+    scan, raw, table = refined(frame, model, X_BC, area, arm)
+    judged = [_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)]
+    bottles = [c for c in judged if c.best is not None]
+    others = [c.thing for c in judged if c.best is None]
+    if not bottles:
+        raise ObjectNotFound(_nothing(others, area, mark_m, body))
+    if len(bottles) > 1:
+        places = ", ".join(f"({c.thing.centre_m[0]:.3f}, {c.thing.centre_m[1]:+.3f})" for c in bottles)
+        raise ObjectNotFound(f"{len(bottles)} bottles are on the table, near {places} m; leave one, on the mark")
+    best = _require_whole(bottles[0])
+    if others:
+        raise ObjectNotFound(
+            f"beside the bottle there is something at {others[0].words}; clear the table, and keep hands away"
+        )
+    _require_on_mark(best.centre_m[:2], mark_m, within_m)
+    return BottleDetection(best.X_BO, body, best.confidence, table)
+
+
+def refined(frame: Frame, model: CameraModel, X_BC: Array, area: Area, arm: Arm) -> tuple[Scan, Raw, TableFit]:
+    """(scan, its readings, the fit) with the camera's pose and depth corrected by the table in `frame`."""
+    first = scan_of(model, X_BC, area, HEIGHT_M)
+    table = refine(first, first.depth(first.raw(frame)))
+    if table.off_m > _TABLE_OFF_M:
+        raise TableNotFound(
+            f"the table appears up to {1e3 * table.off_m:.0f} mm from where the calibration puts it, "
+            f"{1e3 * _TABLE_OFF_M:.0f} mm are allowed: check that nothing moved the camera, and calibrate it again"
+        )
+    scan = scan_of(model, table.X_BV @ inverse(model.X_CD), area, HEIGHT_M, table.error)
+    return scan, scan.raw(frame), table
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A thing on the table, and the bottle in it if there is one."""
+
+    thing: Thing
+    best: Place | None
+    share: float  # of the thing's readings that lie on the bottle
+
+
+def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Candidate:
+    no_bottle = _Candidate(thing, None, 0.0)
+    guess = body.upright(thing.centre_m[:2])
+    seen = patch(scan, raw, guess[:3, 3], arm)
+    best = None if seen is None else place(seen, body, guess)
+    if best is None or best.fit < _BOTTLE_FIT:
+        return no_bottle
+    off = np.abs(distance_m(thing.points_m, best.X_BO, body))
+    if best.tilt_deg < _UPRIGHT_DEG:
+        share = float((off < _OWN_M).mean())
+        return _Candidate(thing, best, share) if share > _TOUCHED_SHARE else no_bottle
+    lies = best.tilt_deg > _LIES_DEG and (off < _LYING_M).mean() > _LYING_SHARE
+    return _Candidate(thing, best, 1.0) if lies else no_bottle
+
+
+def _require_whole(candidate: _Candidate) -> Place:
+    """The place of the bottle, if it stands upright, whole in the picture and untouched."""
+    best = candidate.best
+    if best is None:
+        raise ValueError("not a bottle")
+    at = f"the bottle at ({best.centre_m[0]:.3f}, {best.centre_m[1]:+.3f}) m"
+    if best.tilt_deg > _UPRIGHT_DEG:
+        raise ObjectNotFound(f"{at} lies on its side; stand it on its mark")
+    if candidate.thing.at_edge or best.in_picture < 1:
+        raise ObjectNotFound(f"{at} reaches beyond the edge of the depth image; move it, or the camera")
+    if candidate.share < _FREE_SHARE or best.visible < _FREE_VISIBLE:
+        raise ObjectNotFound(f"something touches or hides {at}; take hands and other things away from it")
+    return best
+
+
+def _require_on_mark(xy_m: Array, mark_m: Array, within_m: float) -> None:
+    off = np.asarray(mark_m) - xy_m
+    distance_m_ = float(np.linalg.norm(off))
+    if distance_m_ <= within_m:
+        return
+    along = f"{1e3 * abs(off[0]):.0f} mm {'away from' if off[0] > 0 else 'towards'} the robot"
+    across = f"{1e3 * abs(off[1]):.0f} mm to the robot's {'left' if off[1] > 0 else 'right'}"
+    raise ObjectNotFound(
+        f"the bottle stands at ({xy_m[0]:.3f}, {xy_m[1]:+.3f}) m, {1e3 * distance_m_:.0f} mm from its mark at "
+        f"({mark_m[0]:.3f}, {mark_m[1]:+.3f}) m, {1e3 * within_m:.0f} mm are allowed; move it {along} and {across}"
+    )
+
+
+def _nothing(others: list[Thing], area: Area, mark_m: Array, body: Cylinder) -> str:
+    mark = f"({mark_m[0]:.3f}, {mark_m[1]:+.3f}) m"
+    size = f"{2e2 * body.radius_m:.0f} cm wide and {1e2 * body.height_m:.0f} cm high"
+    if others:
+        return (
+            f"no bottle ({size}) stands on the table, but something at {others[0].words}; take it away, and put the "
+            f"bottle on its mark at {mark}"
+        )
+    where = f"x {area[0]:.2f} to {area[1]:.2f}, y {area[2]:.2f} to {area[3]:.2f} m"
+    return f"no bottle: nothing stands in {where}; put it on its mark at {mark}"

@@ -1,0 +1,209 @@
+"""From the frames of a push to the track of the bottle, until it rests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from hw.types import Array, CameraModel, Frame
+from perception.arm_mask import Arm
+from perception.bottle.detection import HEIGHT_M, BottleDetection
+from perception.bottle.place import Place, patch, place
+from perception.clutter import things
+from perception.cylinder import Cylinder, distance_m
+from perception.errors import TrackingFailed
+from perception.geometry import Area, inverse, transform
+from perception.scan import Mask, Raw, Scan, scan_of
+from perception.types import ObjectTrack, Outcome
+
+BEFORE_S = 0.05
+"""Frames this long before the motion are used, and all after it: the recording ends when the bottle rests."""
+TIPPED_DEG = 30.0
+_NOTICED_S = 0.010  # simulations look every 20 ms: so much after it happened, on the average
+_SEEN = 0.35  # confidence from which a place counts
+_WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
+_STEP = 3  # clutter is looked for in each third row and column
+_OWN_M = 0.020  # readings so near to the bottle are the bottle's, or of its mixed edges
+_NEAR_M = 0.06
+_STRANGE_SHARE = 0.5  # of a thing's readings that have to lie off the bottle
+_LAST_S = 0.20
+_MOVING_M_S = 0.03  # from here a bottle on the slipperiest table goes on for 1 mm
+_MOVED_M = 0.006
+_LOWEST_M = -0.05
+
+
+def track_bottle(
+    frames: Sequence[Frame],
+    model: CameraModel,
+    X_BC: Array,
+    detection: BottleDetection,
+    arm_at: Callable[[float], Arm],
+    t_start_s: float,
+    duration_s: float,
+    area: Area,
+) -> ObjectTrack:
+    """The bottle's centre through the trial, and how it ended: upright, tipped by more than 30 degrees, or lost.
+
+    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
+    trial; `arm_at(t_s)` is arm and tool by their measured joints, on the clock of the frames; the motion starts at
+    `t_start_s` on it and lasts `duration_s`; `area` is what of the table is looked at.
+    Frames in which the bottle cannot be located are bridged, with confidence 0. A bottle that falls counts from then on
+    as where it fell: how it rolls says nothing of the push, and simulations end there. Whatever an operator should know
+    is flagged: a bottle at the edge of the image or hidden, a hand or another thing in the picture, a bottle not at
+    rest.
+    Raises TrackingFailed when no frame falls into the trial or the bottle is in none of them.
+    """
+    chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
+    if not any(f.t_s <= t_start_s + duration_s for f in chosen):
+        raise TrackingFailed(
+            f"none of the {len(frames)} frames falls into the trial ({t_start_s:.3f} s, {duration_s:.2f} s long); "
+            f"check that camera and arm share one clock"
+        )
+    table = detection.table
+    scan = scan_of(model, table.X_BV @ inverse(model.X_CD), area, HEIGHT_M, table.error)
+    sights = _follow(scan, chosen, detection, arm_at)
+    t_s = np.array([f.t_s - t_start_s for f in chosen])
+    sure = np.array([s.place.confidence >= _SEEN for s in sights])
+    if not sure.any():
+        raise TrackingFailed(
+            f"the bottle that stood at ({detection.xy_m[0]:.3f}, {detection.xy_m[1]:+.3f}) m is in none of "
+            f"{len(chosen)} frames; find it again before the trial"
+        )
+    centres = np.array([s.place.centre_m for s in sights])
+    state = np.stack([np.interp(t_s, t_s[sure], column[sure]) for column in centres.T], axis=1)
+    confidence = np.where(sure, [s.place.confidence for s in sights], 0.0)
+    tilt_deg = np.array([s.place.tilt_deg for s in sights])
+    X_BT = arm_at(chosen[-1].t_s).X_BT
+    end = np.full(3, np.nan) if X_BT is None else transform(inverse(X_BT), state[-1])
+    outcome = _outcome(t_s, state, sure, tilt_deg)
+    if outcome is Outcome.TIPPED:
+        fell, where_m = _fell(t_s, sure, tilt_deg, state)
+        state[fell:] = where_m
+    flags = (*_sight_flags(t_s, sights, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
+    return ObjectTrack(t_s, state, outcome, end, confidence, flags)
+
+
+class _Clutter(StrEnum):
+    """What else a frame shows."""
+
+    NONE = "none"
+    NEAR = "near the bottle"
+    APART = "apart from it"
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """One frame as it was understood."""
+
+    place: Place  # without confidence where the bottle was not located
+    clutter: _Clutter
+
+
+def _follow(
+    scan: Scan, frames: Sequence[Frame], detection: BottleDetection, arm_at: Callable[[float], Arm]
+) -> list[_Sight]:
+    known = [(frames[0].t_s - 1 / 30, detection.X_BO)]
+    sights = []
+    for frame in frames:
+        arm, raw = arm_at(frame.t_s), scan.raw(frame)
+        best = Place(known[-1][1], 0.0, 0.0, 0.0)
+        for guess in _guesses(known, frame.t_s):
+            seen = patch(scan, raw, guess[:3, 3], arm)
+            found = None if seen is None else place(seen, detection.body, guess)
+            if found is not None:
+                best = Place.better([best, found])
+            if best.fit >= _FIT and best.confidence >= _SEEN:
+                break
+        if best.confidence >= _SEEN:
+            known = [known[-1], (frame.t_s, best.X_BO)]
+        sights.append(_Sight(best, _clutter(scan, raw, arm, known[-1][1], detection.body)))
+    return sights
+
+
+def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
+    """Poses to look near to: it went on as before, or it stayed."""
+    t_last_s, last = known[-1]
+    if len(known) < 2:
+        return [last]
+    t_before_s, before = known[-2]
+    onward = last.copy()
+    onward[:3, 3] += (last[:3, 3] - before[:3, 3]) * min((t_s - t_last_s) / max(t_last_s - t_before_s, 1e-3), 3.0)
+    return [onward, last]
+
+
+def _clutter(scan: Scan, raw: Raw, arm: Arm, X_BO: Array, body: Cylinder) -> _Clutter:
+    """What is neither table, arm nor bottle."""
+    seen = _Clutter.NONE
+    for thing in things(scan, raw, arm, _STEP):
+        away = distance_m(thing.points_m, X_BO, body)
+        strange = away > _OWN_M
+        if strange.mean() > _STRANGE_SHARE:
+            if away[strange].min() < _NEAR_M:
+                return _Clutter.NEAR
+            seen = _Clutter.APART
+    return seen
+
+
+def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array) -> Outcome:
+    last = t_s >= t_s[-1] - _LAST_S
+    if np.median(tilt_deg[sure][-3:]) > TIPPED_DEG:
+        return Outcome.TIPPED
+    if sure[last].mean() < 0.5 or np.median(state[last, 2]) < _LOWEST_M:
+        return Outcome.LOST
+    return Outcome.UPRIGHT
+
+
+def _fell(t_s: Array, sure: Mask, tilt_deg: Array, state: Array) -> tuple[int, Array]:
+    """Number of the first frame in which a bottle that has fallen leans too far and never stands again, and where
+    (3,) it was when a simulation would have noticed: between that frame and the one before, which may be 17 mm apart.
+    """
+    stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
+    last = int(stands[-1]) if len(stands) else -1
+    fell = last + 1 + int(np.flatnonzero(sure[last + 1 :])[0])
+    if last < 0:
+        return fell, state[fell]
+    passed_s = np.interp(TIPPED_DEG, tilt_deg[[last, fell]], t_s[[last, fell]])
+    share = (passed_s + _NOTICED_S - t_s[last]) / (t_s[fell] - t_s[last])
+    return fell, state[last] + min(share, 1.0) * (state[fell] - state[last])
+
+
+def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str, ...]:
+    inside = np.array([s.place.in_picture >= _WHOLE for s in sights])
+    visible = np.array([s.place.visible >= _VISIBLE for s in sights])
+    fits = np.array([s.place.fit >= _FIT for s in sights])
+    clutter = np.array([s.clutter for s in sights])
+    seen = (
+        (~sure, "the bottle is not located"),
+        (sure & ~inside, "the bottle is at the edge of the image"),
+        (sure & inside & ~visible, "much of the bottle is hidden"),
+        (sure & ~fits, "what is tracked does not have the bottle's shape"),
+        (clutter == _Clutter.NEAR, "a hand or another thing touches or nears the bottle"),
+        (clutter == _Clutter.APART, "a hand or another thing is in the picture"),
+    )
+    return tuple(
+        f"{what} in {which.sum()} of {len(t_s)} frames ({t_s[which][0]:.2f} to {t_s[which][-1]:.2f} s)"
+        for which, what in seen
+        if which.any()
+    )
+
+
+def _end_flags(
+    t_s: Array, state: Array, sure: Mask, tilt_deg: Array, detection: BottleDetection, outcome: Outcome
+) -> tuple[str, ...]:
+    flags = []
+    moved_m = float(np.linalg.norm(state[0, :2] - detection.xy_m))
+    if moved_m > _MOVED_M:
+        flags.append(f"the bottle moved by {1e3 * moved_m:.0f} mm between detection and start")
+    if not sure[-1]:
+        flags.append("the bottle is out of sight at the end")
+    if len(t_s) >= 3:
+        speed_m_s = float(np.linalg.norm(state[-1] - state[-3])) / max(float(t_s[-1] - t_s[-3]), 1e-3)
+        if speed_m_s > _MOVING_M_S and outcome is not Outcome.TIPPED:  # a fallen one may roll
+            flags.append(f"the bottle still moves at the end ({1e3 * speed_m_s:.0f} mm/s): where it rests is not seen")
+    end_deg = tilt_deg[sure][-1]
+    if abs(end_deg - TIPPED_DEG) < 10:
+        flags.append(f"outcome uncertain: the bottle leans by {end_deg:.0f}°, {TIPPED_DEG:.0f}° count as tipped")
+    return tuple(flags)

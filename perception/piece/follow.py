@@ -1,0 +1,137 @@
+"""The piece from frame to frame, behind and on a tool whose pose is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array, Frame
+from perception.geometry import View, inverse, transform
+from perception.piece.chroma import chromaticity, matte
+from perception.piece.detection import PieceDetection
+from perception.piece.locate import Evidence, Place, appraise, locate
+from perception.piece.proxy import Proxy
+from perception.tool_mask import ToolMask
+
+_SEARCH_M = 0.014
+_PRIOR_STD_M = 0.010
+_GOOD_FIT, _LOST_FIT = 0.55, 0.35
+_BARELY_VISIBLE = 0.25
+_ON_PIECE = 0.7  # share of a pixel from which a depth reading there counts as the piece's
+_SAME_COLOUR = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """What stays the same through a trial."""
+
+    view: View  # of the colour camera, where the piece may get to
+    depth_view: View
+    depth_offset_m: float  # measured minus true depth on the table
+    tool: ToolMask
+    detection: PieceDetection
+    highest_m: float  # the piece does not get higher
+
+    @property
+    def proxy(self) -> Proxy:
+        return self.detection.proxy
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A frame in which the piece was located."""
+
+    t_s: float
+    X_BT: Array
+    centre_m: Array
+
+
+def follow(rig: Rig, frames: Sequence[Frame], poses: Sequence[Array]) -> list[Place | None]:
+    """One place a frame, given the tool's poses (4, 4); None where the piece cannot be located."""
+    places: list[Place | None] = []
+    known: tuple[_Known, ...] = (_Known(frames[0].t_s - 1 / 30, poses[0], rig.detection.centre_m),)
+    others: tuple[Array, ...] = (rig.detection.table_chroma,)
+    tool_chroma: Array | None = None
+    for frame, X_BT in zip(frames, poses, strict=True):
+        if tool_chroma is None:
+            tool_chroma = _tool_chroma(rig, frame, X_BT, known[-1].centre_m)
+            if tool_chroma is not None and np.linalg.norm(tool_chroma - rig.detection.piece_chroma) > _SAME_COLOUR:
+                others = (*others, tool_chroma)
+        place = _step(rig, frame, X_BT, known, others)
+        places.append(place)
+        if place is not None:
+            known = (known[-1], _Known(frame.t_s, X_BT, place.centre_m))
+    return places
+
+
+def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others: tuple[Array, ...]) -> Place | None:
+    guesses = _guesses(rig, frame.t_s, X_BT, known)
+    middle = np.mean(guesses, axis=0)
+    spread_m = max(float(np.linalg.norm(guess - middle)) for guess in guesses)
+    reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M + spread_m
+    evidence = _evidence(rig, frame, X_BT, middle, reach_m, others)
+    if evidence is None:
+        return None
+    tries = [appraise(evidence, rig.proxy, _rotation(X_BT, guess), guess) for guess in guesses]
+    tries.sort(key=lambda place: -place.fit)
+    place = _refine(evidence, rig, X_BT, tries[0].centre_m)
+    if place.fit < _GOOD_FIT:
+        others_too = [_refine(evidence, rig, X_BT, other.centre_m) for other in tries[1:]]
+        place = max([place, *others_too], key=lambda p: p.fit)
+    return place if place.fit >= _LOST_FIT or place.visible < _BARELY_VISIBLE else None
+
+
+def _refine(evidence: Evidence, rig: Rig, X_BT: Array, start_m: Array) -> Place:
+    return locate(evidence, rig.proxy, _rotation(X_BT, start_m), start_m, _PRIOR_STD_M)
+
+
+def _guesses(rig: Rig, t_s: float, X_BT: Array, known: tuple[_Known, ...]) -> list[Array]:
+    """It stayed, it went with the tool, it went on as before."""
+    last = known[-1]
+    guesses = [last.centre_m, transform(X_BT, transform(inverse(last.X_BT), last.centre_m))]
+    if len(known) > 1:
+        step_m = (last.centre_m - known[-2].centre_m) / (last.t_s - known[-2].t_s)
+        guesses.append(last.centre_m + step_m * (t_s - last.t_s))
+    lowest_m = 0.8 * min(rig.proxy.half_m)
+    return [np.array([g[0], g[1], np.clip(g[2], lowest_m, rig.highest_m)]) for g in guesses]
+
+
+def _rotation(X_BT: Array, centre_m: Array) -> Array:
+    """Over the blade the piece lies along it, else it stands on the table."""
+    in_tool = transform(inverse(X_BT), centre_m)
+    over_blade = in_tool[0] < 0 and 0 < in_tool[2] < 0.05 and abs(in_tool[1]) < 0.05
+    return X_BT[:3, :3] if over_blade else np.eye(3)
+
+
+def _evidence(
+    rig: Rig, frame: Frame, X_BT: Array, centre_m: Array, reach_m: float, others: tuple[Array, ...]
+) -> Evidence | None:
+    view, depth_view = rig.view.window(centre_m, reach_m), rig.depth_view.window(centre_m, reach_m)
+    if view is None or depth_view is None:
+        return None
+    share = matte(frame.colour[view.rows, view.columns], rig.detection.piece_chroma, others)
+    depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
+    read = depth_m > 0
+    depth_m, rays = depth_m[read] - rig.depth_offset_m, depth_view.directions[read]
+    on_piece = view.sample(share, transform(depth_view.X_BV, rays * depth_m[:, None])) > _ON_PIECE
+    tool_m = rig.tool.depth(X_BT, view, view.directions)
+    return Evidence(view, share.reshape(-1), tool_m, depth_view, rays[on_piece], depth_m[on_piece])
+
+
+def _tool_chroma(rig: Rig, frame: Frame, X_BT: Array, piece_m: Array) -> Array | None:
+    """(2,) the tool's colour from where it must be seen, away from the piece; None when it is not in view."""
+    reach_m = 0.06
+    view = rig.view.window(X_BT[:3, 3] + 0.03 * (X_BT[:3, 2] - X_BT[:3, 0]), reach_m)
+    if view is None:
+        return None
+    tool = np.isfinite(rig.tool.depth(X_BT, view, view.directions)).reshape(view.xy.shape[:2])
+    away_m = (
+        np.linalg.norm(view.xy - view.image_point(piece_m[None])[0], axis=-1) * view.depth_of(piece_m) / view.focal_px
+    )
+    clear = tool & (away_m > 1.5 * float(np.linalg.norm(rig.proxy.half_m)))
+    if clear.sum() < 30:
+        return None
+    colour: Array = np.median(chromaticity(frame.colour[view.rows, view.columns][clear]), axis=0).astype(np.float64)
+    return colour

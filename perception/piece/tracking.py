@@ -1,0 +1,125 @@
+"""From the frames of a trial to the track of the piece."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, CameraModel, Frame
+from perception.errors import TrackingFailed
+from perception.geometry import Area, view_of
+from perception.piece.detection import PieceDetection, depth_window, table_offset
+from perception.piece.follow import Rig, follow
+from perception.piece.leftover import lies_at
+from perception.piece.locate import Place
+from perception.piece.outcome import judge
+from perception.piece.registration import tool_shift, turned
+from perception.tool_mask import ToolMask
+from perception.types import SETTLE_S, ObjectTrack, Outcome
+
+BEFORE_S = 0.05
+"""Frames this long before the motion are used, and until a trial is over."""
+LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the table now: lost on the way home"
+_REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from where the piece lay
+_HIGHEST_M = 0.14
+_HIDDEN = 0.25  # less visible than this is flagged
+_STILL_M = 0.003  # from its first pose: the tool shows where the camera stands only while it rests
+_FAR_OFF_PX = 4.0
+_MOVED_M = 0.006
+
+
+def track_piece(
+    frames: Sequence[Frame],
+    model: CameraModel,
+    X_BC: Array,
+    detection: PieceDetection,
+    tool_mesh: tuple[Array, NDArray[np.integer]],
+    X_BT_at: Callable[[float], Array],
+    t_start_s: float,
+    duration_s: float,
+    at_home: tuple[Frame, Frame] | None = None,
+) -> ObjectTrack:
+    """The piece's centre through the trial, and how it ended.
+
+    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
+    trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose
+    (4, 4) on the clock of the frames; the motion starts at `t_start_s` on it and lasts `duration_s`. `at_home` are
+    pictures of before and after, with the arm at home: a piece that lies on the table then was lost on the way.
+    Frames in which the piece cannot be located are bridged, with confidence 0.
+    Raises TrackingFailed when no frame falls into the trial or the piece is in none of them.
+    """
+    chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
+    if not chosen:
+        raise TrackingFailed(
+            f"none of the {len(frames)} frames falls into the trial ({t_start_s:.3f} s, {duration_s:.2f} s long); "
+            f"check that camera and arm share one clock"
+        )
+    poses = [np.asarray(X_BT_at(f.t_s), dtype=np.float64) for f in chosen]
+    rig, camera_flags = _prepare(chosen, poses, model, X_BC, detection, ToolMask(*tool_mesh))
+    places = follow(rig, chosen, poses)
+    located = [(f.t_s - t_start_s, place) for f, place in zip(chosen, places, strict=True) if place is not None]
+    if not located:
+        raise TrackingFailed(
+            f"the piece that lay at ({detection.xy_m[0]:.3f}, {detection.xy_m[1]:.3f}) m is in none of "
+            f"{len(chosen)} frames; find it again before the trial"
+        )
+    t_s = np.array([f.t_s - t_start_s for f in chosen])
+    centres_m = np.array([place.centre_m for _, place in located])
+    at_s = np.array([t for t, _ in located])
+    state = np.stack([np.interp(t_s, at_s, column) for column in centres_m.T], axis=1)
+    confidence = np.array([0.0 if place is None else place.confidence for place in places])
+    verdict = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
+    flags = (*camera_flags, *_flags(t_s, places, state, detection), *verdict.flags)
+    outcome = verdict.outcome
+    if outcome is Outcome.ON_BLADE and at_home is not None and lies_at(*at_home, model, X_BC, detection) is not None:
+        outcome, flags = Outcome.ON_TABLE, (*flags, LOST_ON_THE_WAY)
+    return ObjectTrack(t_s, state, outcome, verdict.end_in_tool_m, confidence, flags)
+
+
+def _prepare(
+    frames: Sequence[Frame],
+    poses: Sequence[Array],
+    model: CameraModel,
+    X_BC: Array,
+    detection: PieceDetection,
+    tool: ToolMask,
+) -> tuple[Rig, tuple[str, ...]]:
+    """Views, sensor correction and camera correction for this trial."""
+    x, y = detection.xy_m
+    back, forth, side = _REACH_M
+    area: Area = (x - back, x + forth, y - side, y + side)
+    view = view_of(model.colour, X_BC, area, _HIGHEST_M)
+    resting = [i for i, X in enumerate(poses) if np.linalg.norm(X[:3, 3] - poses[0][:3, 3]) < _STILL_M][:5]
+    hidden = detection.centre_m, 1.6 * float(np.linalg.norm(detection.proxy.half_m))
+    shift_px = tool_shift([frames[i] for i in resting], [poses[i] for i in resting], view, tool, hidden)
+    flags: tuple[str, ...] = ()
+    if shift_px is None:
+        flags = ("camera pose not checked: the resting tool is not seen well enough",)
+    else:
+        X_BC = turned(X_BC, shift_px, view.focal_px)
+        view = view_of(model.colour, X_BC, area, _HIGHEST_M)
+        off_px = float(np.linalg.norm(shift_px))
+        if off_px > _FAR_OFF_PX:
+            flags = (f"the tool appears {off_px:.1f} px beside its place: check the camera calibration and the grasp",)
+    depth_view = view_of(model.depth, X_BC @ model.X_CD, area, _HIGHEST_M)
+    around = depth_window(model, X_BC, detection.centre_m)
+    clear = ~np.isfinite(tool.depth(poses[0], around, around.directions))
+    depth_m = frames[0].depth_mm[around.rows, around.columns].reshape(-1) / 1000.0
+    offset_m = table_offset(depth_m, around, detection.centre_m, clear)
+    return Rig(view, depth_view, offset_m, tool, detection, _HIGHEST_M), flags
+
+
+def _flags(t_s: Array, places: Sequence[Place | None], state: Array, detection: PieceDetection) -> tuple[str, ...]:
+    flags = []
+    hidden = np.array([place is not None and place.visible < _HIDDEN for place in places])
+    absent = np.array([place is None for place in places])
+    for which, what in ((hidden, f"less than {_HIDDEN:.0%} of the piece visible"), (absent, "piece not located")):
+        if which.any():
+            first, last = t_s[which][0], t_s[which][-1]
+            flags.append(f"{what} in {which.sum()} of {len(t_s)} frames ({first:.2f} to {last:.2f} s)")
+    moved_m = float(np.linalg.norm(state[0, :2] - detection.xy_m))
+    if moved_m > _MOVED_M:
+        flags.append(f"moved by {1e3 * moved_m:.0f} mm between detection and start")
+    return tuple(flags)

@@ -1,0 +1,200 @@
+"""Checkpoints: what pretraining hands on to sessions.
+
+A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where there is one) and
+`card.toml` (task, object, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie
+in `sim/checkpoints`.
+"""
+
+from __future__ import annotations
+
+import datetime
+import importlib.metadata
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.prospects import Prospects, restore_prospects
+from sim.adaptation.q_network import QNetwork
+from sim.errors import CheckpointError
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.naf.solver import restore_naf
+from sim.solvers.solver import Solver
+from sim.storage.files import read_toml, sha256, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
+from sim.tasks.fingerprint import fingerprint, interface
+from sim.tasks.task import Task
+
+__all__ = [
+    "CARD",
+    "MODEL",
+    "SHIPPED",
+    "Checkpoint",
+    "list_checkpoints",
+    "load_checkpoint",
+    "read_card",
+    "save_checkpoint",
+    "verify_weights",
+]
+
+SHIPPED = Path(__file__).parents[1] / "checkpoints"
+MODEL, CARD = "model.safetensors", "card.toml"
+FORMAT = 1
+PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
+"""Of the tensors of the adaptation policies."""
+PROSPECTS = "prospects."
+PAPERS = "adaptsim-iteration"
+"""The paper's method: what a card stands for that names none."""
+DEFAULTS = (PAPERS, "adaptsim-belief", "adaptsim-history", "adaptsim-state")
+"""What a card may name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A loaded checkpoint, verified against its card and its task."""
+
+    path: Path
+    card: Mapping[str, Any]
+    solver: Solver
+    networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
+    prospects: Prospects | None  # None where the solver is NAF's, which has no answers without simulating
+    method: str  # what "adaptsim" stands for
+
+    @property
+    def sha256(self) -> str:
+        """Of the weights: what a session records of it."""
+        return str(self.card["sha256"])
+
+
+def save_checkpoint(
+    task: Task,
+    folder: Path,
+    emulator: Emulator | None,
+    networks: Mapping[MemoryName, QNetwork],
+    facts: Mapping[str, Any],
+    prospects: Prospects | None = None,
+) -> Path:
+    """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
+
+    `emulator` is None for a task with an exact solver, and where the policies are NAF's: then the facts hold
+    `sim.solvers.naf.solver.naf_facts`.
+    """
+    tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
+    for memory, network in networks.items():
+        tensors |= {f"{PREFIXES[memory]}{name}": t.detach() for name, t in network.state_dict().items()}
+    if prospects is not None:
+        tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
+    save_tensors(folder / MODEL, tensors)
+    card = {
+        "format": FORMAT,
+        "task": task.name,
+        "object": task.object_name,
+        "fingerprint": fingerprint(task),
+        "created": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        "sha256": sha256(folder / MODEL),
+        "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
+        **facts,
+        "interface": interface(task),
+    }
+    write_toml(folder / CARD, card)
+    return folder
+
+
+def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
+    """The shipped checkpoint `name` of `task`, or the one in the folder `name`. Raises CheckpointError."""
+    shipped = SHIPPED / task.name / name
+    path = shipped if (shipped / CARD).exists() else Path(name)
+    card = read_card(path, task.name)
+    if card["task"] != task.name:
+        raise CheckpointError(f"the checkpoint in {path} is for {card['task']}, not for {task.name}")
+    if card["fingerprint"] != fingerprint(task):
+        raise CheckpointError(
+            f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the object whose "
+            "ranges they are with --object"
+        )
+    verify_weights(path, card)
+    tensors = load_tensors(path / MODEL)
+    parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
+    ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
+    if method not in DEFAULTS:
+        raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
+    return Checkpoint(
+        path=path,
+        card=card,
+        solver=_solver(task, path, card, tensors),
+        networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
+        prospects=restore_prospects(task, ahead) if ahead else None,
+        method=method,
+    )
+
+
+def list_checkpoints() -> list[tuple[str, str, Path]]:
+    """(task, name, folder) of every shipped checkpoint, sorted."""
+    return sorted((card.parent.parent.name, card.parent.name, card.parent) for card in SHIPPED.glob(f"*/*/{CARD}"))
+
+
+def read_card(path: Path, task: str) -> dict[str, Any]:
+    """The card of the checkpoint in `path`. Raises CheckpointError."""
+    if not (path / CARD).exists():
+        have = ", ".join(f"{t}/{n}" for t, n, _ in list_checkpoints()) or "none"
+        raise CheckpointError(
+            f"no checkpoint {str(path)!r} for {task} (shipped: {have}): give the name of a shipped one or a folder "
+            f"that holds {CARD}, or make one with `adaptsim pretrain --task {task}`"
+        )
+    try:
+        card = read_toml(path / CARD)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CheckpointError(f"{path / CARD} is not valid TOML ({error}): make the checkpoint again") from error
+    missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
+    if missing:
+        raise CheckpointError(f"{path / CARD} lacks {', '.join(sorted(missing))}: install or make the checkpoint again")
+    if card["format"] != FORMAT:
+        raise CheckpointError(
+            f"{path} has checkpoint format {card['format']}, this version reads {FORMAT}: pretrain again"
+        )
+    return card
+
+
+def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
+    """Raises CheckpointError unless the weights in `path` are those that the card names."""
+    model = path / MODEL
+    if not model.exists():
+        raise CheckpointError(f"{model} is missing: install or make the checkpoint again")
+    found = sha256(model)
+    if found != card["sha256"]:
+        raise CheckpointError(
+            f"{model} is damaged or was changed: its SHA-256 is {found[:12]}..., the card says "
+            f"{card['sha256'][:12]}...; install or make the checkpoint again"
+        )
+
+
+def _solver(task: Task, path: Path, card: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Solver:
+    if task.exact:
+        return task.exact(task)
+    if card.get("solver") == "naf":
+        try:
+            return restore_naf(task, card["naf"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
+    return EmulatorSolver(Emulator(task, _part(tensors, "emulator.")))
+
+
+def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
+
+
+def _difference(card: Mapping[str, Any], task: Task) -> str:
+    now, then = interface(task), card["interface"]
+    return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"
+
+
+def _own(card: Mapping[str, Any], task: Task) -> str:
+    """Whose ranges they are, where that is known and another than now."""
+    name = card.get("object", task.object_name)
+    return f" (those of {name})" if name != task.object_name else ""

@@ -1,0 +1,37 @@
+"""Every method of adaptation by name: the only place that lists them. Each is imported when first asked for."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.method import Method
+from sim.errors import CheckpointError, UnknownName
+from sim.tasks.task import Task
+
+METHODS = {
+    "adaptsim": "sim.adaptation.methods:make_default",
+    "adaptsim-belief": "sim.adaptation.methods.belief:create",
+    "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
+    "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",
+    "adaptsim-history": "sim.adaptation.methods.q_policy:create_history",
+    "random": "sim.adaptation.methods.random_search:create",
+    "udr": "sim.adaptation.methods.udr:create",
+}
+"""Name -> the function of a task and a checkpoint that makes it; imported when first asked for."""
+
+
+def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
+    """Raises UnknownName, and CheckpointError where the method needs a checkpoint and there is none."""
+    if name not in METHODS:
+        raise UnknownName(f'there is no method "{name}"; there is: {", ".join(METHODS)}')
+    module, _, function = METHODS[name].partition(":")
+    method: Method = getattr(import_module(module), function)(task, checkpoint)
+    return method
+
+
+def make_default(task: Task, checkpoint: Checkpoint | None) -> Method:
+    """The AdaptSim that earned most on the held-out targets of the checkpoint. Raises CheckpointError."""
+    if checkpoint is None:
+        raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
+    return make_method(checkpoint.method, task, checkpoint)

@@ -1,0 +1,154 @@
+"""AdaptSim by inference: what all trajectories of the session say of the truth, and which E would earn most there.
+
+The adaptation policy of the paper learns from thousands of sessions which way to move E. Where an emulator answers in
+microseconds the same question can be asked directly, for all trials at once and no step wide:
+
+1. Each trajectory weighs the parameters that may be true, by how well the emulator explains it there.
+2. The expected reward of an E is the mean of its prospects under these weights (`sim.adaptation.prospects`).
+3. The real object obeys no parameters exactly. So that expectation is only the prior mean of a Gaussian process over E,
+   and the rewards of the trials correct it: where the simulator expresses the object they change little, elsewhere they
+   decide.
+
+The first particle goes to the E with the largest expected reward, each other one to where most may still be gained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.method import Iteration, Particle, Trial
+from sim.adaptation.prospects import Prospects
+from sim.errors import CheckpointError
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.misfit import squared_misfits
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+DRAWS = 16
+"""Of nuisance and action error, over which the likelihood of a trajectory is averaged."""
+
+VALUES, FREEDOM = 4.0, 2.0
+"""A trajectory counts as so many independent values, with Student's t of so much freedom for their errors.
+
+Its values err together, and what no parameters explain must not decide between parameters by itself.
+"""
+
+LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
+"""By how much real rewards differ from the simulator's: for all E alike, and for one E more than for another that lies
+`LENGTH` away in fractions of the ranges."""
+
+APART = 0.15
+"""Particles of an iteration lie at least so far apart, likewise."""
+
+OPTIMISM = 1.0
+"""Standard deviations that count for the particles that explore."""
+
+
+def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
+    """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to infer with."""
+    if checkpoint is None or checkpoint.prospects is None:
+        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
+        raise CheckpointError(
+            f"adaptsim-belief needs a checkpoint of the emulator or of an exact task, and {why}: make one with "
+            f"`adaptsim pretrain --task {task.name}`"
+        )
+    return Belief(checkpoint.solver, checkpoint.prospects)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What each candidate E is expected to earn on the real target."""
+
+    mean: Array  # (C,)
+    std: Array  # (C,)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """A `Method`. It looks at all trials of the session and draws nothing at random."""
+
+    solver: Solver
+    prospects: Prospects
+    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # log-likelihoods, by trial
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The E that earns most over all the truths there may be, and others that may earn more."""
+        return self._best([], n)
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """Deterministic; where the particles were before does not matter."""
+        return self._best(history, len(history[-1]))
+
+    def weights(self, history: Sequence[Iteration]) -> Array:
+        """(T,) probabilities of the truths of `prospects`, given the trajectories."""
+        log = np.zeros(len(self.prospects.truths))
+        for trial in (t for iteration in history for seen in iteration for t in seen.trials):
+            log = log + self._log_likelihood(trial)
+        likely = np.exp(log - log.max())
+        return np.asarray(likely / likely.sum())
+
+    def estimate(self, history: Sequence[Iteration]) -> Estimate:
+        """Of all candidates: Rasmussen & Williams 2006, eq. 2.25, with the prospects as mean and covariance."""
+        weights, earned = self.weights(history), self.prospects.rewards
+        mean = earned @ weights
+        off = earned - mean[:, None]
+        tried = [(seen.particle, [t.reward for t in seen.trials]) for it in history for seen in it if seen.trials]
+        at = np.array([self._nearest(particle) for particle, _ in tried], dtype=np.intp)
+        unit = self._unit
+        squared = ((unit[:, None] - unit[at][None]) ** 2).sum(axis=-1)
+        shared = (off * weights) @ off[at].T + LEVEL_STD**2 + REALITY_STD**2 * np.exp(-0.5 * squared / LENGTH**2)
+        variance = (off**2) @ weights + LEVEL_STD**2 + REALITY_STD**2
+        if tried:
+            noise = self.solver.task.adaptation.trial_std**2 / np.array([len(r) for _, r in tried])
+            gain = np.linalg.solve(shared[at] + np.diag(noise), shared.T).T
+            mean = mean + gain @ (np.array([np.mean(r) for _, r in tried]) - mean[at])
+            variance = variance - (gain * shared).sum(axis=1)
+        return Estimate(mean, np.sqrt(np.maximum(variance, 0.0)))
+
+    def _best(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
+        expected, unit = self.estimate(history), self._unit
+        chosen = [int(np.argmax(expected.mean))]
+        while len(chosen) < n:
+            gaps = np.linalg.norm(unit[:, None] - unit[chosen][None], axis=-1).min(axis=1)
+            hoped = np.where(gaps < APART, -np.inf, expected.mean + OPTIMISM * expected.std)
+            chosen.append(int(np.argmax(hoped)))
+        return tuple(Particle(self.prospects.candidates[i][None]) for i in chosen)
+
+    def _log_likelihood(self, trial: Trial) -> Array:
+        """(T,) of its trajectory, up to a constant."""
+        key = b"".join(part.tobytes() for part in (trial.context, trial.action, trial.observation))
+        if key not in self._known:
+            self._known[key] = self._compare(trial)
+        return self._known[key]
+
+    def _compare(self, trial: Trial) -> Array:
+        task, truths = self.solver.task, self.prospects.truths
+        a = len(task.action)
+        draws = DRAWS if len(task.nuisance) or np.any(task.action_noise) else 1
+        unit = sobol(draws, a + len(task.nuisance), np.random.default_rng(0))
+        executed = trial.action + (2.0 * unit[:, :a] - 1.0) * task.action_noise
+        nuisance = spread(task.nuisance, unit[:, a:])
+        squared = squared_misfits(
+            self.solver,
+            trial.context,
+            trial.observation,
+            np.repeat(truths, draws, axis=0),
+            np.tile(executed, (len(truths), 1)),
+            np.tile(nuisance, (len(truths), 1)),
+        ).reshape(len(truths), draws)
+        density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
+        return np.asarray(np.log(density.mean(axis=1)))
+
+    def _nearest(self, particle: Particle) -> int:
+        unit = self.solver.task.parameters.normalise(particle.mean)
+        return int(np.linalg.norm(self._unit - unit, axis=1).argmin())
+
+    @property
+    def _unit(self) -> Array:
+        """(C, p) the candidates in fractions of the ranges."""
+        return self.solver.task.parameters.normalise(self.prospects.candidates)

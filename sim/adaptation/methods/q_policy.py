@@ -1,0 +1,70 @@
+"""AdaptSim on the real target: every particle moves by what its last trials showed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.memory import MemoryName, encode, of_session
+from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.q_network import QNetwork
+from sim.errors import CheckpointError
+from sim.rollouts.sampling import sobol, spread
+from sim.tasks.task import Task
+
+
+def create_iteration(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
+    """AdaptSim as in the paper: a particle moves by what its last iteration showed. Raises CheckpointError."""
+    return _with(task, checkpoint, "iteration")
+
+
+def create_state(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
+    """AdaptSim-State of the paper: it sees only how the last trials ended. Raises CheckpointError."""
+    return _with(task, checkpoint, "state")
+
+
+def create_history(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
+    """AdaptSim that sees all parameters, trajectories and rewards of the session. Raises CheckpointError."""
+    return _with(task, checkpoint, "history")
+
+
+def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> QPolicy:
+    if checkpoint is None:
+        raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
+    if memory not in checkpoint.networks:
+        raise CheckpointError(
+            f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain again with "
+            f"`adaptsim pretrain --task {task.name}`"
+        )
+    return QPolicy(task, checkpoint.networks[memory], memory)
+
+
+@dataclass(frozen=True, eq=False)
+class QPolicy:
+    """A `Method`: the adaptation policy, applied to each particle."""
+
+    task: Task
+    network: QNetwork
+    memory: MemoryName = "iteration"
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """Means spread over Omega: random, but far from each other."""
+        means = spread(self.task.parameters, sobol(n, len(self.task.parameters), rng))
+        return tuple(Particle(mean[None]) for mean in means)
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """Deterministic. A particle without trials in the last iteration stays."""
+        return tuple(
+            Particle(self._moved(history, i)[None]) if seen.trials else seen.particle
+            for i, seen in enumerate(history[-1])
+        )
+
+    def _moved(self, history: Sequence[Iteration], particle: int) -> Array:
+        """(p,) where the mean of a particle goes, in units."""
+        task, mean = self.task, history[-1][particle].particle.mean
+        state = encode(task, self.memory, of_session(task, history, particle))
+        return frozen_array(task.parameters.step(mean, self.network.directions(state)[0], task.adaptation.delta))

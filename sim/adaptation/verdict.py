@@ -1,0 +1,70 @@
+"""What the data say of a session, in one honest sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.adaptation.best import choose_best
+from sim.adaptation.method import Iteration, Verdict
+from sim.solvers.misfit import misfit
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+LEAST_TRIALS = 6
+"""Trials below which the sentence is only that there are too few."""
+
+SLACK = 1.5
+"""How many times the misfit of simulated trajectories a real one may have: real motions and cameras add their part."""
+
+
+def verdict(task: Task, history: Sequence[Iteration], solver: Solver) -> Verdict:
+    """One sentence on whether the parameters have converged, and whether the simulator expresses the object at all."""
+    trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
+    if len(trials) < LEAST_TRIALS:
+        return f"Too few trials to judge: {len(trials)} so far, at least {LEAST_TRIALS} are needed."
+    best = choose_best(task, history)
+    interval = f"{best.mean_reward:.2f}, 95 % interval {best.ci95[0]:.2f} to {best.ci95[1]:.2f}"
+    limit = SLACK * solver.misfit_limit
+    strange = sum(misfit(solver, t.context, t.action, t.observation) > limit for t in trials)
+    low = best.mean_reward < task.adaptation.threshold
+    if 2 * strange > len(trials):
+        unlike = (
+            f"the simulator cannot express this {task.object_name}: {strange} of {len(trials)} trajectories lie "
+            f"outside of what any parameters in the ranges predict"
+        )
+        if low:
+            return f"Reward stays low ({interval}), and {unlike}."
+        return f"The reward is good all the same ({interval}), but {unlike}."
+    if low and len(history) >= 3 and not _improving(history):
+        return (
+            f"Reward stays low ({interval}) although the trajectories look like simulated ones: "
+            f"no parameters in the ranges seem to give an action that suits this {task.object_name}."
+        )
+    doing_well = _iteration_rewards(history)[-1] >= task.adaptation.threshold
+    if len(history) >= 2 and _settled(task, history) and doing_well and not low:
+        return f"Converged: the parameters have stopped moving and the expected reward is {interval}."
+    return f"Not converged yet: the best expected reward so far is {interval}."
+
+
+def _iteration_rewards(history: Sequence[Iteration]) -> list[float]:
+    pooled = [[t.reward for seen in iteration for t in seen.trials] for iteration in history]
+    return [float(np.mean(rewards)) for rewards in pooled if rewards]
+
+
+def _improving(history: Sequence[Iteration]) -> bool:
+    """The later half of the iterations did clearly better than the earlier."""
+    rewards = _iteration_rewards(history)
+    half = len(rewards) // 2
+    return float(np.mean(rewards[half:])) - float(np.mean(rewards[:half])) > 0.1
+
+
+def _settled(task: Task, history: Sequence[Iteration]) -> bool:
+    """Some particle moved by at most one step in one parameter from the last iteration but one to the last."""
+    before, after = history[-2], history[-1]
+    moves = [
+        np.abs(task.parameters.normalise(new.particle.mean) - task.parameters.normalise(old.particle.mean)).sum()
+        for old, new in zip(before, after, strict=False)
+    ]
+    return bool(moves) and float(min(moves)) <= task.adaptation.delta + 1e-9

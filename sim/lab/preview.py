@@ -1,0 +1,90 @@
+"""A planned motion in the browser: arm, tool, table and object as the lab shows them. Nothing is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import DiagramBuilder
+
+from hw.types import Array, JointPath
+from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
+from sim.panda.shapes import visuals
+from sim.tasks.shared import drake_log
+from sim.tasks.shared.drake_types import vector
+from sim.tasks.task import Task
+from sim.types import Visual
+
+FRAMES_PER_S = 30.0
+
+
+class Preview:
+    """A page on this machine alone (127.0.0.1) that plays a trial's paths, one after the other, in a loop."""
+
+    def __init__(self, task: Task, context: Array, paths: Sequence[JointPath]) -> None:
+        """The object lies where `context` (c,) says, with the middle of all parameters. Raises ValueError for a
+        task without a scene."""
+        if task.build_scene is None:
+            raise ValueError(f"{task.name} has no scene, so there is nothing to preview")
+        plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), task.time_step_s(None))
+        add_panda(plant)
+        parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
+        bodies = task.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), task.X_FT, parameters, nuisance, None)
+        plant.Finalize()
+        drake_log.silence()  # it announces its address by itself
+        self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
+        shown = (*visuals(), *bodies.visuals)
+        for i, visual in enumerate(shown):
+            self._add(i, visual)
+        state = plant.CreateDefaultContext()
+        X_BO = RigidTransform(task.rest_pose(context, parameters, nuisance, None))
+        plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), X_BO)
+        joints = [plant.GetJointByName(name) for name in JOINT_NAMES]
+        names = sorted({v.body for v in shown} - {"world"})
+        moving: dict[str, RigidBody] = {name: plant.GetBodyByName(name) for name in names}
+        animation = MeshcatAnimation(FRAMES_PER_S)
+        for frame, q_rad in enumerate(_frames(paths)):
+            for joint, q in zip(joints, q_rad, strict=True):
+                joint.set_angle(state, q)
+            for name, body in moving.items():
+                X_BL = body.EvalPoseInWorld(state)
+                animation.SetTransform(frame, f"/scene/{name}", X_BL)
+                if frame == 0:
+                    self._meshcat.SetTransform(f"/scene/{name}", X_BL)
+        self._meshcat.SetAnimation(animation)
+        for clutter in ("/Grid", "/Axes"):
+            self._meshcat.SetProperty(clutter, "visible", False)
+        self._meshcat.SetCameraPose(vector(1.25, -0.95, 0.75), vector(0.45, 0.0, 0.2))
+
+    @property
+    def url(self) -> str:
+        return str(self._meshcat.web_url())
+
+    def html(self) -> str:
+        """The same as one page without a server."""
+        return str(self._meshcat.StaticHtml())
+
+    def _add(self, index: int, visual: Visual) -> None:
+        red, green, blue = (_display(value) for value in visual.rgb)
+        path = f"/scene/{visual.body}/{index}"
+        self._meshcat.SetTriangleMesh(
+            path, visual.vertices_m.T, visual.triangles.T.astype(np.int32), Rgba(red, green, blue)
+        )
+
+
+def _frames(paths: Sequence[JointPath]) -> Array:
+    """(N, 7) joints of all paths in a row, at the rate of the animation."""
+    q_rad = np.concatenate([path.q_rad for path in paths])
+    t_s = np.arange(len(q_rad)) / 1000.0
+    wanted_s = np.arange(0.0, t_s[-1], 1.0 / FRAMES_PER_S)
+    return np.stack([np.interp(wanted_s, t_s, joint) for joint in q_rad.T], axis=-1)
+
+
+def _display(linear: float) -> float:
+    """Linear albedo -> sRGB (IEC 61966-2-1)."""
+    return float(12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1.0 / 2.4) - 0.055)

@@ -1,0 +1,127 @@
+"""The simulated lab: a whole arm, table, object and camera in a world that learning and tracking never see.
+
+It poses as `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.Bench`. `docs/decisions/0005-simulated-lab.md` says what
+it models and what it leaves out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Self
+
+import numpy as np
+
+from hw.collision import LEVEL, KeepOut, Table, Tool
+from hw.ports import Arm, Bench, Camera
+from hw.types import Array, Frame, frozen_array
+from sim.lab.arm import LabArm
+from sim.lab.bench import LabBench
+from sim.lab.calibration import NominalCalibration, nominal_calibration
+from sim.lab.camera import LabCamera
+from sim.lab.chance import of_calibration
+from sim.lab.kinect import default_X_BC
+from sim.lab.room import Room
+from sim.lab.world import World
+from sim.panda.tool import held
+from sim.tasks.task import Task
+
+READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+"""The maker's ready pose."""
+
+
+class SimulatedLab:
+    """One world as a bench with devices.
+
+    What happens at a trial follows from (world, seed, trial, attempt) and the paths alone: the same inputs give
+    the same bytes, in any process and after any history. Entering connects arm and camera.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        world: World,
+        seed: int,
+        *,
+        home_q_rad: Array = READY_RAD,
+        keep_out: tuple[KeepOut, ...] = (),
+        tool: Tool | None = None,
+        table: Table = LEVEL,
+    ) -> None:
+        """`home_q_rad` (7,) is where the arm stands whenever the object is placed; `keep_out`, `tool` (else the
+        hand with the task's tool) and where the table is taken to be go to `hw.limits`. Builds nothing yet.
+
+        Raises ValueError for a task without a scene, or another task's world.
+        """
+        if task.build_scene is None:
+            raise ValueError(f"{task.name} has no scene for an arm, so there is no lab for it")
+        if world.task != task.name:
+            raise ValueError(f"world {world.name} is of {world.task}, not of {task.name}")
+        self._task, self._world, self._seed = task, world, seed
+        self._X_BC = default_X_BC()
+        self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
+        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT, task.keep_clear), table)
+        self._camera = LabCamera(self._room, self._X_BC)
+        self._bench = LabBench(self._room)
+
+    def __enter__(self) -> Self:
+        self._arm.__enter__()
+        self._camera.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._camera.__exit__(*exc)
+        self._arm.__exit__(*exc)
+
+    @property
+    def arm(self) -> Arm:
+        return self._arm
+
+    @property
+    def camera(self) -> Camera:
+        return self._camera
+
+    @property
+    def bench(self) -> Bench:
+        return self._bench
+
+    @property
+    def title(self) -> str:
+        """What an operator calls it."""
+        return f"world {self._world.name}"
+
+    @property
+    def home_q_rad(self) -> Array:
+        """(7,) where paths from home begin."""
+        return self._room.home_q_rad
+
+    def nominal_calibration(self) -> NominalCalibration:
+        """What an operator starts from: the camera's pose with the world's error and an honest sigma."""
+        return nominal_calibration(self._X_BC, self._world.sensing, of_calibration(self._seed))
+
+    def picture(self) -> Frame:
+        """What the camera sees with the arm at home and the object where the task's reference context has it."""
+        with self:
+            self._bench.place(self._room.reference_xy_m, trial=1, attempt=0)
+            return self._camera.snapshot()
+
+    def truth(self) -> dict[str, Any]:
+        """All that is hidden, ready for JSON, for checking alone: `X_BC` (4, 4), parameters and effects, and of every
+        trial so far where the object was placed and how it moved (`X_BO` every 10 ms on the arm's clock).
+        """
+        task, world = self._task, self._world
+        return {
+            "task": task.name,
+            "world": world.name,
+            "description": world.description,
+            "seed": self._seed,
+            "parameters": dict(zip(task.parameters.names, world.parameters.tolist(), strict=True)),
+            "nuisance": dict(zip(task.nuisance.names, world.nuisance.tolist(), strict=True)),
+            "unmodelled": asdict(world.unmodelled),
+            "sensing": asdict(world.sensing),
+            "mount": asdict(world.mount),
+            "faults": asdict(world.faults),
+            "X_BC": self._X_BC.tolist(),
+            "joint_zeros_rad": self._room.zeros_rad.tolist(),
+            "X_FT": task.X_FT.tolist(),
+            "trials": [dict(trial) for trial in self._room.history],
+        }

@@ -1,0 +1,277 @@
+"""Worlds of the simulated lab: hidden parameters, unmodelled effects, sensing and faults, as TOML.
+
+A world file has the keys `task` and `description` and the tables `[params]` (every parameter of the
+task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]`, `[mount]` and `[faults]`. Only `[params]` is
+required; what else is left out is nominal.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+
+from hw.types import Array
+from sim.errors import OutOfRange, UnknownName, WorldError
+from sim.tasks.task import Task
+from sim.types import Dimension, Space
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """How the lab's camera, and the arm's sense of its own joints, deviate from perfect ones."""
+
+    depth_noise_scale: float = 1.0  # 1 = the Azure Kinect model
+    extrinsic_error_mm: float = 1.0
+    extrinsic_error_deg: float = 0.1
+    frame_drop: float = 0.0  # share of frames lost
+    camera: str = "kinect"  # or "small": a quarter of the resolution, for tests
+    encoder_noise_mrad: float = 0.0  # of every joint, new at every rest of a calibration, one standard deviation
+    joint_offset_mrad: float = 0.0  # of every joint's zero, root mean square; the same as long as the lab stands
+    clock_offset_ms: float = 0.0  # how late the camera's time stamps are on the arm's clock
+    board_scale: float = 1.0  # how large the calibration board was printed, over what its maker says
+
+
+@dataclass(frozen=True)
+class Mount:
+    """How far table and tool are from where the arm takes them to be; only a touch-off finds out."""
+
+    table_height_mm: float = 0.0  # of the table top over z = 0 of the arm's base frame, at the base
+    table_tilt_mrad: tuple[float, float] = (0.0, 0.0)  # rise along X and along Y
+    tool_height_mm: float = 0.0  # of the tool along its own Z
+    tool_roll_mrad: float = 0.0  # of the tool about its own X
+    grip_Nm_per_N: float = 1.0  # torque across the fingers that the grip holds per newton of grasp force; 1: any
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Faults by trial number (from 1)."""
+
+    camera_timeout: tuple[int, ...] = ()
+    arm_reflex: tuple[int, ...] = ()
+    pedal_release: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """One lab to adapt to. Learning and tracking never read it."""
+
+    name: str
+    task: str
+    description: str
+    parameters: Array  # (p,) true values, in units
+    nuisance: Array  # (n,)
+    unmodelled: Any  # an instance of the task's `unmodelled`
+    sensing: Sensing
+    faults: Faults
+    mount: Mount = Mount()
+
+
+def list_worlds(task: Task) -> tuple[str, ...]:
+    """Names of the worlds that ship with `task`, sorted."""
+    folder = _folder(task)
+    if not folder.is_dir():
+        return ()
+    return tuple(sorted(Path(f.name).stem for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def load_world(name_or_path: str, task: Task) -> World:
+    """The shipped world of that name, or the file at that path (anything with a `/` or ending in `.toml`).
+
+    Raises UnknownName when there is none, WorldError when the file is malformed or for another task.
+    """
+    if name_or_path.endswith(".toml") or "/" in name_or_path:
+        path = Path(name_or_path).expanduser()
+        if not path.is_file():
+            raise UnknownName(f"there is no world file {path}")
+        return _parse(path.read_bytes(), path.stem, str(path), task)
+    known = list_worlds(task)
+    if name_or_path not in known:
+        raise UnknownName(
+            f"no world {name_or_path!r} for {task.name}; there are {', '.join(known) or 'none'}; "
+            f"a file of your own is named by its path, ending in .toml"
+        )
+    name = f"{name_or_path}.toml"
+    return _parse((_folder(task) / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
+
+
+def _folder(task: Task) -> Any:
+    return resources.files("sim") / "worlds" / task.name
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+_Tilt = Annotated[float, Field(ge=-50, le=50)]
+
+
+class _Sensing(_Strict):
+    depth_noise_scale: float = Field(1.0, ge=0, le=20)
+    extrinsic_error_mm: float = Field(1.0, ge=0, le=100)
+    extrinsic_error_deg: float = Field(0.1, ge=0, le=10)
+    frame_drop: float = Field(0.0, ge=0, le=0.9)
+    camera: Literal["kinect", "small"] = "kinect"
+    encoder_noise_mrad: float = Field(0.0, ge=0, le=10)
+    joint_offset_mrad: float = Field(0.0, ge=0, le=50)
+    clock_offset_ms: float = Field(0.0, ge=-500, le=500)
+    board_scale: float = Field(1.0, ge=0.5, le=2)
+
+
+class _Mount(_Strict):
+    table_height_mm: float = Field(0.0, ge=-50, le=50)
+    table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)
+    tool_height_mm: float = Field(0.0, ge=-30, le=30)
+    tool_roll_mrad: float = Field(0.0, ge=-100, le=100)
+    grip_Nm_per_N: float = Field(1.0, gt=0, le=1)
+
+
+class _Faults(_Strict):
+    camera_timeout: tuple[int, ...] = ()
+    arm_reflex: tuple[int, ...] = ()
+    pedal_release: tuple[int, ...] = ()
+
+
+class _File(_Strict):
+    task: str
+    description: str = ""
+    params: dict[str, Any]
+    nuisance: dict[str, Any] = {}
+    unmodelled: dict[str, Any] = {}
+    sensing: dict[str, Any] = {}
+    mount: dict[str, Any] = {}
+    faults: dict[str, Any] = {}
+
+
+def _parse(data: bytes, name: str, source: str, task: Task) -> World:
+    try:
+        raw = tomllib.loads(data.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WorldError(f"{source} is not TOML: {error}") from error
+    file = _check(_File, raw, source, "")
+    if file.task != task.name:
+        raise WorldError(f"{source} is a world of {file.task!r}, not of {task.name!r}; name a world of this task")
+    return World(
+        name=name,
+        task=task.name,
+        description=file.description,
+        parameters=_parameters(file.params, task, source),
+        nuisance=_vector(file.nuisance, task.nuisance, source, "nuisance", required=False),
+        unmodelled=_unmodelled(file.unmodelled, task.unmodelled, source),
+        sensing=Sensing(**_check(_Sensing, file.sensing, source, "sensing").model_dump()),
+        faults=_faults(file.faults, source),
+        mount=Mount(**_check(_Mount, file.mount, source, "mount").model_dump()),
+    )
+
+
+def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str) -> _Model:
+    try:
+        return model.model_validate({key: _tuples(value) for key, value in raw.items()})
+    except ValidationError as error:
+        raise WorldError(f"{source}: {_message(error, table, tuple(model.model_fields))}") from error
+
+
+def _tuples(value: Any) -> Any:
+    """TOML arrays as tuples, which is what frozen values hold."""
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def _message(error: ValidationError, table: str, known: tuple[str, ...]) -> str:
+    first = min(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+    where = f"[{table}]" if table else "the top level"
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(key, known, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        return f"unknown key {key!r} in {where}{hint}; known are {', '.join(known) or 'none'}"
+    if first["type"] == "missing" and key not in known:
+        return f"{key!r} in {where} is missing: the list is too short"
+    if first["type"] == "missing":
+        return f"{where} lacks the key {key!r}; it needs {', '.join(known)}"
+    return f"{key!r} in {where} is {first['input']!r}: {first['msg'].lower()}"
+
+
+def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
+    values = _vector(raw, task.parameters, source, "params", required=True)
+    for dimension, value in zip(task.margin.dimensions, values, strict=True):
+        if dimension.scale == "integer" and not dimension.low <= value <= dimension.high:
+            kinds = f"{dimension.low:g} to {dimension.high:g}"
+            raise WorldError(f"{source}: {dimension.name} = {value:g} in [params] names no kind; there are {kinds}")
+    return values
+
+
+def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
+    """Values of `space` from a table; those left out of an optional table stand in the middle of their range."""
+    types: dict[str, Any] = {
+        d.name: (int if d.scale == "integer" else float, ... if required else _middle(d)) for d in space.dimensions
+    }
+    model = _check(create_model(table, __base__=_Strict, **types), raw, source, table)
+    values = [getattr(model, d.name) for d in space.dimensions]
+    for dimension, value in zip(space.dimensions, values, strict=True):
+        _possible(dimension, float(value), source, table)
+    array = np.array(values, dtype=np.float64)
+    array.flags.writeable = False
+    return array
+
+
+def _middle(dimension: Dimension) -> float:
+    return float(Space((dimension,)).denormalise(np.array([0.5]))[0])
+
+
+_SAME_QUANTITY = {
+    "m": {"cm": 1e-2, "mm": 1e-3},
+    "cm": {"m": 1e2, "mm": 1e-1},
+    "mm": {"m": 1e3, "cm": 1e1},
+    "rad": {"degrees": np.pi / 180},
+    "kg": {"g": 1e-3},
+    "g": {"kg": 1e3},
+    "Pa": {"kPa": 1e3, "MPa": 1e6},
+}
+"""How many of the expected unit one of another unit is."""
+
+
+def _possible(dimension: Dimension, value: float, source: str, table: str) -> None:
+    """Refuse what cannot exist, and what looks like another unit. Outside of the range is allowed."""
+    what = f"{source}: {dimension.label} = {value:g} in [{table}]"
+    usual = f"its range is {dimension.low:g} to {dimension.high:g}" + (f" {dimension.unit}" if dimension.unit else "")
+    low, high = dimension.low, dimension.high
+    reach = 20.0 if dimension.scale == "log" else 4.0
+    far = value > high * reach or value < (low / reach if low > 0 else low * reach)
+    if far:
+        for unit, factor in _SAME_QUANTITY.get(dimension.unit, {}).items():
+            if low <= value * factor <= high:
+                raise WorldError(f"{what} looks like {unit}, but the unit is {dimension.unit}; {usual}")
+    if (low > 0 and value <= 0) or (low >= 0 and value < 0):
+        raise WorldError(f"{what} is not physically possible: it must be {'positive' if low > 0 else '0 or more'}")
+
+
+def _unmodelled(raw: Mapping[str, Any], kind: type[Any], source: str) -> Any:
+    hints = get_type_hints(kind)
+    types: dict[str, Any] = {}
+    for field in fields(kind):
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        types[field.name] = (hints[field.name], ... if default is MISSING else default)
+    model = _check(create_model("unmodelled", __base__=_Strict, **types), raw, source, "unmodelled")
+    try:
+        return kind(**{field.name: getattr(model, field.name) for field in fields(kind)})
+    except (ValueError, OutOfRange) as error:
+        raise WorldError(f"{source}: [unmodelled] {error}") from error
+
+
+def _faults(raw: Mapping[str, Any], source: str) -> Faults:
+    faults = Faults(**_check(_Faults, raw, source, "faults").model_dump())
+    for field in fields(Faults):
+        early = [n for n in getattr(faults, field.name) if n < 1]
+        if early:
+            raise WorldError(f"{source}: {field.name!r} in [faults] names trial {early[0]}; trials count from 1")
+    return faults

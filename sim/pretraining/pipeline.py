@@ -1,0 +1,319 @@
+"""Phase 1: dataset, emulator, adaptation policies, evaluation, checkpoint. Each stage resumes after a kill.
+
+A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
+
+The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/`
+(those of the episodes and of the evaluation, never simulated twice), `policy.safetensors` and the
+`episodes.safetensors` that it went through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from
+the same episodes), `prospects.safetensors` (what E are worth wherever the truth may lie), the report of each stage,
+`timings.toml` (wall time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.method import Method
+from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.methods.random_search import RandomSearch
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
+from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
+from sim.adaptation.q_network import QNetwork
+from sim.errors import DatasetError
+from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.pretraining.logs import Log, tensorboard
+from sim.pretraining.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
+from sim.pretraining.timing import Stopwatch
+from sim.rollouts.cache import CachedRollouts
+from sim.rollouts.dataset import Denser, build_dataset
+from sim.rollouts.run import run_many
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
+from sim.solvers.naf.memory import NafMemory
+from sim.solvers.naf.solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
+from sim.solvers.solver import Solver
+from sim.storage.files import read_toml, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.task import Task
+
+StageProgress = Callable[[str, int, int], None]
+"""(stage, done, total)"""
+
+FURTHER: tuple[MemoryName, ...] = ("history", "state")
+"""Adaptation policies that learn from the episodes of the paper's."""
+
+NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
+BELIEF, RANDOM = "adaptsim-belief", "random"
+"""What the evaluation compares, by the names of `sim.adaptation.methods.METHODS`."""
+COMPARED = len(NETWORKS) + 2
+
+STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "prospects", "evaluation", "checkpoint")
+EXACT = "dataset and emulator: not needed, this task is solved exactly"
+"""Stands in for the first two stages."""
+
+
+@dataclass(frozen=True)
+class PretrainBudget:
+    """How much of everything. The defaults are the full strength; `small` is for a first look."""
+
+    rollouts: int = 16_384  # of the dataset, evenly over the space
+    denser: int = 8_192  # and where the outcome is uncertain
+    naf_scale: float = 1.0  # of the paper's rollout budgets, with the solver naf
+    further_updates: int = 20_000  # gradient steps of the policies that learn from the episodes of the first
+    emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
+    meta: MetaSettings = field(default_factory=MetaSettings)
+    prospects: ProspectSettings = field(default_factory=ProspectSettings)
+    evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
+
+    @classmethod
+    def small(cls) -> PretrainBudget:
+        """For a first look: about 13,000 rollouts, ten minutes on two cores where one takes 0.1 s."""
+        return cls(
+            rollouts=4096,
+            denser=2048,
+            further_updates=4000,
+            meta=MetaSettings(steps=1536, updates=4),
+            evaluation=EvaluationSettings(targets=12),
+        )
+
+    def on_targets(self, kind: Targets) -> PretrainBudget:
+        """The same, trained and judged on this kind of targets."""
+        return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
+
+    def uncached(self, task: Task) -> int:
+        """Rollouts of training and evaluation that nothing counts; of the evaluation at most, since policies recur."""
+        trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
+        rounds = self.meta.rounds(horizon)
+        session = self.evaluation.particles * self.evaluation.iterations * trials
+        judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
+        evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
+        return (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """What the adaptation policy is trained and judged with."""
+
+    solver: Solver
+    emulator: Emulator | None  # to be stored in the checkpoint
+    roll: Roll
+    simulated: Callable[[], int]  # how many rollouts there have been
+    facts: dict[str, Any]  # for the card
+
+
+def pretrain(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seed: int,
+    executor: Executor,
+    progress: StageProgress,
+    solver: str = "emulator",
+) -> Path:
+    """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
+
+    Raises DatasetError when the folder holds another plan. Stop it at any time; the same call goes on.
+    """
+    _agree_on_plan(task, folder, budget, seed, solver)
+    draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
+    if task.exact:
+        progress(EXACT, 1, 1)
+        means = _exact(task.exact(task), budget, executor)
+    elif solver == "naf":
+        progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
+        means = _by_naf(task, folder, budget, draws[0], executor)
+    else:
+        means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
+    with tensorboard(folder / "logs") as log:
+        networks = _policies(folder, means, budget, draws[2], progress, log)
+    ahead = _prospects(folder, means, budget.prospects, draws[2], progress)
+    results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress)
+    path = folder / "checkpoint"
+    if not (path / CARD).exists():
+        facts = {
+            "seed": seed,
+            "simulations": means.simulated(),
+            "policy": stored(folder / "policy.toml"),
+            "evaluation": results,
+            "method": best_method(results),
+        }
+        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
+    progress(STAGES[6], 1, 1)
+    return path
+
+
+def stage_seeds(seed: int) -> tuple[int, ...]:
+    """Seeds of dataset, emulator, adaptation policies and evaluation."""
+    return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
+
+
+def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
+    facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
+    roll = partial(run_many, solver.task, executor=executor)
+    return _Means(solver, None, roll, partial(budget.uncached, solver.task), facts)
+
+
+def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
+    """The paper's solver, on true rollouts alone."""
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    solver = NafSolver(task, roll, rules_of(task, budget.naf_scale), NafMemory(task))
+    path = folder / "naf.toml"
+    if not path.exists():
+        write_toml(path, {"misfit_limit": measure_misfit_limit(solver, np.random.default_rng(seed))})
+    limit = float(stored(path)["misfit_limit"])
+    facts = {"budget": asdict(budget), **naf_facts(solver, limit)}
+    return _Means(replace(solver, limit=limit), None, roll, roll.count, facts)
+
+
+def _learnt(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seeds: tuple[int, int],
+    executor: Executor,
+    progress: StageProgress,
+) -> _Means:
+    dataset = build_dataset(
+        task,
+        folder / "dataset",
+        budget.rollouts,
+        seeds[0],
+        executor,
+        lambda i, n: progress(STAGES[0], i, n),
+        Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
+    )
+    path, report = folder / "emulator.safetensors", folder / "emulator.toml"
+    if not (path.exists() and report.exists()):
+        emulator, held_out = train_emulator(
+            task, dataset, seeds[1], budget.emulator, lambda i, n: progress(STAGES[1], i, n)
+        )
+        save_tensors(path, emulator.tensors)
+        write_toml(report, asdict(held_out))
+    progress(STAGES[1], 1, 1)
+    emulator = Emulator(task, load_tensors(path))
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": stored(report)}
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    return _Means(EmulatorSolver(emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
+
+
+def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
+    drawn = {"seed": seed, "solver": solver, "budget": asdict(budget)}
+    plan = {"task": task.name, "fingerprint": fingerprint(task), **drawn}
+    path = folder / "plan.toml"
+    if not path.exists():
+        write_toml(path, plan)
+        return
+    before = stored(path)
+    different = [key for key, value in plan.items() if before.get(key) != value]
+    if different:
+        raise DatasetError(
+            f"{folder} was begun with another {', '.join(different)}: use a new folder, or the settings in {path}"
+        )
+
+
+def stored(path: Path) -> dict[str, Any]:
+    """A TOML file of the folder. Raises DatasetError."""
+    try:
+        return read_toml(path)
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path} cannot be read ({error}): remove it, or begin in a new folder") from error
+
+
+def _policies(
+    folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress, log: Log
+) -> dict[MemoryName, QNetwork]:
+    """The paper's adaptation policy, and `FURTHER` ones, learnt from the same episodes."""
+    task = means.solver.task
+    online = folder / "policy.safetensors"
+    further: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in FURTHER}
+    episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
+    if not all(path.exists() for path in (online, episodes, report)):
+        network, curve, seen = train_adaptation(
+            afresh(means.solver), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
+        )
+        save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
+        save_tensors(online, network.state_dict())
+        write_toml(report, _summary(curve))
+    for memory, path in further.items():
+        if not path.exists():
+            seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
+            network = learn_from(
+                task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[3], i, n)
+            )
+            save_tensors(path, network.state_dict())
+    for stage in STAGES[2:4]:
+        progress(stage, 1, 1)
+    files: dict[MemoryName, Path] = {"iteration": online, **further}
+    return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
+
+
+def _prospects(
+    folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
+) -> Prospects | None:
+    """None with NAF: without an emulator they would cost a simulation each."""
+    if isinstance(means.solver, NafSolver):
+        return None
+    path = folder / "prospects.safetensors"
+    if not path.exists():
+        ahead = look_ahead(means.solver, seed, settings, lambda i, n: progress(STAGES[4], i, n))
+        save_tensors(path, ahead.tensors)
+    progress(STAGES[4], 1, 1)
+    return restore_prospects(means.solver.task, load_tensors(path))
+
+
+def _evaluation(
+    folder: Path,
+    means: _Means,
+    networks: Mapping[MemoryName, QNetwork],
+    ahead: Prospects | None,
+    budget: PretrainBudget,
+    seed: int,
+    progress: StageProgress,
+) -> dict[str, Any]:
+    path, task = folder / "evaluation.toml", means.solver.task
+    if not path.exists():
+        methods: dict[str, Method] = {
+            name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items()
+        }
+        methods[RANDOM] = RandomSearch(task)
+        if ahead is not None:
+            methods[BELIEF] = Belief(means.solver, ahead)
+        results = evaluate(
+            afresh(means.solver), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[5], i, n)
+        )
+        write_toml(path, asdict(results))
+    progress(STAGES[5], 1, 1)
+    return stored(path)
+
+
+def best_method(evaluation: Mapping[str, Any]) -> str:
+    """The AdaptSim that earned most at the end of the sessions of the evaluation; of equals, the first."""
+    scores = [score for score in evaluation["methods"] if score["name"] != RANDOM]
+    last: dict[str, float] = {score["name"]: float(score["reward"][-1]) for score in scores}
+    return max(last, key=lambda name: last[name])
+
+
+def _summary(curve: MetaCurve) -> dict[str, Any]:
+    quarter = max(1, len(curve.reward) // 4)
+    return {
+        "first_quarter_reward": float(curve.reward[:quarter].mean()),
+        "last_quarter_reward": float(curve.reward[-quarter:].mean()),
+        "reward": curve.reward.tolist(),
+        "epsilon": curve.epsilon.tolist(),
+        "loss": curve.loss.tolist(),
+    }

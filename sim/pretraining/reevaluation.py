@@ -1,0 +1,214 @@
+"""Does what a checkpoint's card says still hold? A few fresh rollouts against the held-out figures of pretraining.
+
+The draws are new, so nothing is compared digit by digit: a figure holds unless it is worse than the card's by more than
+`SIGMAS` standard errors of the two together. What is asked is the simulator, the emulator and the policies of this
+machine and version.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import several
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.evaluation import EvaluationSettings, run_session
+from sim.pretraining.meta_training import sample_targets
+from sim.rollouts.dataset import draw_requests
+from sim.rollouts.run import Requests, Rollouts, concatenate
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import held_out_errors
+from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import Task
+
+SIGMAS = 3.0
+"""One figure in 700 is called worse by chance."""
+
+ROUNDING = 1e-3
+"""What another processor may change: never an offence."""
+
+PER_TARGET = 2
+"""Rollouts of a policy in one target, where they cost something: many targets tell more than many rollouts."""
+
+EXACT_TARGETS = 64
+"""Targets where rollouts cost nothing."""
+
+AT_ONCE = 16
+"""Rollouts between two reports of progress."""
+
+Progress = Callable[[int, int], None]
+Better = Literal["more", "less", "neither"]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of the card beside what was found now."""
+
+    name: str
+    card: float
+    found: float
+    tolerance: float  # by which it may be worse
+    better: Better
+
+    @property
+    def holds(self) -> bool:
+        gap = self.found - self.card
+        worse = {"more": -gap, "less": gap, "neither": abs(gap)}[self.better]
+        return bool(worse <= self.tolerance)
+
+
+def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
+    """Those figures of the card that about `rollouts` true rollouts can tell; where they cost nothing, all of them.
+
+    Empty where the checkpoint holds neither an emulator nor exact policies: then there is nothing to ask before a
+    session trains its policies.
+    """
+    solver, rng = checkpoint.solver, np.random.default_rng(seed)
+    task, card = solver.task, checkpoint.card
+    if task.exact is not None:
+        return _sessions(checkpoint, roll, rng, progress)
+    if not isinstance(solver, EmulatorSolver):
+        return []
+    counted = _Counted(roll, rollouts, progress)
+    draws = max(AT_ONCE, 2 * rollouts // 3)
+    targets = max(4, (rollouts - draws) // (2 * PER_TARGET))
+    return [
+        *_emulator(solver.emulator, card.get("emulator", {}), counted, draws, rng),
+        *_policies(solver, card, counted, targets, rng),
+    ]
+
+
+@dataclass(eq=False)
+class _Counted:
+    """True rollouts that tell how far they are."""
+
+    roll: Roll
+    total: int
+    progress: Progress
+    done: int = 0
+
+    def __call__(self, requests: Requests) -> Rollouts:
+        parts = []
+        for start in range(0, len(requests), AT_ONCE):
+            parts.append(self.roll(requests[start : start + AT_ONCE]))
+            self.done += len(parts[-1])
+            self.progress(min(self.done, self.total), self.total)
+        return concatenate(parts)
+
+
+def _emulator(
+    emulator: Emulator, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
+) -> list[Figure]:
+    """Held-out errors of the emulator on `count` draws over the margin, as its report has them."""
+    requests = draw_requests(emulator.task, count, rng)
+    errors = held_out_errors(emulator, requests, roll(requests))
+    figures: dict[str, tuple[Better, Callable[[Array], float]]] = {
+        "accuracy": ("more", _mean),
+        "brier": ("less", _mean),
+        "position_error_median": ("less", _median),
+        "end_state_error_median": ("less", _median),
+    }
+    held_out = int(card.get("held_out", 0))
+    return [
+        _figure(
+            f"emulator: {name.replace('_', ' ')}", float(card[name]), held_out, errors[name], better, statistic, rng
+        )
+        for name, (better, statistic) in figures.items()
+        if math.isfinite(card.get(name, math.nan)) and held_out and len(errors[name]) > 1
+    ]
+
+
+def _policies(
+    solver: EmulatorSolver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
+) -> list[Figure]:
+    """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
+    task, stored = solver.task, card.get("evaluation", {})
+    targets = sample_targets(task, _settings(card).kind, count, rng)
+    udr = several(solver, rng)
+    own = solver.policies(task.parameters.sample(rng, count)[:, None], rng)
+    earned, bias = np.zeros((count, 2)), np.zeros((count, 2))
+    for i, target in enumerate(targets):
+        for j, policy in enumerate((udr[i % len(udr)], own[i])):
+            contexts = task.context.sample(rng, PER_TARGET)
+            where = np.tile(target, (PER_TARGET, 1))
+            asked = trial_requests(task, where, contexts, policy.actions(contexts), rng)
+            rewards = roll(asked).rewards(task, contexts)
+            said = solver.trial_rewards(asked.parameters, contexts, asked.action, asked.nuisance)
+            earned[i, j], bias[i, j] = rewards.mean(), (said - rewards).mean()
+    samples: dict[str, tuple[str, Array, Better]] = {
+        "udr": ("mean reward of the policy for all ranges", earned[:, 0], "more"),
+        "emulator_bias": ("reward that the emulator adds", bias.mean(axis=1), "neither"),
+    }
+    behind = int(stored.get("targets", 0))
+    return [
+        _figure(label, float(stored[name]), behind, values, better, _mean, rng)
+        for name, (label, values, better) in samples.items()
+        if name in stored and behind
+    ]
+
+
+def _sessions(checkpoint: Checkpoint, roll: Roll, rng: np.random.Generator, progress: Progress) -> list[Figure]:
+    """Whole sessions in fresh targets, for a task whose rollouts cost next to nothing."""
+    solver, card = checkpoint.solver, checkpoint.card
+    task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
+    method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
+    earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
+    for i, target in enumerate(sample_targets(task, settings.kind, EXACT_TARGETS, rng)):
+        session = run_session(solver, method, target, roll, settings, rng)
+        earned["adaptsim"].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
+        earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
+        progress(i + 1, EXACT_TARGETS)
+    behind = int(stored.get("targets", 0))
+    last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}
+    said = {"adaptsim": last.get(checkpoint.method), "udr": stored.get("udr")}
+    return [
+        _figure(f"mean reward of {name}", float(said[name]), behind, np.array(values), "more", _mean, rng)
+        for name, values in earned.items()
+        if said[name] is not None and behind
+    ]
+
+
+def _earned(task: Task, policy: SolvedPolicy, target: Array, roll: Roll, rng: np.random.Generator) -> float:
+    contexts = task.context.sample(rng, 1)
+    return float(
+        roll(trial_requests(task, target[None], contexts, policy.actions(contexts), rng)).rewards(task, contexts)[0]
+    )
+
+
+def _settings(card: Mapping[str, Any]) -> EvaluationSettings:
+    """The sessions that the card speaks of."""
+    planned = card.get("budget", {}).get("evaluation", {})
+    known = {name: planned[name] for name in ("kind", "particles", "iterations") if name in planned}
+    return EvaluationSettings(**known)
+
+
+def _figure(
+    name: str,
+    card: float,
+    behind: int,
+    values: Array,
+    better: Better,
+    statistic: Callable[[Array], float],
+    rng: np.random.Generator,
+) -> Figure:
+    """`behind`: how many values the card's figure rests on; their spread is taken to be that of `values` (n,)."""
+    drawn = values[rng.integers(len(values), size=(1000, len(values)))]
+    error = float(np.std([statistic(row) for row in drawn]))
+    both = error * float(np.sqrt(1.0 + len(values) / behind))
+    return Figure(name, card, statistic(values), max(ROUNDING, SIGMAS * both), better)
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean())
+
+
+def _median(values: Array) -> float:
+    return float(np.median(values))

@@ -1,0 +1,50 @@
+"""How long the stages of a pretraining took, one that was killed and went on included."""
+
+from __future__ import annotations
+
+import time
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+from sim.errors import DatasetError
+from sim.storage.files import read_toml, write_toml
+
+TIMINGS = "timings.toml"
+
+EVERY_S = 5.0
+"""Between two writings of the file: the most that a kill can lose."""
+
+
+class Stopwatch:
+    """Final. Progress of stages, passed on; the time since the call before counts for the stage that is reported."""
+
+    def __init__(
+        self,
+        folder: Path,
+        passed_on: Callable[[str, int, int], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._path, self._passed_on, self._clock = folder / TIMINGS, passed_on, clock
+        self._seconds = wall_times_s(folder)
+        self._last = self._stored = clock()
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        now = self._clock()
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._last
+        self._last = now
+        if done >= total or now - self._stored >= EVERY_S:
+            write_toml(self._path, {"seconds": self._seconds})
+            self._stored = now
+        self._passed_on(stage, done, total)
+
+
+def wall_times_s(folder: Path) -> dict[str, float]:
+    """Seconds by the name of the stage; empty where nothing was measured. Raises DatasetError on a damaged file."""
+    path = folder / TIMINGS
+    if not path.exists():
+        return {}
+    try:
+        return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, AttributeError, ValueError) as error:
+        raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error

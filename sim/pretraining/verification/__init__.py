@@ -1,0 +1,1 @@
+"""What a finished pretraining is worth, from its folder and true rollouts."""

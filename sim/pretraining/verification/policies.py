@@ -1,0 +1,130 @@
+"""Task policies from the emulator against policies found by true rollouts alone, both run in the simulator.
+
+Both kinds are made for the same environments E in Omega and run in the same targets E_s, on the same contexts, action
+errors and nuisance. The same rewards tell how well the emulator orders the policies of all E in one target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from hw.types import Array
+from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
+from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+CONTEXTS = 16
+"""Contexts, and draws at each, behind a reward that the emulator expects."""
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """How many environments, and how finely. The defaults take some 1,700 rollouts."""
+
+    environments: int = 13
+    targets: int = 4  # the first of the environments: with each E that makes 52 pairs
+    actions: int = 48  # tried in each environment by the policies that true rollouts make
+    rollouts: int = 10  # of each policy in each target
+
+    @property
+    def simulations(self) -> int:
+        return self.environments * (self.actions + 2 * self.targets * self.rollouts)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """What n policies of each kind earned in t targets, in r rollouts each: true rewards."""
+
+    emulated: Array  # (n, t, r) of the policies from the emulator
+    drake: Array  # (n, t, r) of those from true rollouts
+    expected: Array  # (n, t) what the emulator expects of its policies
+    regret: Estimate  # drake - emulated, all pairs, bootstrap over E
+    own_regret: Estimate  # the same where a policy runs in the parameters that it was made for
+    ranks: RankCorrelation
+    actions: int  # rollouts that made each policy of `drake`
+
+    @property
+    def count(self) -> int:
+        return int(self.expected.size)
+
+
+def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np.random.Generator) -> Pairs:
+    """Make both kinds of policies, run them in every target."""
+    task, n = solver.task, settings.environments
+    environments = spread(task.parameters, sobol(n, len(task.parameters), rng))
+    learnt = solver.policies(environments[:, None, :], rng)
+    searched = search_policies(task, environments, roll, settings.actions, rng)
+    shared = task.context.sample(rng, CONTEXTS)
+    planned = np.stack([policy.actions(shared) for policy in learnt])
+    earned, expected = [], []
+    for target in environments[: settings.targets]:
+        contexts, seed = task.context.sample(rng, settings.rollouts), int(rng.integers(2**31))
+        actions = [policy.actions(contexts) for policy in learnt] + [policy.actions(contexts) for policy in searched]
+        requests = [_at(task, target, contexts, a, np.random.default_rng(seed)) for a in actions]
+        rewards = roll(reduce(Requests.followed_by, requests)).rewards(task, np.tile(contexts, (len(actions), 1)))
+        earned.append(rewards.reshape(2, n, -1))
+        expected.append(solver.expected_rewards(np.tile(target, (n, 1)), shared, planned, rng))
+    emulated, drake = np.stack(earned, axis=2)  # (2, n, t, r)
+    difference = (drake - emulated).mean(axis=2)  # (n, t)
+    return Pairs(
+        emulated=emulated,
+        drake=drake,
+        expected=np.stack(expected, axis=1),
+        regret=clustered(difference.mean(axis=1), rng),
+        own_regret=clustered(np.diag(difference), rng),
+        ranks=rank_correlation(np.stack(expected, axis=1), emulated, rng),
+        actions=settings.actions,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedPolicy:
+    """The best of a fixed set of actions by true rollouts in one environment, smoothed over neighbouring actions."""
+
+    task: Task
+    tried: Array  # (A, a) in units
+    rollouts: Rollouts  # of each, at the reference context
+    weights: Array  # (A, A) of neighbours; rows sum to 1
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a). Contexts differ by `Task.relocate` alone, so every rollout is scored at each of them."""
+        rewards = [self.rollouts.rewards(self.task, np.tile(c, (len(self.tried), 1))) for c in contexts]
+        return np.asarray(self.tried[np.argmax(np.stack(rewards) @ self.weights.T, axis=1)])
+
+
+def search_policies(
+    task: Task, environments: Array, roll: Roll, actions: int, rng: np.random.Generator
+) -> tuple[SearchedPolicy, ...]:
+    """One policy an environment (n, p), from one rollout of each of `actions` Sobol points of the action space.
+
+    Action errors and nuisance are the same in all environments. A reward is averaged over the neighbours closer than
+    about the spacing of the points, which stands for the chance that a single rollout leaves in.
+    """
+    a = len(task.action)
+    unit = sobol(actions, a, rng)
+    tried = spread(task.action, unit)
+    seed, reference = int(rng.integers(2**31)), np.asarray(task.reference_context, dtype=np.float64)
+    contexts = np.tile(reference, (actions, 1))
+    requests = [_at(task, e, contexts, tried, np.random.default_rng(seed)) for e in environments]
+    results = roll(reduce(Requests.followed_by, requests))
+    squared = ((unit[:, None] - unit) ** 2).sum(axis=-1)
+    weights = np.exp(-squared / (2.0 * (0.5 * actions ** (-1.0 / a)) ** 2))
+    weights /= weights.sum(axis=1, keepdims=True)
+    return tuple(
+        SearchedPolicy(task, tried, _part(results, slice(i * actions, (i + 1) * actions)), weights)
+        for i in range(len(environments))
+    )
+
+
+def _at(task: Task, target: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
+    return trial_requests(task, np.tile(target, (len(actions), 1)), contexts, actions, rng)
+
+
+def _part(results: Rollouts, rows: slice) -> Rollouts:
+    return Rollouts(results.observation[rows], results.end_state[rows], results.succeeded[rows], results.outcome[rows])

@@ -1,0 +1,229 @@
+"""What a finished pretraining is worth, from its folder and true rollouts: the numbers behind docs/phase1.md.
+
+The rollouts are kept in the folder's `proof/`, so that a second run, or one that goes on after a kill, repeats none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+import numpy as np
+
+from sim.adaptation.checkpoint import CARD, read_card
+from sim.adaptation.memory import MemoryName, restore_policy
+from sim.adaptation.q_network import QNetwork
+from sim.errors import DatasetError
+from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import STAGES, stage_seeds, stored
+from sim.pretraining.timing import wall_times_s
+from sim.pretraining.verification.emulator import HeldOut, held_out
+from sim.pretraining.verification.policies import Pairs, PairSettings, compare_policies
+from sim.pretraining.verification.replays import Replays, replay
+from sim.rollouts.cache import CachedRollouts
+from sim.rollouts.dataset import Dataset, load_dataset
+from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings
+from sim.solvers.solver import Solver
+from sim.storage.tensors import load_tensors
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.task import Task
+
+AT_ONCE = 128
+"""Rollouts that are simulated and stored together: the most that a kill can cost."""
+
+STREAM = 1000
+"""Of the seed of the pretraining: far from those of its stages."""
+
+PARTS = ("policies in pairs", "episodes replayed")
+
+Progress = Callable[[str, int, int], None]
+S = TypeVar("S", MetaSettings, EmulatorSettings)
+
+
+@dataclass(frozen=True)
+class VerificationSettings:
+    """How much is simulated: by default some 3,600 rollouts."""
+
+    pairs: PairSettings = field(default_factory=PairSettings)
+    episodes: int = 104  # of one particle each
+
+    def __post_init__(self) -> None:
+        if self.pairs.targets > self.pairs.environments:
+            raise ValueError(f"{self.pairs.targets} targets of {self.pairs.environments} environments")
+
+
+@dataclass(frozen=True)
+class StageCost:
+    """What a stage of the pretraining took."""
+
+    stage: str
+    simulations: int | None  # None: counted in a line for all stages
+    wall_s: float | None  # None: not measured
+
+
+@dataclass(frozen=True, eq=False)
+class Pretrained:
+    """A finished pretraining, read from its folder."""
+
+    task: Task
+    folder: Path
+    plan: Mapping[str, Any]
+    card: Mapping[str, Any]
+    curve: Mapping[str, Any]  # policy.toml: how the adaptation policy learnt
+    networks: Mapping[MemoryName, QNetwork]
+    episodes: Episodes
+    solver: Solver | None  # None where neither an emulator nor exact answers exist
+    emulator: Emulator | None
+    dataset: Dataset | None
+
+    @property
+    def evaluation(self) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = self.card["evaluation"]
+        return found
+
+    @property
+    def by_naf(self) -> bool:
+        """Its task policies are NAF's, from true rollouts alone."""
+        return bool(self.plan.get("solver") == "naf" and self.task.exact is None)
+
+    @property
+    def wide(self) -> bool:
+        """The targets of training lay beyond Omega too."""
+        return bool(self.plan["budget"]["meta"]["targets"] == "wide")
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Everything that the report shows."""
+
+    pretrained: Pretrained
+    held_out: HeldOut | None  # None without an emulator, as are the pairs
+    pairs: Pairs | None
+    replays: Replays | None
+    stages: tuple[StageCost, ...]
+    rollouts: int  # behind the report
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether the folder holds all that `load_pretrained` wants."""
+    return (folder / "checkpoint" / CARD).exists() and (folder / "episodes.safetensors").exists()
+
+
+def load_pretrained(task: Task, folder: Path) -> Pretrained:
+    """Raises DatasetError where the pretraining in `folder` is not finished, or of another task or other ranges."""
+    again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
+    if not is_finished(folder):
+        raise DatasetError(f"{folder} holds no finished pretraining: {again}")
+    plan, curve = stored(folder / "plan.toml"), stored(folder / "policy.toml")
+    if (plan["task"], plan["fingerprint"]) != (task.name, fingerprint(task)):
+        raise DatasetError(
+            f"the pretraining in {folder} is of {plan['task']} with ranges {plan['fingerprint']}, wanted {task.name} "
+            f"with {fingerprint(task)}: name the task, or the object's file, that it was made for"
+        )
+    emulator, dataset = None, None
+    if (folder / "emulator.safetensors").exists():
+        emulator = Emulator(task, load_tensors(folder / "emulator.safetensors"))
+        dataset = load_dataset(folder / "dataset", task)
+    solver: Solver | None = EmulatorSolver(emulator) if emulator else task.exact(task) if task.exact else None
+    files: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in get_args(MemoryName)}
+    files["iteration"] = folder / "policy.safetensors"
+    return Pretrained(
+        task=task,
+        folder=folder,
+        plan=plan,
+        card=read_card(folder / "checkpoint", task.name),
+        curve=curve,
+        networks={m: restore_policy(task, m, load_tensors(path)) for m, path in files.items() if path.exists()},
+        episodes=Episodes(**{n: t.numpy() for n, t in load_tensors(folder / "episodes.safetensors").items()}),
+        solver=solver,
+        emulator=emulator,
+        dataset=dataset,
+    )
+
+
+def verify(made: Pretrained, settings: VerificationSettings, executor: Executor, progress: Progress) -> Verification:
+    """Simulate what is missing and sum up. The same folder gives the same numbers."""
+    draws = np.random.SeedSequence(int(made.plan["seed"]), spawn_key=(STREAM,)).spawn(2)
+    rngs = [np.random.default_rng(s) for s in draws]
+    judged = _held_out(made)  # first, because it refuses what does not belong together
+    pairs = replays = None
+    counts = (settings.pairs.simulations, _replayed(made, settings))
+    rolls = [_roll(made, executor, partial(progress, part), n) for part, n in zip(PARTS, counts, strict=True)]
+    if made.emulator is not None and made.solver is not None:
+        pairs = compare_policies(made.solver, rolls[0], settings.pairs, rngs[0])
+    if made.solver is not None:
+        replays = replay(made.solver, made.emulator, made.networks, made.episodes, settings.episodes, rolls[1], rngs[1])
+    return Verification(
+        pretrained=made,
+        held_out=judged,
+        pairs=pairs,
+        replays=replays,
+        stages=stage_costs(made),
+        rollouts=(counts[0] if pairs else 0) + (counts[1] if replays else 0),
+    )
+
+
+def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
+    """Simulations and wall time of each stage."""
+    task, measured = made.task, wall_times_s(made.folder)
+    meta = _known(MetaSettings, made.plan["budget"]["meta"])
+    rounds = meta.rounds(task.adaptation.horizon)
+    episodes = (rounds + rounds // task.adaptation.horizon) * meta.parallel * task.adaptation.trials_per_iteration
+    drawn = len(made.dataset) if made.dataset is not None else 0
+    counted = int(made.card["simulations"])
+    evaluated = counted - drawn - episodes
+    simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, 0, max(0, evaluated), 0), strict=True))
+    if made.by_naf:  # which asks the simulator for every policy, in every stage
+        together = StageCost("all stages, NAF's own rollouts included", counted, None)
+        return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)
+    return tuple(
+        StageCost(stage, simulations[stage], measured.get(stage))
+        for stage in STAGES
+        if stage in measured or simulations[stage]
+    )
+
+
+def _held_out(made: Pretrained) -> HeldOut | None:
+    if made.emulator is None or made.dataset is None:
+        return None
+    seeds = stage_seeds(int(made.plan["seed"]))
+    settings = _known(EmulatorSettings, made.plan["budget"]["emulator"])
+    return held_out(made.emulator, made.dataset, seeds[1], settings, stored(made.folder / "emulator.toml"))
+
+
+def _replayed(made: Pretrained, settings: VerificationSettings) -> int:
+    targets, particles, visits = made.episodes.rewards.shape
+    wanted = min(targets, -(-settings.episodes // particles))
+    return int(wanted * particles * visits * made.task.adaptation.trials_per_iteration)
+
+
+def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], None], total: int) -> Roll:
+    """True rollouts that are kept in the folder, a part at a time, and tell how far they are."""
+    one: Roll = partial(run_many, made.task, executor=executor)
+    kept: Roll = one if made.task.exact else CachedRollouts(made.task, made.folder / "proof", executor)
+    done = 0
+
+    def roll(requests: Requests) -> Rollouts:
+        nonlocal done
+        parts = []
+        for start in range(0, len(requests), AT_ONCE):
+            parts.append(kept(requests[start : start + AT_ONCE]))
+            done += len(parts[-1])
+            progress(min(done, total), total)
+        return concatenate(parts)
+
+    return roll
+
+
+def _known(kind: type[S], planned: Mapping[str, Any]) -> S:
+    """Settings as they were planned, of those that this version has."""
+    names = {f.name for f in fields(kind)}
+    return kind(**{name: value for name, value in planned.items() if name in names})

@@ -1,0 +1,59 @@
+"""Rollouts in a file, with a digest that shows damage."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.errors import DatasetError
+from sim.rollouts.run import Requests, Rollouts
+from sim.storage.files import whole_file
+
+_REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
+_RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
+
+
+def columns_digest(columns: dict[str, Any]) -> str:
+    """Of named arrays, whatever their order."""
+    total = hashlib.sha256()
+    for name in sorted(columns):
+        total.update(name.encode() + np.ascontiguousarray(columns[name]).tobytes())
+    return total.hexdigest()
+
+
+def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
+    columns = {name: getattr(requests, name) for name in _REQUEST_FIELDS}
+    columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
+    digest = np.frombuffer(bytes.fromhex(columns_digest(columns)), dtype=np.uint8)
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, digest=digest, **columns)
+
+
+def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
+    """The results in a shard, or None where it is missing, damaged, or of other requests."""
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            columns = {name: file[name] for name in (*_REQUEST_FIELDS, *_RESULT_FIELDS)}
+            digest = file["digest"].tobytes().hex()
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    same = all(np.array_equal(columns[name], getattr(requests, name)) for name in _REQUEST_FIELDS)
+    if not same or digest != columns_digest(columns):
+        return None
+    return Rollouts(**{name: columns[name] for name in _RESULT_FIELDS})
+
+
+def stored_count(path: Path) -> int:
+    """How many rollouts a shard holds. Raises DatasetError where it is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return len(file["succeeded"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{path} is damaged ({error}): remove it, its rollouts are simulated again") from error

@@ -1,0 +1,1 @@
+"""Task policies and expectations: from the emulator, from NAF, or exact."""

@@ -1,0 +1,1 @@
+"""The solver that learns the simulator once and asks that."""

@@ -1,0 +1,156 @@
+"""The emulator: parameters, action and nuisance -> trajectory, outcome, and how sure it is.
+
+An ensemble of small networks, evaluated as one batched product, so that thousands of inputs take
+milliseconds. Each member carries a fixed random network beside the trained one (a randomised prior, Osband et
+al. 2018): where there are data the trained part cancels it, elsewhere the members disagree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, relu_
+
+from hw.types import Array
+from sim.errors import CheckpointError
+from sim.solvers.threads import one_thread
+from sim.tasks.task import Task
+from sim.types import Space
+
+ROWS = 16384
+"""Inputs evaluated at once: bounds the memory."""
+
+PRIOR_SCALE = 0.5
+"""Weight of the fixed random networks, in standard deviations of the outputs."""
+
+
+def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Tensor:
+    """(..., p), (..., a), (..., n) in units -> (..., f): each in about [-1, 1], whole numbers one-hot.
+
+    The leading shapes broadcast.
+    """
+    lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
+    columns = [_encode_space(task.margin, parameters), _encode_space(task.action, action)]
+    columns.append(_encode_space(task.nuisance, nuisance))
+    return torch.cat([torch.broadcast_to(c, (*lead, c.shape[-1])) for c in columns], dim=-1)
+
+
+def _encode_space(space: Space, value: Array) -> Tensor:
+    unit = 2.0 * space.normalise(value) - 1.0
+    columns: list[Array] = []
+    for i, d in enumerate(space.dimensions):
+        if d.scale == "integer":
+            # A triangle around each level: one-hot at whole numbers, in between for the mean of a distribution.
+            levels = np.arange(d.low, d.high + 1.0)
+            columns.append(np.clip(1.0 - np.abs(value[..., i, None] - levels), 0.0, 1.0))
+        else:
+            columns.append(unit[..., i, None])
+    stacked = np.concatenate(columns, axis=-1) if columns else np.zeros((*value.shape[:-1], 0))
+    return torch.from_numpy(stacked.astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What the emulator expects, at the task's reference context."""
+
+    observation: Array  # (N, size) normalised, without camera noise
+    observation_std: Array  # (N, size) disagreement of the members
+    success: Array  # (N,) probability
+    end_state: Array  # (N, k) if it succeeds
+
+
+class Emulator:
+    """Final: the networks of `sim.solvers.emulator.training`, ready to ask."""
+
+    def __init__(self, task: Task, tensors: Mapping[str, Tensor]) -> None:
+        """Raises CheckpointError when the tensors are not those of an emulator of this task."""
+        self.task = task
+        self._tensors = {name: tensors[name].detach().clone() for name in sorted(tensors)}
+        missing = {"depth", "y_mean", "y_std", "temperature", "residual_std", "misfit_limit", "w0"} - tensors.keys()
+        if missing:
+            raise CheckpointError(f"not an emulator: {', '.join(sorted(missing))} is missing; train it again")
+        features = encode(task, *(np.zeros((1, len(s))) for s in (task.margin, task.action, task.nuisance))).shape[-1]
+        if tensors["w0"].shape[1] != features:
+            raise CheckpointError(
+                f"an emulator of {tensors['w0'].shape[1]} inputs does not fit {task.name}, which has {features}"
+            )
+        self._depth = int(tensors["depth"])
+
+    @property
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything to be stored; `Emulator(task, tensors)` restores it."""
+        return dict(self._tensors)
+
+    @property
+    def members(self) -> int:
+        return int(self._tensors["w0"].shape[0])
+
+    @property
+    def residual_std(self) -> Array:
+        """(size,) robust spread of the held-out errors of the observation, normalised."""
+        return self._tensors["residual_std"].double().numpy()
+
+    @property
+    def misfit_limit(self) -> float:
+        """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.solvers.misfit`)."""
+        return float(self._tensors["misfit_limit"])
+
+    def predict(self, parameters: Array, action: Array, nuisance: Array) -> Prediction:
+        """(N, p), (N, a), (N, n) in units -> their prediction."""
+        size = self.task.observation.size
+        raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))
+        success = self._probability(raw[..., -1])
+        return Prediction(
+            observation=raw[..., :size].mean(axis=0),
+            observation_std=raw[..., :size].std(axis=0),
+            success=success.mean(axis=0),
+            end_state=raw[..., size:-1].mean(axis=0),
+        )
+
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """(..., p), (..., a), (..., n), broadcast -> success probability (M, ...) and end state (M, ..., k)."""
+        features = encode(self.task, parameters, action, nuisance)
+        lead = features.shape[:-1]
+        raw = self._forward(features.reshape(-1, features.shape[-1]), slice(self.task.observation.size, None))
+        raw = raw.reshape(self.members, *lead, raw.shape[-1])
+        return self._probability(raw[..., -1]), raw[..., :-1]
+
+    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
+        """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
+
+        `success` is 0 or 1, the standard deviation is 0.
+        """
+        size, n = self.task.observation.size, len(parameters)
+        member = rng.integers(self.members, size=n)
+        raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
+        observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
+        succeeded = rng.random(n) < self._probability(raw[:, -1])
+        return Prediction(observation, np.zeros_like(observation), succeeded.astype(np.float64), raw[:, size:-1])
+
+    def _probability(self, logit: Array) -> Array:
+        scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)
+        return np.asarray(1.0 / (1.0 + np.exp(-scaled)), dtype=np.float64)
+
+    def _forward(self, features: Tensor, outputs: slice) -> Array:
+        """(N, f) -> (M, N, outputs) in the units of the targets."""
+        scale, shift = self._tensors["y_std"][outputs], self._tensors["y_mean"][outputs]
+        with one_thread(), torch.no_grad():
+            parts = [
+                forward(self._tensors, self._depth, rows.expand(self.members, -1, -1), outputs) * scale + shift
+                for rows in torch.split(features, ROWS)
+            ]
+        return torch.cat(parts, dim=1).double().numpy()
+
+
+def forward(tensors: Mapping[str, Tensor], depth: int, x: Tensor, outputs: slice = slice(None)) -> Tensor:
+    """(M, N, f) -> (M, N, outputs), standardised: the trained networks and their fixed priors."""
+    return _network(tensors, "w", "b", depth, x, outputs) + PRIOR_SCALE * _network(tensors, "pw", "pb", 1, x, outputs)
+
+
+def _network(tensors: Mapping[str, Tensor], w: str, b: str, depth: int, x: Tensor, outputs: slice) -> Tensor:
+    for layer in range(depth):
+        x = relu_(torch.baddbmm(tensors[f"{b}{layer}"], x, tensors[f"{w}{layer}"]))
+    return torch.baddbmm(tensors[f"{b}{depth}"][..., outputs], x, tensors[f"{w}{depth}"][..., outputs])

@@ -1,0 +1,208 @@
+"""Task policies from the emulator: the solver of every task whose answers have to be learnt.
+
+For one distribution of parameters the reward of a fixed set of candidate actions is averaged over parameters,
+nuisance and the error of the executed action (common random numbers), taken pessimistically over the
+ensemble, and the winner refined. Physics is context-free up to `Task.relocate`, so the candidates are
+evaluated once for all contexts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.errors import NotExecutable
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.solver import Executable, SolverSettings
+from sim.tasks.task import Task
+
+APART = 0.1
+"""Distance, in fractions of the ranges, from which two actions are worth telling apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Draws that every action is judged on."""
+
+    parameters: Array  # (S, p) in units
+    nuisance: Array  # (S, n) in units
+    error: Array  # (S, a) added to the action
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Actions near a candidate with what the emulator expects of them."""
+
+    actions: Array  # (L + 1, a)
+    success: Array  # (M, L + 1, S)
+    end_state: Array  # (M, L + 1, S, k)
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorPolicy:
+    """Open loop: context -> action, for one distribution of parameters. Made by `train_many`."""
+
+    task: Task
+    emulator: Emulator
+    settings: SolverSettings
+    scenarios: Scenarios
+    candidates: Array  # (C, a) in units
+    success: Array  # (M, C, S) probability
+    end_state: Array  # (M, C, S, k)
+    local: Array  # (L, a) normalised offsets tried around the winner
+    executable: Executable | None = field(default=None)
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best candidates can be executed."""
+        return frozen_array(self.shortlist(context, 1)[0][0])
+
+    def shortlist(self, context: Array, n: int) -> tuple[Array, Array]:
+        """At most `n` good actions (n, a) that lie apart and can be executed, with their emulated rewards (n,).
+
+        The best comes first. Raises NotExecutable when none of the best candidates can be executed.
+        """
+        rewards = self._rewards(self.success, self.end_state, context)
+        near = self._around(int(np.argmax(self._lower(rewards))))
+        actions = np.concatenate([near.actions, self.candidates])
+        rewards = np.concatenate([self._rewards(near.success, near.end_state, context), rewards], axis=1)
+        unit, chosen, attempts = self.task.action.normalise(actions), list[int](), 0
+        for i in np.argsort(-self._lower(rewards), kind="stable"):
+            if len(chosen) == n or attempts == self.settings.attempts:
+                break
+            if chosen and np.linalg.norm(unit[chosen] - unit[i], axis=1).min() < APART:
+                continue
+            attempts += 1
+            if self.executable is None or self.executable(context, actions[i]):
+                chosen.append(int(i))
+        if not chosen:
+            raise NotExecutable(
+                f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
+                f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
+            )
+        return actions[chosen], rewards.mean(axis=0)[chosen]
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check: for training in simulation."""
+        known: dict[int, _Near] = {}  # what is near a winner does not depend on the context
+        chosen = []
+        for context in contexts:
+            best = int(np.argmax(self._lower(self._rewards(self.success, self.end_state, context))))
+            if best not in known:
+                known[best] = self._around(best)
+            near = known[best]
+            values = self._lower(self._rewards(near.success, near.end_state, context))
+            chosen.append(near.actions[int(np.argmax(values))])
+        return np.stack(chosen)
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of this policy at `context`, were its parameters true: mean, low, high.
+
+        Low and high are two standard deviations of the ensemble, within the rewards there are.
+        """
+        success, end_state = self._outcomes(self(context)[None])
+        rewards = self._rewards(success, end_state, context)[:, 0]
+        mean, std = float(rewards.mean()), float(rewards.std())
+        return mean, max(0.0, mean - 2.0 * std), min(1.0, mean + 2.0 * std)
+
+    def _around(self, best: int) -> _Near:
+        """A candidate and the points around it."""
+        space = self.task.action
+        local = space.denormalise(np.clip(space.normalise(self.candidates[best]) + self.local, 0.0, 1.0))
+        actions = np.concatenate([self.candidates[best][None], local])
+        return _Near(actions, *self._outcomes(actions))
+
+    def _outcomes(self, actions: Array) -> tuple[Array, Array]:
+        """(A, a) -> success (M, A, S), end state (M, A, S, k)."""
+        s = self.scenarios
+        return self.emulator.outcomes(s.parameters, actions[:, None, :] + s.error, s.nuisance)
+
+    def _rewards(self, success: Array, end_state: Array, context: Array) -> Array:
+        """(M, A, S), (M, A, S, k) -> (M, A) rewards, averaged over the scenarios."""
+        return np.asarray((success * self.task.reward_of_success(end_state, context)).mean(axis=-1))
+
+    def _lower(self, rewards: Array) -> Array:
+        return np.asarray(rewards.mean(axis=0) - self.settings.kappa * rewards.std(axis=0))
+
+
+def train_many(
+    task: Task,
+    emulator: Emulator,
+    samples: Array,
+    rng: np.random.Generator,
+    executable: Executable | None = None,
+    settings: SolverSettings | None = None,
+) -> tuple[EmulatorPolicy, ...]:
+    """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
+    settings = settings or SolverSettings()
+    m = samples.shape[1]
+    n = max(settings.scenarios, min(m, 4 * settings.scenarios))
+    a = len(task.action)
+    unit = sobol(n, a + len(task.nuisance), rng)
+    error, nuisance = (2.0 * unit[:, :a] - 1.0) * task.action_noise, spread(task.nuisance, unit[:, a:])
+    candidates = spread(task.action, sobol(settings.candidates, a, rng))
+    local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
+    drawn = samples[:, np.arange(n) % m]  # (B, n, p)
+    policies = []
+    for parameters in drawn:
+        success, end_state = emulator.outcomes(parameters, candidates[:, None, :] + error, nuisance)
+        scenarios = Scenarios(parameters, nuisance, error)
+        policies.append(
+            EmulatorPolicy(task, emulator, settings, scenarios, candidates, success, end_state, local, executable)
+        )
+    return tuple(policies)
+
+
+def expected_reward(
+    emulator: Emulator, parameters: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+) -> Array:
+    """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+    task = emulator.task
+    unit = sobol(draws, len(task.action) + len(task.nuisance), rng)
+    error = (2.0 * unit[:, : len(task.action)] - 1.0) * task.action_noise
+    nuisance = spread(task.nuisance, unit[:, len(task.action) :])
+    success, end = emulator.outcomes(parameters[:, None, None, :], actions[:, :, None, :] + error, nuisance)
+    rewards = success * task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
+    return np.asarray(rewards.mean(axis=(0, 2, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorSolver:
+    """A `sim.solvers.solver.Solver` that asks an emulator."""
+
+    emulator: Emulator
+
+    @property
+    def task(self) -> Task:
+        return self.emulator.task
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[EmulatorPolicy, ...]:
+        return train_many(self.task, self.emulator, samples, rng, executable, settings)
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        return expected_reward(self.emulator, targets, contexts, actions, rng, draws)
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        success, end = self.emulator.outcomes(parameters, action, nuisance)
+        return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        return self.emulator.predict(parameters, action, nuisance).observation
+
+    @property
+    def residual_std(self) -> Array:
+        return self.emulator.residual_std
+
+    @property
+    def misfit_limit(self) -> float:
+        return self.emulator.misfit_limit

@@ -1,0 +1,291 @@
+"""Training of the emulator from a dataset, with its held-out report."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
+
+from hw.types import Array
+from perception.types import Outcome
+from sim.errors import DatasetError
+from sim.rollouts.dataset import Dataset
+from sim.rollouts.run import OUTCOMES, Requests, Rollouts
+from sim.solvers.emulator.network import Emulator, encode, forward
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.misfit import misfit
+from sim.solvers.threads import one_thread
+from sim.tasks.task import Task
+
+Rows = NDArray[np.intp]
+
+SMALLEST = 64
+"""Rollouts below which nothing is learnt."""
+
+
+@dataclass(frozen=True)
+class EmulatorSettings:
+    """How large the ensemble is and how long it trains."""
+
+    members: int = 5
+    hidden: int = 96
+    layers: int = 3
+    batch: int = 256
+    learning_rate: float = 1.5e-3
+    weight_decay: float = 1e-4
+    passes: int = 40  # over the data
+    least_steps: int = 800
+    most_steps: int = 12000
+    held_out: float = 0.15  # share of those that fill the space evenly, half for calibration, half for the report
+
+
+@dataclass(frozen=True)
+class EmulatorReport:
+    """Held-out figures: rollouts that neither training nor calibration has seen."""
+
+    rollouts: int  # trained on
+    held_out: int
+    base_rate: float  # share of successes: what a constant guess gets right, or its complement
+    accuracy: float
+    brier: float
+    calibration_error: float  # expected, ten bins
+    position_error_median: float  # last observed position, in state units (m)
+    position_error_p90: float
+    end_state_error_median: float  # of successes, in units
+    temperature: float
+    misfit_limit: float
+
+
+def train_emulator(
+    task: Task,
+    dataset: Dataset,
+    seed: int,
+    settings: EmulatorSettings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Emulator, EmulatorReport]:
+    """Fit, calibrate and judge an ensemble. The same seed gives the same numbers. Raises DatasetError."""
+    settings = settings or EmulatorSettings()
+    if len(dataset) < SMALLEST:
+        raise DatasetError(f"{len(dataset)} rollouts are too few to learn from; at least {SMALLEST} are needed")
+    rng = np.random.default_rng(seed)
+    calibrate, judge, train = split(dataset, rng, settings)
+    targets = _targets(task, dataset)
+    y_mean, y_std = _scaling(targets.y[train], targets.known[train])
+    data = _Data(
+        x=encode(task, dataset.parameters, dataset.action, dataset.nuisance),
+        y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
+        known=torch.from_numpy(targets.known).float(),
+        success=torch.from_numpy(dataset.succeeded.copy()).float(),
+    )
+    with one_thread():
+        weights = _fit(data, train, calibrate, settings, rng, progress)
+    # The last output is the success logit, which is not scaled.
+    tensors = weights | {
+        "depth": torch.tensor(settings.layers),
+        "y_mean": torch.from_numpy(np.append(y_mean, 0.0)).float(),
+        "y_std": torch.from_numpy(np.append(y_std, 1.0)).float(),
+        "temperature": torch.tensor(1.0),
+        "residual_std": torch.ones(task.observation.size),
+        "misfit_limit": torch.tensor(math.inf),
+    }
+    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), task, dataset, calibrate))
+    predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
+    residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
+    # From the median, as for a Gaussian: a few rollouts that end quite elsewhere must not widen what is tolerated.
+    tensors["residual_std"] = torch.from_numpy(np.median(residual, axis=0) / 0.6745 + 1e-4).float()
+    tensors["misfit_limit"] = torch.tensor(_misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng))
+    emulator = Emulator(task, tensors)
+    return emulator, _judge(emulator, task, dataset, judge, len(train))
+
+
+def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings) -> tuple[Rows, Rows, Rows]:
+    """Rows to calibrate, to judge and to train with: only what fills the space evenly is held out."""
+    order = np.asarray(rng.permutation(dataset.uniform), dtype=np.intp)
+    n = max(16, int(settings.held_out * dataset.uniform))
+    denser = np.arange(dataset.uniform, len(dataset))
+    return order[: n // 2], order[n // 2 : n], np.concatenate([order[n:], denser])
+
+
+def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:
+    """(N,) how uncertain an emulator of `dataset` leaves the outcome of each candidate: at most .25."""
+    draft, _ = train_emulator(task, dataset, seed)
+    predicted = draft.predict(candidates.parameters, candidates.action, candidates.nuisance)
+    return predicted.success * (1.0 - predicted.success)
+
+
+@dataclass(frozen=True, eq=False)
+class _Targets:
+    y: Array  # (N, size + k)
+    known: Array  # (N, size + k) bool: an end state only after a success, nothing after a solver failure
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    x: Tensor  # (N, f)
+    y: Tensor  # (N, size + k) standardised
+    known: Tensor  # (N, size + k)
+    success: Tensor  # (N,)
+
+
+def _targets(task: Task, dataset: Dataset) -> _Targets:
+    size, k = task.observation.size, dataset.end_state.shape[1]
+    solved = dataset.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
+    known = np.repeat(solved[:, None], size + k, axis=1)
+    known[:, size:] = dataset.succeeded[:, None]
+    return _Targets(np.concatenate([dataset.observation, np.nan_to_num(dataset.end_state)], axis=1), known)
+
+
+def _scaling(y: Array, known: Array) -> tuple[Array, Array]:
+    weight = known / np.maximum(known.sum(axis=0), 1.0)
+    mean = (weight * y).sum(axis=0)
+    std = np.sqrt((weight * (y - mean) ** 2).sum(axis=0))
+    # What is constant, such as where the object starts, must come out constant: its errors are scaled down.
+    return mean, np.where(std > 1e-6, std, 1e-3)
+
+
+def _fit(
+    data: _Data,
+    train: Rows,
+    validate: Rows,
+    settings: EmulatorSettings,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, Tensor]:
+    """Each member on its own bootstrap of the data; the weights with the best validation loss."""
+    generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
+    widths = [data.x.shape[1], *[settings.hidden] * settings.layers, data.y.shape[1] + 1]
+    weights = _initial(settings.members, widths, "w", "b", generator)
+    priors = _initial(settings.members, [widths[0], 32, widths[-1]], "pw", "pb", generator)
+    bootstrap = torch.from_numpy(rng.choice(train, size=(settings.members, len(train))))
+    steps = int(np.clip(settings.passes * len(train) // settings.batch, settings.least_steps, settings.most_steps))
+    for tensor in weights.values():
+        tensor.requires_grad_(True)
+    optimiser = torch.optim.AdamW(weights.values(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=steps, pct_start=0.1)
+    held = torch.from_numpy(validate).expand(settings.members, -1)
+    best, best_loss = {}, math.inf
+    for step in range(steps):
+        rows = torch.randint(len(train), (settings.members, settings.batch), generator=generator)
+        loss = _loss(weights | priors, settings.layers, data, bootstrap.gather(1, rows))
+        optimiser.zero_grad()
+        torch.autograd.backward(loss)
+        optimiser.step()
+        schedule.step()
+        if (step + 1) % max(1, steps // 20) == 0 or step + 1 == steps:
+            with torch.no_grad():
+                held_loss = float(_loss(weights | priors, settings.layers, data, held))
+            if held_loss < best_loss:
+                best_loss, best = held_loss, {name: w.detach().clone() for name, w in weights.items()}
+            if progress is not None:
+                progress(step + 1, steps)
+    return best | priors
+
+
+def _initial(members: int, widths: list[int], w: str, b: str, generator: torch.Generator) -> dict[str, Tensor]:
+    """He initialisation; biases spread so that the kinks of the first layer cover the box of inputs."""
+    tensors = {}
+    for i, (m, n) in enumerate(itertools.pairwise(widths)):
+        gain = math.sqrt((2.0 if i < len(widths) - 2 else 1.0) / m)
+        tensors[f"{w}{i}"] = torch.randn(members, m, n, generator=generator) * gain
+        tensors[f"{b}{i}"] = (torch.rand(members, 1, n, generator=generator) * 2 - 1) * (1.0 if i == 0 else 0.0)
+    return tensors
+
+
+def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> Tensor:
+    raw = forward(tensors, depth, data.x[rows])
+    known = data.known[rows]
+    squared = (known * (raw[..., :-1] - data.y[rows]) ** 2).sum() / known.sum().clamp(min=1.0)
+    return squared + binary_cross_entropy_with_logits(raw[..., -1], data.success[rows])
+
+
+def _inputs(dataset: Dataset, rows: Rows) -> tuple[Array, Array, Array]:
+    return dataset.parameters[rows], dataset.action[rows], dataset.nuisance[rows]
+
+
+def _temperature(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows) -> float:
+    """The softening of the logits with the best held-out likelihood of the ensemble's mean probability."""
+    success, _ = emulator.outcomes(*_inputs(dataset, rows))
+    clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
+    logit = np.log(clipped / (1.0 - clipped))
+    candidates = np.geomspace(0.1, 8.0, 81)
+    likelihood = []
+    for temperature in candidates:
+        p = np.clip((1.0 / (1.0 + np.exp(-logit / temperature))).mean(axis=0), 1e-4, 1.0 - 1e-4)
+        likelihood.append(float(np.where(dataset.succeeded[rows], np.log(p), np.log(1.0 - p)).mean()))
+    return float(candidates[int(np.argmax(likelihood))])
+
+
+def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, rng: np.random.Generator) -> float:
+    """How far trajectories that the simulator does express lie from the nearest prediction, 95th percentile."""
+    inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
+    if len(inside) < 10:
+        return 3.0
+    context, solver = np.asarray(task.reference_context, dtype=np.float64), EmulatorSolver(emulator)
+    values = [
+        misfit(solver, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
+        for i in inside
+    ]
+    return float(np.quantile(values, 0.95))
+
+
+def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
+    """What the emulator has wrong of each rollout, by the name of the figure of `EmulatorReport` that sums it up.
+
+    Positions only where the simulator found a solution, end states only of successes.
+    """
+    seen = emulator.task.observation
+    said = emulator.predict(requests.parameters, requests.action, requests.nuisance)
+    solved = true.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
+    apart = seen.denormalise(said.observation)[:, -1] - seen.denormalise(true.observation)[:, -1]
+    return {
+        "accuracy": ((said.success > 0.5) == true.succeeded).astype(np.float64),
+        "brier": (said.success - true.succeeded) ** 2,
+        "position_error_median": np.linalg.norm(apart, axis=-1)[solved],
+        "end_state_error_median": np.linalg.norm((said.end_state - true.end_state)[true.succeeded], axis=-1),
+    }
+
+
+def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
+    """Some rollouts of a dataset: what was asked, and what came of it."""
+    context = np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(rows), 1))
+    return (
+        Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),
+        Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows]),
+    )
+
+
+def _judge(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
+    requests, true = rows_of(task, dataset, rows)
+    errors = held_out_errors(emulator, requests, true)
+    position, end = errors["position_error_median"], errors["end_state_error_median"]
+    said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
+    return EmulatorReport(
+        rollouts=trained,
+        held_out=len(rows),
+        base_rate=float(true.succeeded.mean()),
+        accuracy=float(errors["accuracy"].mean()),
+        brier=float(errors["brier"].mean()),
+        calibration_error=_calibration_error(said, true.succeeded),
+        position_error_median=float(np.median(position)) if len(position) else math.nan,
+        position_error_p90=float(np.quantile(position, 0.9)) if len(position) else math.nan,
+        end_state_error_median=float(np.median(end)) if len(end) else math.nan,
+        temperature=float(emulator.tensors["temperature"]),
+        misfit_limit=emulator.misfit_limit,
+    )
+
+
+def _calibration_error(probability: Array, success: NDArray[np.bool_]) -> float:
+    bins = np.minimum((probability * 10).astype(int), 9)
+    total = 0.0
+    for b in range(10):
+        inside = bins == b
+        if inside.any():
+            total += float(inside.mean()) * abs(float(probability[inside].mean() - success[inside].mean()))
+    return total

@@ -1,0 +1,192 @@
+"""The paper's solver: NAF task policies, trained on true rollouts alone within the budgets and reuse rules of A2.2.
+
+It knows nothing but the simulator, so every expectation that `sim.solvers.solver.Solver` asks of it is rollouts:
+rewards are means of `REWARD_ROLLOUTS` of them (unbiased, but noisy), those of executed trials and trajectories are the
+simulator's own. What a policy says of itself is its value head. Where a session has an emulator all the same, that one
+may be asked for trajectories (`judge`), which are wanted by the hundred to tell whether the simulator expresses an
+object at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from sim.errors import UnknownName
+from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.misfit import misfit
+from sim.solvers.naf.memory import NafMemory, policy_key
+from sim.solvers.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
+from sim.solvers.naf.reuse import TrainingPlan, features, plan_training
+from sim.solvers.solver import Executable, Solver, SolverSettings
+from sim.tasks.task import ReuseRules, Task
+
+REWARD_ROLLOUTS = 8
+"""Behind one expected reward. A mean of eight is off by 0.15 or so; Phase 1 averages over its ten thousand steps."""
+
+MISFIT_TRIALS = 32
+"""Simulated trials that tell how far one lies from the nearest of `sim.solvers.misfit.DRAWS` others."""
+
+
+@dataclass(frozen=True, eq=False)
+class NafSolver:
+    """A `sim.solvers.solver.Solver`. Its policies depend on those that were trained before (paper, remark 1)."""
+
+    task: Task
+    roll: Callable[[Requests], Rollouts]
+    rules: ReuseRules
+    memory: NafMemory
+    judge: Solver | None = None  # asked for trajectories; None: they are simulated
+    limit: float = math.inf  # of the misfit, where they are simulated
+    settings: NafSettings = field(default_factory=NafSettings)
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[NafPolicy, ...]:
+        """One for each of B distributions, samples (B, m, p), in their order: an earlier one may give to a later."""
+        seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
+        keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]
+        known = {key: policy for key in keys if (policy := self.memory.find(key)) is not None}
+        new = [i for i, key in enumerate(keys) if key not in known]
+        known |= self._train([(keys[i], samples[i], seeds[i]) for i in new])
+        attempts = (settings or SolverSettings()).attempts
+        return tuple(replace(known[key], executable=executable, attempts=attempts) for key in keys)
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c).
+
+        At least `REWARD_ROLLOUTS` each, every context as often; the same action errors and nuisance for all targets.
+        `draws` of each context where those are fewer.
+        """
+        count, g = actions.shape[:2]
+        repeats = min(draws, -(-REWARD_ROLLOUTS // g))
+        unit = sobol(g * repeats, len(self.task.action) + len(self.task.nuisance), rng)
+        a = len(self.task.action)
+        error = ((2.0 * unit[:, :a] - 1.0) * self.task.action_noise).reshape(g, repeats, a)
+        rows = count * g * repeats
+        where = np.tile(np.repeat(contexts, repeats, axis=0), (count, 1))
+        requests = Requests(
+            parameters=np.repeat(targets, g * repeats, axis=0),
+            context=where,
+            action=(actions[:, :, None] + error).reshape(rows, a),
+            nuisance=np.tile(spread(self.task.nuisance, unit[:, a:]), (count, 1)),
+        )
+        return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) rewards of the same trials in the simulator: no estimate."""
+        return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size): of `judge`, or simulated."""
+        if self.judge is not None:
+            return self.judge.trajectories(parameters, action, nuisance)
+        reference = np.asarray(self.task.reference_context, dtype=np.float64)
+        return self.roll(Requests(parameters, np.tile(reference, (len(parameters), 1)), action, nuisance)).observation
+
+    @property
+    def residual_std(self) -> Array:
+        """(size,) of `judge`; zero where the trajectories are the simulator's own."""
+        return self.judge.residual_std if self.judge is not None else np.zeros(self.task.observation.size)
+
+    @property
+    def misfit_limit(self) -> float:
+        return self.judge.misfit_limit if self.judge is not None else self.limit
+
+    def _train(self, wanted: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
+        """(key, samples, seed) of each -> its policy. Plans first; then trains in turns whatever has its donor."""
+        plans: list[TrainingPlan] = []
+        record = self.memory.record
+        first = len(record)
+        for _, samples, _ in wanted:
+            plans.append(plan_training(record, features(self.task.parameters.normalise(samples)), self.rules))
+            record = plans[-1].record
+        policies: dict[int, NafPolicy] = {}
+        while len(policies) < len(wanted):
+            ready = [i for i, p in enumerate(plans) if i not in policies and _has_donor(p, first, policies)]
+            trained = train_together([self._training(wanted[i], plans[i], first, policies) for i in ready], self.roll)
+            policies |= dict(zip(ready, trained, strict=True))
+        for i, (key, _, _) in enumerate(wanted):
+            self.memory.add(plans[i].record, key, policies[i])
+        return {key: policies[i] for i, (key, _, _) in enumerate(wanted)}
+
+    def _training(
+        self, wanted: tuple[str, Array, int], plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]
+    ) -> Training:
+        donor = None
+        if plan.donor is not None:
+            donor = policies[plan.donor - first] if plan.donor >= first else self.memory.policy(plan.donor)
+        return naf_training(self.task, wanted[1], plan.budget, wanted[2], donor, self.settings)
+
+
+def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -> bool:
+    return plan.donor is None or plan.donor < first or plan.donor - first in policies
+
+
+def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
+    """The task's, all budgets times `scale`. Raises UnknownName for a task that has none."""
+    if task.reuse is None:
+        why = "its task policies are exact" if task.exact else "it says nothing of how NAF's policies are reused"
+        raise UnknownName(f"{task.name} has no solver naf: {why}. Leave --solver out")
+    return task.reuse.scaled(scale)
+
+
+def naf_facts(solver: NafSolver, misfit_limit: float) -> dict[str, Any]:
+    """What a checkpoint's card must say of the solver, for `restore_naf`."""
+    return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": misfit_limit}}
+
+
+def restore_naf(task: Task, facts: Mapping[str, Any]) -> NafSolver:
+    """The solver of a checkpoint whose card has the table `facts`; it rolls out one by one and keeps nothing.
+
+    Raises KeyError, TypeError or ValueError where the table is damaged.
+    """
+    rules = ReuseRules(**{name: value for name, value in facts.items() if name != "misfit_limit"})
+    roll = partial(run_many, task, executor=serial_executor())
+    return NafSolver(task, roll, rules, NafMemory(task), limit=float(facts["misfit_limit"]))
+
+
+def session_naf(of_checkpoint: Solver, roll: Callable[[Requests], Rollouts], folder: Path) -> NafSolver:
+    """NAF policies for one session, kept in `folder` so that it can be continued.
+
+    Rules and misfit are those of the checkpoint, if it was made with NAF; otherwise the rules are the paper's, and the
+    checkpoint's emulator is asked for trajectories. Raises UnknownName, CheckpointError.
+    """
+    task = of_checkpoint.task
+    if isinstance(of_checkpoint, NafSolver):
+        return replace(of_checkpoint, roll=roll, memory=NafMemory(task, folder))
+    return NafSolver(task, roll, rules_of(task), NafMemory(task, folder), judge=of_checkpoint)
+
+
+def afresh(solver: Solver) -> Solver:
+    """The same solver, but one that remembers no policy: a stage must not depend on whether another ran before it in
+    this process."""
+    return replace(solver, memory=NafMemory(solver.task)) if isinstance(solver, NafSolver) else solver
+
+
+def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: int = MISFIT_TRIALS) -> float:
+    """Misfit that 95 % of simulated trials inside the ranges stay below. Takes some `trials` x 500 rollouts."""
+    task = solver.task
+    parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
+    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
+    nuisance = spread(task.nuisance, rng.random((trials, len(task.nuisance))))
+    reference = np.asarray(task.reference_context, dtype=np.float64)
+    requests = Requests(parameters, np.tile(reference, (trials, 1)), actions + error, nuisance)
+    seen = task.observation.with_noise(solver.roll(requests).observation, rng)
+    values = [misfit(solver, reference, a, o) for a, o in zip(actions, seen, strict=True)]
+    return float(np.quantile(values, 0.95))

@@ -1,0 +1,133 @@
+"""What carries the tool in a training rollout: forward, up and pitch, each through a spring and a damper.
+
+An arm gives way in all three at once: who pushes the tool up also turns it, and so moves it forward. But there is a
+point, the centre of compliance, where the three are independent; there the springs are. They are part of Drake's
+implicit solver.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    PdControllerGains,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+    UnitInertia,
+)
+from pydrake.systems.framework import Context
+from pydrake.trajectories import PiecewisePolynomial
+
+from hw.types import Array
+from sim.tasks.shared.drake_types import vector
+from sim.types import ToolMotion
+
+CARRIAGE = "carriage"
+_JOINTS = ("forward", "up", "pitch")
+_KNOT_EVERY = 4  # samples of the motion between two knots of the drive
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """How what carries the tool gives way in one vertical plane: springs, dampers and a mass about one point P.
+
+    Positions are (x, z) along the axes of T. Stiffness and damping are forward, up (N/m, Ns/m) and pitch (Nm, Nms).
+    """
+
+    p_TP_m: tuple[float, float]  # the centre of compliance
+    stiffness: tuple[float, float, float]
+    damping: tuple[float, float, float]
+    mass_kg: float
+    p_PM_m: tuple[float, float]  # the centre of mass
+    inertia_kg_m2: float  # about the centre of mass
+
+    def yielding(self, pitch_rad: float) -> Array:
+        """(3,) how P moves forward and up (m) and pitches (rad) for every newton that lifts the origin of T."""
+        ahead_m = -(math.cos(pitch_rad) * self.p_TP_m[0] + math.sin(pitch_rad) * self.p_TP_m[1])
+        return np.array([0.0, 1.0 / self.stiffness[1], -ahead_m / self.stiffness[2]])
+
+    def tool_height(self, state: Array) -> tuple[float, float]:
+        """Height of the origin of T (m) and its rate (m/s), with the carriage at `state` (6,)."""
+        (x_m, z_m), pitch_rad, rate_rad_s = self.p_TP_m, state[2], state[5]
+        cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
+        return float(state[1] + sin * x_m - cos * z_m), float(state[4] + rate_rad_s * (cos * x_m + sin * z_m))
+
+    def lift_m_N(self, pitch_rad: float) -> float:
+        """How far the origin of T rises for every newton that lifts it."""
+        _, up, turn = self.yielding(pitch_rad)
+        return float(up + turn**2 * self.stiffness[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A motion in one vertical plane, as the carriage follows it."""
+
+    X_BP: Array  # (4, 4) X along the plane at table height, Z up; its origin is the plane's nearest to that of B
+    trajectory: PiecewisePolynomial  # (6,) forward, up and pitch of the centre of compliance, and their rates
+    compliance: Compliance
+
+
+def drive_of(motion: ToolMotion, compliance: Compliance) -> Drive:
+    """The drive of a motion whose tool stays in one vertical plane, linear between knots."""
+    X_BT = motion.X_BT
+    left = X_BT[0, :2, 1]
+    ahead = np.array([left[1], -left[0]])
+    X_BP = np.eye(4)
+    X_BP[:2, 0], X_BP[:2, 1], X_BP[:2, 3] = ahead, left, (left @ X_BT[0, :2, 3]) * left
+    cos, sin = X_BT[:, :2, 0] @ ahead, X_BT[:, :2, 2] @ ahead
+    x_m, z_m = compliance.p_TP_m
+    q = np.stack(
+        [
+            X_BT[:, :2, 3] @ ahead + (cos * x_m + sin * z_m),
+            X_BT[:, 2, 3] + (cos * z_m - sin * x_m),
+            np.arctan2(sin, cos),
+        ]
+    )
+    rates = np.gradient(q, motion.t_s, axis=1)
+    knots = slice(None, None, _KNOT_EVERY)
+    trajectory = PiecewisePolynomial.FirstOrderHold(motion.t_s[knots], np.concatenate([q, rates])[:, knots])
+    return Drive(X_BP, trajectory, compliance)
+
+
+def add_carriage(plant: MultibodyPlant, drive: Drive) -> Frame:
+    """Add the carriage and return the frame T that it carries."""
+    arm = drive.compliance
+    instance = plant.AddModelInstance(CARRIAGE)
+    origin = plant.AddFrame(FixedOffsetFrame("carriage_start", plant.world_frame(), RigidTransform(drive.X_BP)))
+    p_PM_m = vector(arm.p_PM_m[0], 0.0, arm.p_PM_m[1])
+    about = UnitInertia(*[arm.inertia_kg_m2 / arm.mass_kg] * 3)
+    inertia = SpatialInertia.MakeFromCentralInertia(arm.mass_kg, p_PM_m, about * arm.mass_kg)
+    parts = (SpatialInertia.Zero(), SpatialInertia.Zero(), inertia)
+    bodies = [plant.AddRigidBody(f"{CARRIAGE}_{name}", instance, M) for name, M in zip(_JOINTS, parts, strict=True)]
+    frames = [origin, *(body.body_frame() for body in bodies)]
+    joints = [
+        PrismaticJoint("forward", frames[0], frames[1], vector(1.0, 0.0, 0.0)),
+        PrismaticJoint("up", frames[1], frames[2], vector(0.0, 0.0, 1.0)),
+        RevoluteJoint("pitch", frames[2], frames[3], vector(0.0, 1.0, 0.0)),
+    ]
+    for joint, stiffness, damping in zip(joints, arm.stiffness, arm.damping, strict=True):
+        actuator = plant.AddJointActuator(joint.name(), plant.AddJoint(joint))
+        actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
+    plant.set_gravity_enabled(instance, False)
+    X_PT = RigidTransform(vector(-arm.p_TP_m[0], 0.0, -arm.p_TP_m[1]))
+    tool: Frame = plant.AddFrame(FixedOffsetFrame("carriage_tool", frames[3], X_PT))
+    return tool
+
+
+def place_carriage(plant: MultibodyPlant, state: Context, start: Array) -> None:
+    """Put the carriage at `start` (6,): forward, up, pitch and their rates."""
+    x_m, z_m, pitch_rad, vx_m_s, vz_m_s, rate_rad_s = start
+    forward, up, pitch = (plant.GetJointByName(name) for name in ("forward", "up", "pitch"))
+    forward.set_translation(state, x_m)
+    forward.set_translation_rate(state, vx_m_s)
+    up.set_translation(state, z_m)
+    up.set_translation_rate(state, vz_m_s)
+    pitch.set_angle(state, pitch_rad)
+    pitch.set_angular_rate(state, rate_rad_s)

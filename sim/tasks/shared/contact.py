@@ -1,0 +1,81 @@
+"""Contact in the scenes of the tasks: one contact law, and its materials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
+
+from sim.tasks.shared import drake_log
+
+RELAXATION_TIME_S = 0.120
+HUNT_CROSSLEY_S_M = 1.0
+"""Dissipation under "sap" and under "lagged", where a task says nothing else."""
+
+drake_log.silence()  # every scene comes by here: Drake warns of half spaces that deformable bodies would not feel
+
+
+def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> None:
+    """Choose the contact model of a plant."""
+    plant.set_discrete_contact_approximation(
+        DiscreteContactApproximation.kSap if contact == "sap" else DiscreteContactApproximation.kLagged
+    )
+
+
+def keep_apart(scene_graph: SceneGraph, pairs: Iterable[tuple[GeometryId, GeometryId]]) -> None:
+    """Let the two of each pair pass through each other. Before anything is built from `scene_graph`."""
+    for one, other in pairs:
+        apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet(one), GeometrySet(other))
+        scene_graph.collision_filter_manager().Apply(apart)
+
+
+def material(
+    friction: float, stiffness_N_m: float | None = None, dissipation_s_m: float = HUNT_CROSSLEY_S_M
+) -> ProximityProperties:
+    """Friction and dissipation; a pair of two coefficients a and b has 2ab / (a + b), and the softer's dissipation."""
+    properties = ProximityProperties()
+    AddContactMaterial(dissipation_s_m, stiffness_N_m, CoulombFriction(friction, friction), properties)
+    return properties
+
+
+def relaxing(properties: ProximityProperties, relaxation_time_s: float) -> ProximityProperties:
+    """With a relaxation time, which matters under "sap": a pair has the sum of its two, and one not set is 100 ms."""
+    properties.AddProperty("material", "relaxation_time", relaxation_time_s)
+    return properties
+
+
+def rigid(friction: float) -> ProximityProperties:
+    """Without relaxation time: that of a pair is the other's."""
+    properties = relaxing(material(friction), 0.0)
+    AddRigidHydroelasticProperties(1.0, properties)
+    return properties
+
+
+def compliant(
+    friction: float,
+    e_Pa: float,
+    *,
+    resolution_m: float = 0.01,
+    dissipation_s_m: float = HUNT_CROSSLEY_S_M,
+    relaxation_time_s: float = RELAXATION_TIME_S,
+) -> ProximityProperties:
+    """With the hydroelastic modulus `e_Pa`; `resolution_m` is the edge length of the mesh of a round shape."""
+    properties = relaxing(material(friction, None, dissipation_s_m), relaxation_time_s)
+    AddCompliantHydroelasticProperties(resolution_m, e_Pa, properties)
+    return properties
+
+
+def coefficient(pair: float, other: float) -> float:
+    """The coefficient that makes a `pair` with `other`. Needs pair < 2 other: a pair never exceeds twice the lesser."""
+    return pair * other / (2.0 * other - pair)

@@ -1,0 +1,47 @@
+"""Triangle meshes for what the camera sees, and the table that all tasks share."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from sim.types import Visual
+
+Shape = tuple[Array, NDArray[np.int32]]
+"""Vertices (V, 3) in m and triangles (F, 3), counter-clockwise seen from outside."""
+
+TABLE_CORNERS_M = np.array([[0.30, -0.60, -0.03], [1.20, 0.60, 0.0]])
+_TABLE = (0.55, 0.53, 0.50)
+
+
+def table_visual() -> Visual:
+    """The table in front of the robot; its top is at z = 0."""
+    return Visual("world", *box(TABLE_CORNERS_M[1] - TABLE_CORNERS_M[0], TABLE_CORNERS_M.mean(axis=0)), _TABLE)
+
+
+def box(size_m: Array, centre_m: Array, pitch_rad: float = 0.0) -> Shape:
+    """A box turned by `pitch_rad` about Y (positive: its X end down)."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size_m
+    cos, sin = np.cos(pitch_rad), np.sin(pitch_rad)
+    turned = corners @ np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]).T
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    triangles = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32)
+    return turned + centre_m, triangles
+
+
+def turned_body(outline_m: Array, sides: int) -> Shape:
+    """A body of revolution about Z from its `outline_m` (K, 2) of (radius, z), upwards, closed at both ends."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    rings = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full(sides, z)], axis=-1) for r, z in outline_m]
+    ends = np.array([[0.0, 0.0, outline_m[0, 1]], [0.0, 0.0, outline_m[-1, 1]]])
+    i, j = np.arange(sides), np.roll(np.arange(sides), -1)
+    walls = [
+        part
+        for k in range(len(rings) - 1)
+        for low, high in [(k * sides, (k + 1) * sides)]
+        for part in (np.stack([low + i, low + j, high + j], axis=-1), np.stack([low + i, high + j, high + i], axis=-1))
+    ]
+    bottom, top, last = len(rings) * sides, len(rings) * sides + 1, (len(rings) - 1) * sides
+    caps = [np.stack([np.full(sides, bottom), j, i], axis=-1), np.stack([np.full(sides, top), last + i, last + j], -1)]
+    return np.concatenate([*rings, ends]), np.concatenate([*walls, *caps]).astype(np.int32)

@@ -1,0 +1,91 @@
+"""Finding the piece before a trial."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from table_scenes import AREA, at, box, close_up, food, studio
+
+from perception.errors import ObjectNotFound
+from perception.piece import find_piece, overlay
+from sim.lab.kinect import kinect_model
+from sim.types import Visual
+
+SHAPES = {
+    "cylinder": (0.0125, 0.0125, 0.0100),
+    "ellipsoid": (0.0140, 0.0115, 0.0090),
+    "box": (0.0110, 0.0130, 0.0090),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_place_size_and_shape_are_measured(shape: str) -> None:
+    half = SHAPES[shape]
+    scene = studio(food(shape, half), seed=3)
+    xy = np.array([0.675, -0.021])
+    found = find_piece(scene.still(at(*xy, half[2])), scene.model, scene.X_BC, AREA)
+    assert np.linalg.norm(found.xy_m - xy) < 0.001
+    assert np.abs(np.array(found.proxy.half_m) - half).max() < 0.001
+    assert found.shape == shape
+    assert found.confidence > 0.8
+    assert found.height_m == pytest.approx(2 * half[2], abs=0.002)
+    assert found.radius_m == pytest.approx((half[0] + half[1]) / 2, abs=0.001)
+
+
+def test_contour_surrounds_the_piece_in_the_image() -> None:
+    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
+    frame = scene.still(at(0.68, 0.0, 0.01))
+    found = find_piece(frame, scene.model, scene.X_BC, AREA)
+    red = frame.colour[..., 0].astype(int) - frame.colour[..., 2] > 60
+    rows, columns = np.nonzero(red)
+    low, high = found.contour_px.min(axis=0), found.contour_px.max(axis=0)
+    assert np.abs(low - [columns.min(), rows.min()]).max() <= 1
+    assert np.abs(high - [columns.max(), rows.max()]).max() <= 1
+
+
+def test_small_camera_is_enough_to_find_it() -> None:
+    scene = studio(food("cylinder", (0.0125, 0.0125, 0.01)), model=kinect_model("small"))
+    found = find_piece(scene.still(at(0.67, 0.02, 0.01)), scene.model, scene.X_BC, AREA)
+    assert np.linalg.norm(found.xy_m - [0.67, 0.02]) < 0.003
+
+
+def test_bare_table_is_refused_with_the_area_searched() -> None:
+    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
+    with pytest.raises(ObjectNotFound, match=r"nothing lies in x 0\.630 to 0\.730, y -0\.050 to 0\.050 m: no spot"):
+        find_piece(scene.still(at(0.68, 0.0, -1.0)), scene.model, scene.X_BC, AREA)
+
+
+def test_a_piece_beside_the_area_is_named() -> None:
+    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
+    with pytest.raises(ObjectNotFound, match=r"something at \(0\.6[78]\d, 0\.06\d\) m; move it"):
+        find_piece(scene.still(at(0.68, 0.065, 0.01)), scene.model, scene.X_BC, AREA)
+
+
+def test_two_pieces_are_refused_with_both_places() -> None:
+    second = food("cylinder", (0.01, 0.01, 0.01), body="world")
+    place = np.array([0.70, 0.03, 0.01])
+    moved = Visual("world", second.vertices_m + place, second.triangles, second.rgb)
+    scene = studio(food("cylinder", (0.012, 0.012, 0.01)), moved)
+    with pytest.raises(ObjectNotFound, match="2 objects lie in"):
+        find_piece(scene.still(at(0.65, -0.03, 0.01)), scene.model, scene.X_BC, AREA)
+
+
+def test_something_too_large_is_not_taken_for_a_piece() -> None:
+    scene = studio(box("piece", (-0.035, -0.035, -0.01), (0.035, 0.035, 0.01), (0.55, 0.13, 0.03)))
+    with pytest.raises(ObjectNotFound, match="a piece measures"):
+        find_piece(scene.still(at(0.68, 0.0, 0.01)), scene.model, scene.X_BC, AREA)
+
+
+def test_overlay_draws_on_a_copy() -> None:
+    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
+    frame = scene.still(at(0.68, 0.0, 0.01))
+    before = frame.colour.copy()
+    found = find_piece(frame, scene.model, scene.X_BC, AREA)
+    image = overlay(frame, scene.model, scene.X_BC, found, AREA, np.array([0.70, 0.02]))
+    assert image.dtype == np.uint8 and image.shape == frame.colour.shape
+    assert np.array_equal(frame.colour, before)
+    green = (image == (30, 220, 60)).all(axis=-1)
+    u, v = found.contour_px.mean(axis=0)
+    assert green[int(v) - 15 : int(v) + 15, int(u) - 15 : int(u) + 15].sum() > 20
+    nothing = overlay(frame, close_up(), scene.X_BC, None, AREA)
+    assert (nothing != before).any() and not (nothing == (30, 220, 60)).all(axis=-1).any()

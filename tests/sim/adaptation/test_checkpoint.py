@@ -1,0 +1,91 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from toy_learning import trained
+from toy_task import TOY
+
+from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
+from sim.adaptation.memory import new_policy
+from sim.adaptation.methods import make_method
+from sim.errors import CheckpointError
+from sim.tasks import get_task
+from sim.types import Dimension, Space
+
+
+@pytest.fixture
+def stored(tmp_path):
+    emulator, _ = trained()
+    networks = {"iteration": new_policy(TOY, "iteration", 5), "history": new_policy(TOY, "history", 6)}
+    return save_checkpoint(TOY, tmp_path / "mine", emulator, networks, {"seed": 7, "method": "adaptsim-history"})
+
+
+def test_it_comes_back_as_it_was(stored):
+    checkpoint = load_checkpoint(TOY, str(stored))
+    emulator, _ = trained()
+    rng = np.random.default_rng(0)
+    draws = TOY.margin.sample(rng, 5), TOY.action.sample(rng, 5), TOY.nuisance.sample(rng, 5)
+    assert np.array_equal(checkpoint.solver.emulator.predict(*draws).success, emulator.predict(*draws).success)
+    original = new_policy(TOY, "iteration", 5)
+    states = rng.random((8, original.inputs))
+    assert np.array_equal(checkpoint.networks["iteration"].directions(states), original.directions(states))
+    assert make_method("adaptsim", TOY, checkpoint).memory == "history"
+    assert make_method("adaptsim-iteration", TOY, checkpoint).network is checkpoint.networks["iteration"]
+    assert checkpoint.card["seed"] == 7
+    assert checkpoint.card["interface"]["parameters"][0]["name"] == "mu"
+    assert {"torch", "drake", "numpy"} <= checkpoint.card["versions"].keys()
+    assert sorted(p.name for p in stored.iterdir()) == [CARD, MODEL]
+
+
+def test_a_card_that_names_no_adaptsim_is_refused(tmp_path):
+    emulator, _ = trained()
+    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    folder = save_checkpoint(TOY, tmp_path / "odd", emulator, networks, {"method": "adaptsim"})
+    with pytest.raises(CheckpointError, match="method is 'adaptsim', not one of adaptsim-iteration"):
+        load_checkpoint(TOY, str(folder))
+
+
+def test_changed_weights_are_found(stored):
+    model = stored / MODEL
+    content = bytearray(model.read_bytes())
+    content[-3] ^= 1
+    model.write_bytes(content)
+    with pytest.raises(CheckpointError, match="damaged or was changed"):
+        load_checkpoint(TOY, str(stored))
+
+
+def test_another_task_or_range_is_refused_by_name(stored):
+    with pytest.raises(CheckpointError, match="is for toy, not for other"):
+        load_checkpoint(dataclasses.replace(TOY, name="other"), str(stored))
+    wider = Space((*TOY.parameters.dimensions[:3], Dimension("h", "cm", 1.0, 3.0)))
+    with pytest.raises(CheckpointError, match="trained with other parameters of toy"):
+        load_checkpoint(dataclasses.replace(TOY, parameters=wider), str(stored))
+
+
+@pytest.mark.parametrize(
+    ("card", "message"),
+    [("format = ", "not valid TOML"), ("format = 1", "lacks fingerprint"), (None, "no checkpoint")],
+)
+def test_a_broken_card_says_what_to_do(stored, card, message):
+    if card is None:
+        (stored / CARD).unlink()
+    else:
+        (stored / CARD).write_text(card)
+    with pytest.raises(CheckpointError, match=message):
+        load_checkpoint(TOY, str(stored))
+
+
+def test_another_format_and_missing_weights_are_refused(stored):
+    (stored / MODEL).unlink()
+    with pytest.raises(CheckpointError, match=r"model\.safetensors is missing"):
+        load_checkpoint(TOY, str(stored))
+    text = (stored / CARD).read_text().replace("format = 1", "format = 9")
+    (stored / CARD).write_text(text)
+    with pytest.raises(CheckpointError, match="format 9"):
+        load_checkpoint(TOY, str(stored))
+
+
+@pytest.mark.parametrize(("task", "name"), [(task, name) for task, name, _ in list_checkpoints()])
+def test_shipped_checkpoints_load(task, name):
+    checkpoint = load_checkpoint(get_task(task), name)
+    assert checkpoint.card["task"] == task

@@ -1,0 +1,240 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from toy_learning import iteration, train_one, trained
+from toy_task import PARAMETERS, TOY, Unmodelled
+
+from sim.adaptation.best import choose_best
+from sim.adaptation.memory import encode, looking_back, new_policy, of_session
+from sim.adaptation.method import Particle, ParticleTrials, Trial
+from sim.adaptation.methods import METHODS, make_method
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.verdict import verdict
+from sim.errors import CheckpointError, UnknownName
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.misfit import misfit
+
+MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
+
+
+def network(seed=0):
+    return new_policy(TOY, "iteration", seed)
+
+
+def observations(n, seed=0):
+    return list(np.random.default_rng(seed).random((n, TOY.observation.size)))
+
+
+def session(parameters, means, effects=None, iterations=4, policy_for=None):
+    """A session on a world: two particles that stay where they are."""
+    emulator, _ = trained()
+    rng = np.random.default_rng(0)
+    history = []
+    for _ in range(iterations):
+        tried = []
+        for mean in means:
+            policy = train_one(TOY, emulator, (policy_for if policy_for is not None else mean)[None], rng)
+            trials = []
+            for context in TOY.context.sample(rng, 2):
+                track = TOY.simulate(parameters, context, policy(context), np.zeros(1), effects)
+                seen = TOY.observation.with_noise(TOY.observation(track), rng)
+                trials.append(Trial(context, policy(context), seen, TOY.score(track, context)))
+            tried.append(ParticleTrials(Particle(mean[None]), tuple(trials)))
+        history.append(tuple(tried))
+    return history
+
+
+def visited(mean, seen, rewards=(0.0, 0.0)):
+    """A session of one particle and one iteration: its mean, observations and rewards."""
+    trials = tuple(Trial(np.zeros(2), np.zeros(2), o, r) for o, r in zip(seen, rewards, strict=False))
+    return [(ParticleTrials(Particle(mean[None]), trials),)]
+
+
+def moved(method, history):
+    return method.next(history, np.random.default_rng(0))[0].mean
+
+
+@pytest.mark.parametrize("memory", ["iteration", "state", "history"])
+def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
+    method = QPolicy(TOY, new_policy(TOY, memory, 0), memory)
+    moves = set()
+    for seed in range(20):
+        following = moved(method, visited(MEAN, observations(2, seed)))
+        step = PARAMETERS.normalise(following) - PARAMETERS.normalise(MEAN)
+        assert all(min(abs(abs(s) - 0.15), abs(s)) < 1e-9 for s in step[[0, 1, 3]])
+        assert step[2] in (0.0, 1.0)
+        moves.add(tuple(np.sign(step).astype(int)))
+    assert PARAMETERS.contains(moved(method, visited(PARAMETERS.high, observations(2))))
+
+
+def test_the_papers_policy_sees_the_mean_and_the_last_iteration():
+    method, seen = QPolicy(TOY, network()), observations(2)
+    state = np.concatenate([PARAMETERS.normalise(MEAN), *seen])[None]
+    expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
+    assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
+    before = visited(PARAMETERS.low, observations(2, 5), (1.0, 1.0))
+    assert np.array_equal(moved(method, before + visited(MEAN, seen, (1.0, 0.0))), expected)
+
+
+def test_the_state_only_policy_sees_how_the_last_trials_ended():
+    method, seen = QPolicy(TOY, new_policy(TOY, "state", 0), "state"), observations(2)
+    state = np.concatenate([PARAMETERS.normalise(MEAN), *[o[-2:] for o in seen]])[None]
+    expected = PARAMETERS.step(MEAN, method.network.directions(state)[0], 0.15)
+    assert np.array_equal(moved(method, visited(MEAN, seen)), expected)
+
+
+def test_the_last_trials_count_and_a_single_one_is_repeated():
+    method, three = QPolicy(TOY, network()), observations(3)
+    rewards = (0.0, 0.0, 0.0)
+    assert np.array_equal(
+        moved(method, visited(MEAN, three, rewards)), moved(method, visited(MEAN, three[1:], rewards))
+    )
+    assert np.array_equal(moved(method, visited(MEAN, three[:1])), moved(method, visited(MEAN, [three[0], three[0]])))
+
+
+def test_a_history_holds_parameters_observations_rewards_and_ages_of_all_particles():
+    one = iteration((PARAMETERS.low, [0.1, 0.2]), (PARAMETERS.high, [0.3, 0.4]))
+    two = iteration((MEAN, [0.5, 0.6]), (PARAMETERS.high, []))
+    seen = of_session(TOY, [one, two], 0)
+    assert seen.rewards[0].tolist() == [[0.5, 0.6], [0.1, 0.2], [0.3, 0.4]]
+    assert seen.own[0].tolist() == [1.0, 1.0, 0.0]
+    assert seen.age[0].tolist() == [0.0, 1.0, 1.0]
+    assert np.array_equal(seen.means[0], [MEAN, PARAMETERS.low, PARAMETERS.high])
+    with pytest.raises(ValueError, match="at least one trial"):
+        of_session(TOY, [one, two], 1)
+
+
+def test_training_and_session_see_the_same_history():
+    rng = np.random.default_rng(0)
+    size, p = TOY.observation.size, len(PARAMETERS)
+    means = PARAMETERS.denormalise(rng.random((1, 2, 3, p)))
+    seen, rewards = rng.random((1, 2, 3, 2 * size)), rng.random((1, 2, 3, 2))
+    history = [
+        tuple(
+            ParticleTrials(
+                Particle(means[0, j, k][None]),
+                tuple(
+                    Trial(np.zeros(2), np.zeros(2), o, float(r))
+                    for o, r in zip(seen[0, j, k].reshape(2, size), rewards[0, j, k], strict=True)
+                ),
+            )
+            for j in range(2)
+        )
+        for k in range(3)
+    ]
+    trained = encode(TOY, "history", looking_back(means, seen, rewards))
+    lived = np.concatenate([encode(TOY, "history", of_session(TOY, history, j)) for j in range(2)])
+    assert np.allclose(trained, lived)
+
+
+def test_the_order_of_older_entries_does_not_matter_to_the_network():
+    q = new_policy(TOY, "history", 1)
+    slots = np.random.default_rng(0).random((1, q.slots, q.inputs))
+    slots[..., -1] = 1.0
+    swapped = slots[:, [0, 2, 1, *range(3, q.slots)]]
+    empty = slots.copy()
+    empty[:, 1:, -1] = 0.0
+    out = [q(torch.from_numpy(x.reshape(1, -1)).float()).detach() for x in (slots, swapped, empty)]
+    assert torch.allclose(out[0], out[1], atol=1e-5)
+    assert not torch.allclose(out[0], out[2], atol=1e-3)
+
+
+def test_adaptsim_starts_apart_and_a_particle_without_trials_stays():
+    method = QPolicy(TOY, network())
+    one, two = method.start(2, np.random.default_rng(0))
+    assert PARAMETERS.contains(one.mean)
+    assert PARAMETERS.contains(two.mean)
+    assert np.linalg.norm(PARAMETERS.normalise(one.mean) - PARAMETERS.normalise(two.mean)) > 0.5
+    history = [iteration((one.mean, [0.0, 1.0]), (two.mean, []))]
+    after = method.next(history, np.random.default_rng(9))
+    assert np.array_equal(after[0].mean, moved(method, visited(one.mean, [np.zeros(TOY.observation.size)] * 2)))
+    assert np.array_equal(after[1].mean, two.mean)
+
+
+def test_udr_covers_omega_and_never_changes():
+    method = make_method("udr", TOY, None)
+    particles = method.start(2, np.random.default_rng(0))
+    samples = particles[0].samples
+    assert len(samples) >= 32
+    assert np.isclose(PARAMETERS.normalise(samples).mean(axis=0), 0.5, atol=0.05).all()
+    history = [tuple(ParticleTrials(p, ()) for p in particles)]
+    assert [p.samples.tolist() for p in method.next(history, np.random.default_rng(3))] == [
+        p.samples.tolist() for p in particles
+    ]
+
+
+def test_random_search_stays_away_from_what_was_tried():
+    method = make_method("random", TOY, None)
+    rng = np.random.default_rng(0)
+    tried = list(method.start(2, rng))
+    for _ in range(4):
+        history = [tuple(ParticleTrials(p, ()) for p in tried)]
+        history = [history[0][:-2], history[0][-2:]] if len(tried) > 2 else history
+        tried += method.next(history, rng)
+    unit = PARAMETERS.normalise(np.array([p.mean for p in tried]))
+    gaps = np.linalg.norm(unit[:, None] - unit[None], axis=-1) + 10.0 * np.eye(len(unit))
+    assert gaps.min() > 0.3
+
+
+def test_every_registered_method_can_be_made_or_says_what_it_needs():
+    assert {"adaptsim", "random", "udr"} <= METHODS.keys()
+    with pytest.raises(UnknownName, match="adaptsim"):
+        make_method("adaptsym", TOY, None)
+    with pytest.raises(CheckpointError, match="pretrain --task toy"):
+        make_method("adaptsim", TOY, None)
+
+
+def test_best_pools_neighbours_instead_of_trusting_two_lucky_trials():
+    def mean(u):
+        return PARAMETERS.denormalise(np.array([u, 0.5, 0.0, 0.5]))
+
+    lucky = iteration((mean(0.0), [0.9, 1.0]), (mean(0.05), [0.0, 0.1]))
+    more_bad_neighbours = iteration((mean(0.1), [0.1, 0.0]), (mean(0.8), [0.8, 0.9]))
+    good_neighbours = iteration((mean(0.85), [0.85, 0.8]), (mean(0.9), [0.8, 0.85]))
+    best = choose_best(TOY, [lucky, more_bad_neighbours, good_neighbours])
+    assert PARAMETERS.normalise(best.particle.mean)[0] > 0.7
+    assert best.trials == 6
+    assert 0.0 <= best.ci95[0] < best.mean_reward < best.ci95[1] <= 1.0
+
+
+def test_more_trials_narrow_the_interval_and_shrink_less():
+    few = choose_best(TOY, [iteration((MEAN, [0.9, 0.9]))])
+    many = choose_best(TOY, [iteration((MEAN, [0.9, 0.9])) for _ in range(20)])
+    assert few.mean_reward < many.mean_reward < 0.9
+    assert many.ci95[1] - many.ci95[0] < 0.5 * (few.ci95[1] - few.ci95[0])
+    assert many.trials == 40
+    with pytest.raises(ValueError, match="no trial"):
+        choose_best(TOY, [])
+
+
+def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
+    emulator, _ = trained()
+    rng = np.random.default_rng(0)
+    own, other = [], []
+    for parameters in PARAMETERS.sample(rng, 20):
+        context, action = TOY.context.sample(rng, 1)[0], TOY.action.sample(rng, 1)[0]
+        for values, effects in ((own, None), (other, Unmodelled(wind_m=0.15))):
+            track = TOY.simulate(parameters, context, action, np.zeros(1), effects)
+            values.append(
+                misfit(
+                    EmulatorSolver(emulator), context, action, TOY.observation.with_noise(TOY.observation(track), rng)
+                )
+            )
+    assert np.mean(np.array(own) < 1.5 * emulator.misfit_limit) >= 0.9
+    assert min(other) > 1.5 * emulator.misfit_limit
+
+
+def test_the_verdict_says_what_the_data_say():
+    emulator, _ = trained()
+    good = session(MEAN, [MEAN, PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.15)])
+    assert verdict(TOY, good, EmulatorSolver(emulator)).startswith("Converged")
+    failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
+    assert verdict(TOY, [*good, *good, *good, failing], EmulatorSolver(emulator)).startswith("Not converged")
+    assert verdict(TOY, good[:1], EmulatorSolver(emulator)).startswith("Too few trials")
+    windy = verdict(TOY, session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)), EmulatorSolver(emulator))
+    assert "the simulator cannot express this toy piece: 16 of 16" in windy
+    far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
+    bad = session(far, [PARAMETERS.low, PARAMETERS.low])
+    assert verdict(TOY, bad, EmulatorSolver(emulator)).startswith("Reward stays low")

@@ -1,0 +1,175 @@
+"""The lab with a board: what its camera sees of it, and what its arm does not know of itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.touch import pivot
+from hw.errors import ArmFault, CameraError
+from hw.kinematics import forward
+from hw.types import Array, Frame, Intrinsics
+from perception.board import detect, draw, locate
+from perception.board.types import Board
+from sim.errors import SimError
+from sim.lab.board import HeldBoard
+from sim.lab.calibrating import CalibrationLab
+from sim.lab.guided_tip import AIM_STD_M, TIP_M, touching_q_rad
+from sim.lab.kinect import default_X_BC
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Faults, Sensing, World, load_world
+from sim.panda.moves import move_path
+from sim.panda.visits import postures
+from sim.tasks import get_task
+
+BOARD = Board()
+HELD = HeldBoard(draw(BOARD, 112), BOARD.size_m)
+NEAR_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
+
+
+def world(**sensing: float) -> World:
+    return replace(load_world("wd", get_task("scooping")), sensing=replace(Sensing(), **sensing))
+
+
+@lru_cache
+def q_rad() -> Array:
+    """(7,) the board 0.8 m before the camera, tilted by 25°."""
+    X_CM = np.eye(4)
+    X_CM[:3, :3] = cv2.Rodrigues(np.deg2rad(np.array([20.0, 15.0, 8.0])))[0]
+    X_CM[:3, 3] = np.array([0.05, -0.12, 0.8]) - X_CM[:3, :3] @ np.array([*np.array(BOARD.size_m) / 2, 0])
+    (found,) = postures((default_X_BC() @ X_CM @ np.linalg.inv(HELD.X_FM))[None], "panda", NEAR_RAD, HELD.tool())
+    assert found is not None
+    return found
+
+
+def lab(the_world: World, seed: int = 0) -> CalibrationLab:
+    return CalibrationLab(get_task("scooping"), the_world, seed, HELD, home_q_rad=q_rad())
+
+
+@lru_cache
+def frame() -> Frame:
+    with lab(world()) as bench:
+        return bench.camera.snapshot()
+
+
+def expected_px(ids: Array, camera: Intrinsics, X_BC: Array, zeros_rad: Array | float = 0.0) -> Array:
+    X = np.linalg.inv(X_BC) @ forward(q_rad() + zeros_rad) @ HELD.X_FM
+    p = BOARD.p_MK_m[ids] @ X[:3, :3].T + X[:3, 3]
+    return cv2.projectPoints(p, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)
+
+
+def test_corners_come_out_where_they_are() -> None:
+    with lab(world()) as bench:
+        model = bench.camera.model()
+    seen = detect(frame().colour, BOARD, model.colour)
+    assert len(seen) == BOARD.corners
+    off = seen.px - expected_px(seen.ids, model.colour, default_X_BC())
+    assert np.sqrt((off**2).mean()) < 0.08
+    assert np.abs(off.mean(axis=0)).max() < 0.04
+
+
+def test_the_infrared_image_shows_the_board_too() -> None:
+    with lab(world()) as bench:
+        model = bench.camera.model()
+    dark = frame().infrared
+    assert dark is not None
+    seen = detect(dark, BOARD, model.depth)
+    assert len(seen) >= 20
+    off = seen.px - expected_px(seen.ids, model.depth, default_X_BC() @ model.X_CD)
+    assert np.sqrt((off**2).mean()) < 0.25
+
+
+def test_equal_inputs_give_equal_bytes() -> None:
+    with lab(world()) as bench:
+        again = bench.camera.snapshot()
+    assert np.array_equal(again.colour, frame().colour)
+    assert np.array_equal(again.depth_mm, frame().depth_mm)
+    assert again.infrared is not None
+    assert np.array_equal(again.infrared, frame().infrared)
+
+
+def test_hidden_joint_zeros_move_the_board_and_not_what_the_arm_says() -> None:
+    hidden = lab(world(joint_offset_mrad=3.0), seed=5)
+    zeros = np.array(hidden.truth()["joint_offset_rad"])
+    assert np.sqrt((zeros**2).mean()) == pytest.approx(3e-3, rel=0.8)
+    with hidden as bench:
+        assert bench.arm.state().q_rad == pytest.approx(q_rad())
+        picture, camera = bench.camera.snapshot(), bench.camera.model().colour
+    seen = detect(picture.colour, BOARD, camera)
+    off = seen.px - expected_px(seen.ids, camera, default_X_BC(), zeros)
+    assert np.sqrt((off**2).mean()) < 0.1
+    assert np.linalg.norm(off - (seen.px - expected_px(seen.ids, camera, default_X_BC())), axis=1).min() > 0.3
+
+
+def test_the_same_lab_has_the_same_arm_and_nominal_calibration_with_and_without_board() -> None:
+    the_world = world(joint_offset_mrad=1.0)
+    other = SimulatedLab(get_task("scooping"), the_world, 5)
+    assert lab(the_world, 5).truth()["joint_offset_rad"] == other.truth()["joint_zeros_rad"]
+    assert np.array_equal(lab(the_world, 5).nominal_calibration().X_BC, other.nominal_calibration().X_BC)
+
+
+def test_encoder_noise_belongs_to_the_posture() -> None:
+    """Whoever comes back to a posture finds it as it was, in a resumed run too; another one has another error."""
+    bench = lab(world(encoder_noise_mrad=1.0))._state
+    first = bench.error_rad
+    bench.q_rad = bench.q_rad + 0.1
+    assert np.abs(bench.error_rad - first).max() > 1e-4
+    bench.q_rad = q_rad()
+    assert np.array_equal(bench.error_rad, first)
+
+
+def test_the_person_of_the_lab_touches_what_the_camera_sees() -> None:
+    p_M_m = BOARD.p_MK_m[14]
+    with lab(world(joint_offset_mrad=2.0), 5) as bench:
+        zeros_rad = np.array(bench.truth()["joint_offset_rad"])
+        with pytest.raises(SimError, match="still in the gripper"):
+            bench.hands.touch(p_M_m, 0)
+        bench.hands.lay_board()
+        camera = bench.camera.model().colour
+        seen = detect(bench.camera.snapshot().colour, BOARD, camera)
+        touches = []
+        for number in range(4):
+            bench.hands.touch(p_M_m, number)
+            touches.append(bench.arm.state().q_rad)
+    assert len(seen) == BOARD.corners
+    p_B_m = (default_X_BC() @ locate(seen, BOARD, camera).X_VM @ [*p_M_m, 1.0])[:3]
+    off_mm = {
+        name: 1e3 * np.linalg.norm(pivot(forward(np.array(touches) + extra_rad)).p_AT_m - p_B_m)
+        for name, extra_rad in (("known", zeros_rad), ("unknown", 0.0))
+    }
+    assert off_mm["known"] < 1.0
+    assert off_mm["unknown"] > off_mm["known"] + 0.5
+
+
+def test_the_arm_refuses_to_put_the_board_into_the_table() -> None:
+    down = q_rad() + np.array([0, 0.9, 0, 0, 0, 0, 0])
+    with lab(world()) as bench, pytest.raises(Exception, match="table"):
+        bench.arm.execute(move_path(q_rad(), down, "panda"))
+
+
+def test_faults_come_at_their_motion_and_picture() -> None:
+    there = q_rad() + np.array([0.05, 0, 0, 0, 0, 0, 0])
+    path = move_path(q_rad(), there, "panda")
+    with lab(replace(world(), faults=Faults(arm_reflex=(1,)))) as bench:
+        with pytest.raises(ArmFault, match="reflex"):
+            bench.arm.execute(path)
+        assert bench.arm.state().fault is not None
+    with lab(replace(world(), faults=Faults(camera_timeout=(1,)))) as bench, pytest.raises(CameraError):
+        bench.camera.snapshot()
+
+
+def test_a_person_leans_the_arm_less_where_it_hardly_reaches() -> None:
+    leans = []
+    for x_m in (0.60, 0.72):
+        q_rad = touching_q_rad(np.array([x_m, 0.0, 0.006]), 0, np.random.default_rng(0))
+        X_BF = forward(q_rad)
+        assert np.linalg.norm((X_BF @ [*TIP_M, 1.0])[:3] - [x_m, 0.0, 0.006]) < 5 * AIM_STD_M
+        leans.append(float(np.arccos(-X_BF[2, 2])))
+    assert leans[0] > 0.3
+    assert leans[1] < 0.8 * leans[0]
+    with pytest.raises(SimError, match="out of the arm's reach"):
+        touching_q_rad(np.array([1.0, 0.0, 0.006]), 0, np.random.default_rng(0))

@@ -1,0 +1,191 @@
+"""The rendered camera: geometry, light, motion blur and the sensor's errors."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from hw.types import Array, CameraModel, Intrinsics
+from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.render.poses import inverse, within_exposure
+from sim.render.rays import pixel_rays
+from sim.types import Visual
+
+RNG = np.random.default_rng
+HALF_M = 0.02
+
+
+def cube(body: str, low: tuple[float, ...], high: tuple[float, ...], rgb: tuple[float, float, float]) -> Visual:
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    triangles = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype=np.int32)
+    return Visual(body, np.array(low) + corners * np.subtract(high, low), triangles, rgb)
+
+
+TABLE = cube("world", (0.3, -0.6, -0.03), (1.2, 0.6, 0.0), (0.5, 0.5, 0.5))
+BLOCK = cube("block", (-HALF_M, -HALF_M, -HALF_M), (HALF_M, HALF_M, HALF_M), (0.6, 0.1, 0.05))
+
+
+def cut(camera: Intrinsics, left: int, top: int, width: int, height: int) -> Intrinsics:
+    K = camera.K.copy()
+    K[:2, 2] -= [left, top]
+    return Intrinsics(width, height, K, camera.distortion)
+
+
+def close_up() -> CameraModel:
+    """The work area at full resolution."""
+    full = kinect_model()
+    return CameraModel("close-up", cut(full.colour, 500, 220, 280, 240), cut(full.depth, 260, 200, 160, 160), full.X_CD)
+
+
+@lru_cache
+def renderer() -> Renderer:
+    return Renderer(close_up(), default_X_BC(), [TABLE, BLOCK])
+
+
+def at(*p_m: float) -> Array:
+    X = np.eye(4)
+    X[:3, 3] = p_m
+    return X
+
+
+def red(colour: Array) -> Array:
+    return np.asarray(colour[..., 0].astype(int) - colour[..., 2] > 60)
+
+
+def test_both_sizes_show_the_same_view() -> None:
+    full, small = kinect_model(), kinect_model("small")
+    assert (full.colour.width, full.colour.height) == (1280, 720)
+    assert (full.depth.width, full.depth.height) == (640, 576)
+    for big, little in ((full.colour, small.colour), (full.depth, small.depth)):
+        points = np.array([[0.1, -0.2, 1.0], [-0.3, 0.1, 1.2]])
+        uv, uv_small = (
+            cv2.projectPoints(points, np.zeros(3), np.zeros(3), c.K, c.distortion)[0] for c in (big, little)
+        )
+        assert uv_small == pytest.approx((uv + 0.5) / 4 - 0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("which", ["colour", "depth"])
+def test_rays_project_back_onto_their_pixels(which: str) -> None:
+    camera: Intrinsics = getattr(kinect_model(), which)
+    some = pixel_rays(camera)[::23, ::23].reshape(-1, 3).astype(np.float64)
+    uv, _ = cv2.projectPoints(some, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
+    u, v = np.meshgrid(np.arange(0, camera.width, 23), np.arange(0, camera.height, 23))
+    assert np.abs(uv.reshape(-1, 2) - np.stack([u, v], axis=-1).reshape(-1, 2)).max() < 0.003
+
+
+def test_the_camera_looks_down_at_the_work_area() -> None:
+    X_BC = default_X_BC()
+    assert X_BC[:3, :3] @ X_BC[:3, :3].T == pytest.approx(np.eye(3))
+    assert X_BC[2, 2] < -0.5 and X_BC[0, 2] < 0  # down and back towards the arm
+    assert X_BC[2, 1] < 0  # upright
+    p = inverse(X_BC) @ [0.68, 0.0, 0.0, 1.0]
+    uv, _ = cv2.projectPoints(
+        p[:3], np.zeros(3), np.zeros(3), kinect_model().colour.K, kinect_model().colour.distortion
+    )
+    assert np.abs(uv.ravel() - [640, 360]).max() < 60
+
+
+def test_depth_of_table_and_block_is_exact_without_noise() -> None:
+    _, depth_mm = renderer().render({"block": at(0.7, 0.0, HALF_M)[None]}, None, RNG(0))
+    model = close_up()
+    X_BD = default_X_BC() @ model.X_CD
+    points = pixel_rays(model.depth) * (depth_mm / 1000.0)[..., None]
+    B = points @ X_BD[:3, :3].T + X_BD[:3, 3]
+    top = (np.abs(B[..., :2] - [0.7, 0.0]) < HALF_M - 0.004).all(axis=-1) & (B[..., 2] > 0.03)
+    bare = (np.abs(B[..., :2] - [0.7, 0.0]) > HALF_M + 0.05).any(axis=-1)
+    assert top.sum() > 100 and bare.sum() > 5000
+    assert np.abs(B[top][:, 2] - 2 * HALF_M).max() < 0.0006
+    assert np.abs(B[bare][:, 2]).max() < 0.0006
+
+
+def test_colour_lies_where_the_block_is() -> None:
+    colour, _ = renderer().render({"block": at(0.70, 0.03, HALF_M)[None]}, None, RNG(0))
+    model, X_CB = close_up(), inverse(default_X_BC())
+    corners = np.array([[x, y, z] for x in (0.68, 0.72) for y in (0.01, 0.05) for z in (0.0, 0.04)])
+    local = corners @ X_CB[:3, :3].T + X_CB[:3, 3]
+    uv, _ = cv2.projectPoints(local, np.zeros(3), np.zeros(3), model.colour.K, model.colour.distortion)
+    rows, columns = np.nonzero(red(colour))
+    assert np.abs(uv.reshape(-1, 2).min(axis=0) - [columns.min(), rows.min()]).max() < 1.5
+    assert np.abs(uv.reshape(-1, 2).max(axis=0) - [columns.max(), rows.max()]).max() < 1.5
+
+
+def test_motion_blurs_across_and_keeps_the_middle() -> None:
+    y = np.array([-0.006, -0.002, 0.002, 0.006])
+    moving, depth_moving = renderer().render({"block": np.stack([at(0.7, v, HALF_M) for v in y])}, None, RNG(0))
+    still, depth_still = renderer().render({"block": at(0.7, 0.0, HALF_M)[None]}, None, RNG(0))
+    assert np.array_equal(depth_moving, depth_still)
+    share = [c.astype(float)[..., 0] - c[..., 2] for c in (moving, still)]
+    columns = np.arange(share[0].shape[1])
+    middles = [float((s.sum(axis=0) * columns).sum() / s.sum()) for s in share]
+    assert middles[0] == pytest.approx(middles[1], abs=0.15)
+    widths = [int((s.max(axis=0) > 8).sum()) for s in share]
+    assert widths[0] - widths[1] == pytest.approx(0.012 * 612 / 0.9, abs=2.5)
+
+
+def test_the_block_throws_a_shadow_away_from_the_lamp() -> None:
+    with_block, _ = renderer().render({"block": at(0.7, 0.0, HALF_M)[None]}, None, RNG(0))
+    bare, _ = renderer().render({"block": at(0.7, 0.0, -3.0)[None]}, None, RNG(0))
+    darker = (bare.astype(int) - with_block).min(axis=-1) > 25
+    darker &= ~cv2.dilate(red(with_block).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+    assert 100 < darker.sum() < 3000
+    block_column, shadow_column = np.nonzero(red(with_block))[1].mean(), np.nonzero(darker)[1].mean()
+    assert shadow_column > block_column + 5  # the lamp stands at negative y, to the left in the image
+
+
+def test_a_body_out_of_sight_changes_nothing() -> None:
+    hidden, depth_hidden = renderer().render({"block": at(0.7, 0.0, -3.0)[None]}, None, RNG(0))
+    beside, depth_beside = renderer().render({"block": at(0.7, 3.0, -3.0)[None]}, None, RNG(0))
+    assert np.array_equal(hidden, beside) and np.array_equal(depth_hidden, depth_beside)
+
+
+def test_equal_input_gives_equal_images() -> None:
+    poses = {"block": at(0.7, 0.01, HALF_M)[None], "unseen": np.eye(4)[None]}
+    first, second, other = (renderer().render(poses, SensorNoise(), RNG(seed)) for seed in (5, 5, 6))
+    afresh = Renderer(close_up(), default_X_BC(), [TABLE, BLOCK]).render(poses, SensorNoise(), RNG(5))
+    for a, b, c, d in zip(first, second, afresh, other, strict=True):
+        assert np.array_equal(a, b) and np.array_equal(a, c) and not np.array_equal(a, d)
+
+
+def test_a_lacking_pose_is_named() -> None:
+    with pytest.raises(ValueError, match=r"no pose for the visible bodies \['block'\]"):
+        renderer().render({}, None, RNG(0))
+
+
+def test_depth_noise_is_of_the_stated_size_and_its_bias_stays() -> None:
+    poses = {"block": at(0.7, 0.0, -3.0)[None]}
+    noise = SensorNoise.draw(RNG(11))
+    exact = renderer().render(poses, None, RNG(0))[1].astype(float)
+    shots = np.stack([renderer().render(poses, noise, RNG(seed))[1] for seed in range(6)]).astype(float)
+    off = (shots - exact)[:, (shots > 0).all(axis=0)]
+    assert 1.0 < off.std(axis=0).mean() < 2.5
+    bias = off.mean(axis=1)
+    assert np.ptp(bias) < 0.1 and abs(bias.mean()) < 5.0
+    perfect = SensorNoise.draw(RNG(11), depth_noise_scale=0.0)
+    assert np.array_equal(renderer().render(poses, perfect, RNG(3))[1], exact)
+    triple = renderer().render(poses, SensorNoise.draw(RNG(11), 3.0), RNG(3))[1] - exact
+    assert triple.std() > 2 * off.std(axis=0).mean()
+
+
+def test_edges_have_holes_and_flying_pixels() -> None:
+    poses = {"block": at(0.7, 0.0, 0.10)[None]}
+    exact = renderer().render(poses, None, RNG(0))[1].astype(int)
+    noisy = renderer().render(poses, SensorNoise(), RNG(1))[1].astype(int)
+    kernel = np.ones((3, 3), np.uint8)
+    jump = cv2.dilate(exact.astype(np.uint16), kernel).astype(int) - cv2.erode(exact.astype(np.uint16), kernel) > 30
+    assert 0.3 < (noisy[jump] == 0).mean() < 0.6
+    assert (np.abs(noisy - exact)[jump & (noisy > 0)] > 10).mean() > 0.2
+    assert (noisy[~jump] == 0).mean() < 0.01
+
+
+def test_poses_within_an_exposure() -> None:
+    X = np.stack([at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0)])
+    assert within_exposure(X, np.array([0.0, 0.25, 0.5, 0.75, 1.0]))[:, 0, 3] == pytest.approx([0, 0, 0.5, 1, 1])
+    assert within_exposure(X[:1], np.array([0.1, 0.9]))[:, 0, 3] == pytest.approx([0, 0])
+    turn = np.eye(4)
+    turn[:2, :2] = [[0, -1], [1, 0]]
+    R = within_exposure(np.stack([np.eye(4), turn]), np.array([0.5]))[0, :3, :3]
+    assert pytest.approx(np.eye(3)) == R @ R.T and R[0, 0] == pytest.approx(np.sqrt(0.5))

@@ -1,0 +1,114 @@
+"""World files: what is taken, what is refused, and how the refusal reads."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from slider import TASK
+
+from sim.errors import UnknownName, WorldError
+from sim.lab.world import Faults, Sensing, list_worlds, load_world
+
+PARAMS = "[params]\nmu = 0.3\ne = 1e5\nkind = 1\nh = 2.0\ny = 0.0\n"
+
+
+def load(tmp_path: Path, text: str):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return load_world(str(path), TASK)
+
+
+def test_what_is_left_out_is_nominal(tmp_path: Path) -> None:
+    world = load(tmp_path, f'task = "slider"\n{PARAMS}')
+    assert world.name == "mine"
+    np.testing.assert_allclose(world.parameters, [0.3, 1e5, 1, 2.0, 0.0])
+    np.testing.assert_allclose(world.nuisance, [0.015])
+    assert world.unmodelled == TASK.unmodelled()
+    assert world.sensing == Sensing()
+    assert world.faults == Faults()
+
+
+def test_everything_can_be_said(tmp_path: Path) -> None:
+    world = load(
+        tmp_path,
+        f'task = "slider"\ndescription = "skewed"\n{PARAMS}[nuisance]\nradius = 0.012\n'
+        "[unmodelled]\nscale = [1.2, 0.9]\ndt_s = 0.001\npitch_bias_rad = 0.01\n"
+        '[sensing]\ndepth_noise_scale = 2\ncamera = "small"\n[faults]\narm_reflex = [2, 5]\n',
+    )
+    assert world.description == "skewed"
+    assert world.nuisance[0] == 0.012
+    assert world.unmodelled == TASK.unmodelled(scale=(1.2, 0.9), dt_s=0.001, pitch_bias_rad=0.01)
+    assert world.sensing == Sensing(depth_noise_scale=2.0, camera="small")
+    assert world.faults == Faults(arm_reflex=(2, 5))
+
+
+def test_values_outside_of_the_ranges_are_allowed(tmp_path: Path) -> None:
+    world = load(tmp_path, f'task = "slider"\n{PARAMS.replace("h = 2.0", "h = 3.4")}')
+    assert world.parameters[3] == 3.4
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message"),
+    [
+        ("mu = 0.3", "nu = 0.3", r"unknown key 'nu' in \[params\]; known are mu, e, kind, h, y"),
+        ("mu = 0.3\n", "", r"\[params\] lacks the key 'mu'"),
+        ("mu = 0.3", 'mu = "0.3"', r"'mu' in \[params\] is '0.3'"),
+        ("mu = 0.3", "mu = true", r"'mu' in \[params\] is True"),
+        ("mu = 0.3", "mu = nan", r"'mu' in \[params\] is nan"),
+        ("mu = 0.3", "mu = -0.3", r"mu = -0.3 in \[params\] is not physically possible: it must be positive"),
+        ("h = 2.0", "h = 0.02", r"h \[cm\] = 0.02 in \[params\] looks like m, but the unit is cm"),
+        ("h = 2.0", "h = 20", r"h \[cm\] = 20 in \[params\] looks like mm, but the unit is cm"),
+        ("e = 1e5", "e = 100.0", r"e \[Pa\] = 100 in \[params\] looks like kPa, but the unit is Pa"),
+        ("y = 0.0", "y = 5.0", r"y \[m\] = 5 in \[params\] looks like cm, but the unit is m"),
+        ("kind = 1", "kind = 0.5", r"'kind' in \[params\] is 0.5"),
+        ("kind = 1", "kind = 7", r"kind = 7 in \[params\] names no kind; there are 0 to 1"),
+    ],
+)
+def test_a_bad_parameter_is_named(tmp_path: Path, line: str, instead: str, message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        load(tmp_path, f'task = "slider"\n{PARAMS.replace(line, instead)}')
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        ("[unmodeled]\n", r"unknown key 'unmodeled' in the top level \(did you mean unmodelled\?\)"),
+        (
+            "[unmodelled]\npitch_bias = 0.1\n",
+            r"unknown key 'pitch_bias' in \[unmodelled\] \(did you mean",
+        ),
+        ("[unmodelled]\nscale = [1.0, -1.0]\n", r"\[unmodelled\] scale = \(1.0, -1.0\) must be positive"),
+        ("[unmodelled]\nscale = [1.0]\n", r"'scale.1' in \[unmodelled\] is missing"),
+        ("[sensing]\nframe_drop = 1.5\n", r"'frame_drop' in \[sensing\] is 1.5: .*less than or equal to 0.9"),
+        ('[sensing]\ncamera = "big"\n', r"'camera' in \[sensing\] is 'big'"),
+        ("[faults]\npedal_release = [0]\n", r"'pedal_release' in \[faults\] names trial 0; trials count from 1"),
+        ("[nuisance]\nradius = 1.2\n", r"radius \[m\] = 1.2 in \[nuisance\] looks like cm"),
+    ],
+)
+def test_a_bad_table_is_named(tmp_path: Path, extra: str, message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        load(tmp_path, f'task = "slider"\n{PARAMS}{extra}')
+
+
+def test_a_world_of_another_task_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="is a world of 'pushing', not of 'slider'"):
+        load(tmp_path, f'task = "pushing"\n{PARAMS}')
+
+
+@pytest.mark.parametrize("text", ["task = ", "\udcff"])
+def test_what_is_not_toml_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(WorldError, match=r"mine\.toml is not TOML"):
+        load_world(str(path), TASK)
+
+
+def test_a_missing_file_and_an_unknown_name(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match=re.escape(str(tmp_path / "none.toml"))):
+        load_world(str(tmp_path / "none.toml"), TASK)
+    with pytest.raises(UnknownName, match="no world 'nowhere' for slider; there are none"):
+        load_world("nowhere", TASK)
+    assert list_worlds(TASK) == ()

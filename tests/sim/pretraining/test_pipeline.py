@@ -1,0 +1,183 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from toy_learning import SETTINGS, roll, trained
+from toy_task import PARAMETERS, TOY, simulate
+
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.memory import new_policy
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.methods.random_search import RandomSearch
+from sim.adaptation.prospects import ProspectSettings
+from sim.errors import DatasetError, RolloutError
+from sim.pretraining.episodes import EpisodeSettings, sparse, visit
+from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
+from sim.pretraining.pipeline import STAGES, PretrainBudget, pretrain
+from sim.rollouts import serial_executor
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.solver import SolverSettings
+
+TINY = PretrainBudget(
+    rollouts=256,
+    denser=44,
+    further_updates=50,
+    emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
+    meta=MetaSettings(steps=24, parallel=8, updates=1),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
+    evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
+)
+calls = []
+
+
+def counting(parameters, context, action, nuisance, unmodelled=None):
+    calls.append(1)
+    return simulate(parameters, context, action, nuisance, unmodelled)
+
+
+def cut_off(parameters, context, action, nuisance, unmodelled=None):
+    if len(calls) >= 340:
+        raise RuntimeError("power cut")
+    return counting(parameters, context, action, nuisance, unmodelled)
+
+
+def run(folder, task=TOY, budget=TINY, seed=0):
+    seen = []
+    with serial_executor() as executor:
+        path = pretrain(
+            task, folder, budget, seed, executor, lambda stage, done, total: seen.append((stage, done, total))
+        )
+    return path, seen
+
+
+def test_a_visit_earns_more_at_the_right_parameters():
+    emulator, _ = trained()
+    rng = np.random.default_rng(0)
+    targets = PARAMETERS.sample(rng, 16)
+    settings = EpisodeSettings(SolverSettings(candidates=64, scenarios=4), contexts=2, draws=4)
+    right = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
+    wrong = visit(EmulatorSolver(emulator), roll, targets[::-1], targets, np.random.default_rng(1), settings)
+    assert right.observations.shape == (16, 2 * TOY.observation.size)
+    assert right.rewards.mean() > wrong.rewards.mean() + 0.1
+    again = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
+    assert np.array_equal(again.observations, right.observations)
+    assert np.array_equal(again.rewards, right.rewards)
+
+
+def test_targets_of_the_paper_lie_in_omega_and_wide_ones_beyond():
+    rng = np.random.default_rng(0)
+    assert all(PARAMETERS.contains(t) for t in sample_targets(TOY, "paper", 200, rng))
+    wide = sample_targets(TOY, "wide", 200, rng)
+    assert all(TOY.margin.contains(t) for t in wide)
+    assert not all(PARAMETERS.contains(t) for t in wide)
+
+
+def test_sparse_rewards_and_exploration():
+    assert sparse(TOY, np.array([0.49, 0.5, 0.9])).tolist() == [0.0, 0.5, 0.9]
+    rng = np.random.default_rng(0)
+    directions = np.ones((400, 3), dtype=int)
+    assert (explore(directions, 0.0, rng) == 1).all()
+    mixed = explore(directions, 0.5, rng)
+    assert (mixed != 1).any(axis=1).mean() == pytest.approx(0.5 * 26 / 27, abs=0.07)
+
+
+def test_training_repeats_exactly_and_depends_on_the_seed():
+    emulator, _ = trained()
+    settings = MetaSettings(steps=16, parallel=8, updates=1)
+    one, curve, episodes = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    two, same, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
+    three, _, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 1)
+    states = np.random.default_rng(0).random((50, one.inputs))
+    assert np.array_equal(one.directions(states), two.directions(states))
+    assert np.array_equal(curve.reward, same.reward)
+    assert not np.array_equal(one.directions(states), three.directions(states))
+    assert curve.epsilon[0] == 1.0
+    assert curve.epsilon[-1] == pytest.approx(0.1)
+    horizon = TOY.adaptation.horizon
+    assert episodes.directions.shape == (4, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
+    moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0], TOY.adaptation.delta)
+    assert np.allclose(moved, episodes.means[:, :, 1])
+
+
+def test_a_policy_with_memory_learns_from_the_episodes_of_another():
+    emulator, _ = trained()
+    _, _, episodes = train_adaptation(EmulatorSolver(emulator), roll, MetaSettings(steps=256, parallel=32), 0)
+    for memory in ("iteration", "state", "history"):
+        steps = episodes.transitions(TOY, memory)
+        assert len(steps.reward) == len(steps.state) == episodes.directions[..., 0].size
+        assert np.isin(steps.reward, sparse(TOY, episodes.rewards)).all()
+        one = learn_from(TOY, episodes, memory, 300, 0)
+        assert np.array_equal(
+            one.directions(steps.state), learn_from(TOY, episodes, memory, 300, 0).directions(steps.state)
+        )
+        values = one(torch.from_numpy(steps.state).float()).detach().max(dim=-1).values.mean(dim=-1)
+        assert np.corrcoef(values, _returns(episodes))[0, 1] > 0.5  # what follows is foreseen
+
+
+def _returns(episodes):
+    """Discounted sparse rewards of the rest of each episode, in the order of the transitions."""
+    rewards, total = sparse(TOY, episodes.rewards), np.zeros(episodes.rewards.shape[:2])
+    rows = []
+    for t in range(rewards.shape[2] - 1, 0, -1):
+        total = rewards[:, :, t] + TOY.adaptation.discount * total
+        rows.append(total.reshape(-1))
+    return np.concatenate(rows[::-1])
+
+
+def test_the_evaluation_orders_oracle_and_udr():
+    emulator, _ = trained()
+    methods = {"adaptsim": QPolicy(TOY, new_policy(TOY, "iteration", 0)), "random": RandomSearch(TOY)}
+    settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
+    report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
+    assert report.oracle > report.udr + 0.1
+    assert report.trials == 8
+    assert report.pairs == 6 * (2 + 2 * 2)
+    assert report.emulator_correlation > 0.8
+    assert abs(report.emulator_bias) < 0.1
+    for score in report.methods:
+        assert len(score.reward) == 2
+        assert all(
+            low <= share <= high for share, (low, high) in zip(score.gap_closed, score.gap_closed_ci95, strict=True)
+        )
+        assert report.udr + score.above_udr_ci95[0] <= score.reward[-1] <= report.udr + score.above_udr_ci95[1]
+
+
+def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
+    path, seen = run(tmp_path)
+    checkpoint = load_checkpoint(TOY, str(path))
+    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == list(STAGES)
+    assert all(0 <= done <= total for _, done, total in seen)
+    assert checkpoint.card["emulator"]["held_out"] > 0
+    assert checkpoint.card["evaluation"]["targets"] == 2
+    assert checkpoint.card["budget"]["meta"]["targets"] == "paper"
+    dataset = TINY.rollouts + TINY.denser
+    assert dataset < checkpoint.card["simulations"] <= dataset + TINY.uncached(TOY)
+    particles = make_method("adaptsim", TOY, checkpoint).start(2, np.random.default_rng(0))
+    assert len(particles) == 2
+
+
+def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):
+    calls.clear()
+    with pytest.raises(RolloutError, match="power cut"):
+        run(tmp_path / "killed", dataclasses.replace(TOY, simulate=cut_off))
+    before = len(calls)
+    calls.clear()
+    resumed = load_checkpoint(TOY, str(run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))[0]))
+    whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
+    assert resumed.sha256 == whole.sha256
+    assert resumed.card["evaluation"] == whole.card["evaluation"]
+    assert before + len(calls) <= whole.card["simulations"] + 4 + 32  # two times two probes, one interrupted request
+    calls.clear()
+    run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))
+    assert len(calls) == 2
+
+
+def test_a_folder_of_another_plan_is_refused(tmp_path):
+    run(tmp_path)
+    with pytest.raises(DatasetError, match="another seed"):
+        run(tmp_path, seed=1)
+    with pytest.raises(DatasetError, match="another budget"):
+        run(tmp_path, budget=dataclasses.replace(TINY, rollouts=400))

@@ -1,0 +1,98 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from toy_learning import SETTINGS, dataset, trained
+from toy_task import TOY
+
+from sim.errors import CheckpointError, DatasetError
+from sim.solvers.emulator.network import Emulator, encode
+from sim.solvers.emulator.training import train_emulator
+from sim.types import Dimension, Space
+
+
+def draws(n, seed=0):
+    rng = np.random.default_rng(seed)
+    return TOY.margin.sample(rng, n), TOY.action.sample(rng, n), TOY.nuisance.sample(rng, n)
+
+
+def test_it_learns_the_toy_and_says_how_well():
+    _, report = trained()
+    assert report.accuracy > 0.9 > max(report.base_rate, 1.0 - report.base_rate)
+    assert report.brier < 0.08
+    assert report.calibration_error < 0.12
+    assert report.position_error_median < 0.01
+    assert report.end_state_error_median < 0.005
+
+
+def test_its_predictions_agree_with_fresh_rollouts():
+    emulator, _ = trained()
+    parameters, action, nuisance = draws(200, seed=9)
+    predicted = emulator.predict(parameters, action, nuisance)
+    tracks = [
+        TOY.simulate(p, TOY.reference_context, a, n) for p, a, n in zip(parameters, action, nuisance, strict=True)
+    ]
+    succeeded = np.array([TOY.succeeded(t) for t in tracks])
+    assert ((predicted.success > 0.5) == succeeded).mean() > 0.9
+    error = predicted.observation - np.stack([TOY.observation(t) for t in tracks])
+    assert np.abs(error).mean() < 0.05
+
+
+def test_disagreement_grows_outside_of_the_data():
+    emulator, _ = trained()
+    parameters, action, nuisance = draws(300)
+    far = parameters.copy()
+    far[:, [0, 3]] += 1.5 * (TOY.margin.high - TOY.margin.low)[[0, 3]]
+    inside = emulator.predict(parameters, action, nuisance).observation_std.mean()
+    assert emulator.predict(far, action, nuisance).observation_std.mean() > 3.0 * inside
+
+
+def test_outcomes_broadcast_and_agree_with_predict():
+    emulator, _ = trained()
+    parameters, action, nuisance = draws(6)
+    success, end_state = emulator.outcomes(parameters, action[:3, None, :], nuisance)
+    assert success.shape == (5, 3, 6)
+    assert end_state.shape == (5, 3, 6, 1)
+    single = emulator.predict(parameters[4:5], action[2:3], nuisance[4:5])
+    assert success[:, 2, 4].mean() == pytest.approx(single.success[0], abs=1e-5)
+    assert end_state[:, 2, 4].mean() == pytest.approx(single.end_state[0, 0], abs=1e-5)
+
+
+def test_the_same_seed_gives_the_same_weights_whatever_the_threads():
+    quick = dataclasses.replace(SETTINGS, least_steps=40, most_steps=40)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    one, _ = train_emulator(TOY, dataset(), 3, quick)
+    torch.set_num_threads(1)
+    two, _ = train_emulator(TOY, dataset(), 3, quick)
+    torch.set_num_threads(before)
+    assert all(torch.equal(one.tensors[name], two.tensors[name]) for name in one.tensors)
+    three, _ = train_emulator(TOY, dataset(), 4, quick)
+    assert not torch.equal(one.tensors["w0"], three.tensors["w0"])
+
+
+def test_stored_tensors_restore_it_exactly_and_foreign_ones_are_refused():
+    emulator, _ = trained()
+    again = Emulator(TOY, emulator.tensors)
+    assert np.array_equal(again.predict(*draws(5)).observation, emulator.predict(*draws(5)).observation)
+    with pytest.raises(CheckpointError, match="is missing"):
+        Emulator(TOY, {"w0": torch.zeros(1)})
+    more = Space((*TOY.nuisance.dimensions, Dimension("x", "", 0.0, 1.0)))
+    with pytest.raises(CheckpointError, match="does not fit toy"):
+        Emulator(dataclasses.replace(TOY, nuisance=more), emulator.tensors)
+
+
+def test_whole_parameters_are_one_hot_and_blend_in_between():
+    parameters = np.array([[0.3, 1e5, 1.0, 2.0], [0.3, 1e5, 0.5, 2.0]])
+    features = encode(TOY, parameters, TOY.action.low, TOY.nuisance.low).numpy()
+    assert features.shape == (2, 3 + 3 + 2 + 1)
+    assert features[0, 2:5].tolist() == [0.0, 1.0, 0.0]
+    assert features[1, 2:5].tolist() == [0.5, 0.5, 0.0]
+    assert np.abs(np.delete(features, [2, 3, 4], axis=1)).max() <= 1.0
+
+
+def test_too_little_data_is_refused():
+    few = dataclasses.replace(dataset(), succeeded=dataset().succeeded[:10])
+    with pytest.raises(DatasetError, match="10 rollouts are too few"):
+        train_emulator(TOY, few, 0)

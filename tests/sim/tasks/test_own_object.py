@@ -1,0 +1,128 @@
+import pickle
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.prospects import ProspectSettings
+from sim.errors import CheckpointError, ObjectError
+from sim.pretraining.evaluation import EvaluationSettings
+from sim.pretraining.meta_training import MetaSettings
+from sim.pretraining.pipeline import PretrainBudget, pretrain
+from sim.rollouts import serial_executor
+from sim.tasks import TASKS, get_task
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.own_object import OwnObject, load_object, with_ranges
+
+TOFU = """
+task = "scooping"
+name = "tofu"
+[ranges]
+mu = [0.30, 0.40]
+e = [1e4, 3e4]
+g = [1, 2]
+h = [2, 2.6]
+"""
+TINY = PretrainBudget(
+    further_updates=20,
+    meta=MetaSettings(steps=20, parallel=2),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
+    evaluation=EvaluationSettings(targets=2, iterations=1, oracle=4),
+)
+
+
+def stored(tmp_path, text):
+    path = tmp_path / "tofu.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_ranges_become_omega_and_the_margin_goes_along(tmp_path):
+    usual = get_task("scooping")
+    own = with_ranges(usual, load_object(stored(tmp_path, TOFU)))
+    assert own.parameters.low.tolist() == [0.30, 1e4, 1, 2]
+    assert own.parameters.high.tolist() == [0.40, 3e4, 2, 2.6]
+    assert own.object_name == "tofu"
+    assert (own.margin.low <= own.parameters.low).all()
+    assert (own.margin.high >= own.parameters.high).all()
+    assert all(usual.margin.contains(corner) for corner in (own.margin.low, own.margin.high))
+    reach = own.parameters.normalise(own.margin.high)[0], usual.parameters.normalise(usual.margin.high)[0]
+    assert reach[0] == pytest.approx(reach[1])  # two thirds of the range beyond its end, for friction
+    assert fingerprint(own) != fingerprint(usual)
+    assert pickle.loads(pickle.dumps(own)).parameters == own.parameters  # noqa: S301 - as it travels to a worker
+
+
+def test_the_margin_ends_where_the_scene_was_tried():
+    usual = get_task("scooping")
+    high = with_ranges(usual, OwnObject("scooping", "high", {"h": (1.8, 2.9)}))
+    assert high.margin.high[3] == usual.margin.high[3]
+    assert usual.margin.low[3] < high.margin.low[3] < 1.8
+
+
+def test_what_is_left_out_keeps_the_tasks_range():
+    usual = get_task("scooping")
+    own = with_ranges(usual, OwnObject("scooping", "flat", {"h": (1.5, 1.8)}))
+    assert own.parameters.dimensions[:3] == usual.parameters.dimensions[:3]
+    assert own.margin.dimensions[:3] == usual.margin.dimensions[:3]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("h = [2, 2.6]", "heigth = [2, 2.6]", "no parameter 'heigth'.* There are: mu, e, g, h"),
+        ("mu = ", "m = ", "did you mean mu"),
+        ("h = [2, 2.6]", "h = [0.02, 0.026]", r"h \[cm\] = \[0.02, 0.026\] lies beyond .* 1.2 to 3 cm; mind the unit"),
+        ("mu = [0.30", "mu = [-0.30", "lies beyond"),
+        ("h = [2, 2.6]", "h = [2.6, 2]", r"h = \[2.6, 2\] is no range"),
+        ("g = [1, 2]", "g = [2, 2]", r"g = \[2, 2\] is no range"),
+        ("g = [1, 2]", "g = [0.5, 2]", "whole numbers"),
+        ("h = [2, 2.6]", "h = [2]", r"ranges\.h\.1 is missing"),
+        ("h = [2, 2.6]", 'h = ["a", 2.6]', r"ranges\.h\.0 = 'a'"),
+        ("h = [2, 2.6]", "h = [2, nan]", r"ranges\.h\.1"),
+        ('name = "tofu"', 'nam = "tofu"', "unknown key 'nam'"),
+        ('name = "tofu"', 'name = "../tofu"', "name = '../tofu'"),
+        ('task = "scooping"', 'task = "pushing"', "is for the task pushing, not for scooping"),
+        ("[ranges]", "[ranges", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, old, new, message):
+    path = stored(tmp_path, TOFU.replace(old, new))
+    with pytest.raises(ObjectError, match=message):
+        with_ranges(get_task("scooping"), load_object(path))
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ObjectError, match=r"nowhere\.toml cannot be read: No such file"):
+        load_object(tmp_path / "nowhere.toml")
+
+
+def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
+    usual = get_task("pendulum")
+    heavy = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.6, 2.0), "m2": (2.0, 2.6)}))
+    with serial_executor() as executor:
+        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda stage, done, total: None)
+    checkpoint = load_checkpoint(heavy, str(path))
+    assert checkpoint.card["object"] == "heavy pendulum"
+    assert [(d["low"], d["high"]) for d in checkpoint.card["interface"]["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]
+    assert checkpoint.solver.task is heavy
+    target = heavy.parameters.sample(np.random.default_rng(0), 1)[0]
+    assert 2.0 <= target[1] <= 2.6
+    with pytest.raises(
+        CheckpointError, match=r"other parameters, margin of pendulum \(those of heavy pendulum\): pretrain"
+    ):
+        load_checkpoint(usual, str(path))
+    lighter = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.5, 2.0), "m2": (2.0, 2.6)}))
+    with pytest.raises(CheckpointError, match="other parameters, margin of pendulum: pretrain"):
+        load_checkpoint(lighter, str(path))
+
+
+def test_the_page_says_what_the_code_does(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "own-objects.md").read_text()
+    for task in map(get_task, TASKS):
+        for usual, tried in zip(task.parameters.dimensions, task.margin.dimensions, strict=True):
+            row = f"{usual.label} | {usual.low:g} to {usual.high:g} | {tried.low:g} to {tried.high:g} |"
+            assert f"| {task.name} | {row}" in page
+    example = re.search(r"```toml\n(.*?)```", page, re.DOTALL).group(1)
+    assert with_ranges(get_task("scooping"), load_object(stored(tmp_path, example))).object_name == "tofu"

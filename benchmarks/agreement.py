@@ -44,6 +44,9 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import ToolMotion
 
+INNER = 0.8
+"""Share of the contexts' ranges: a person who misses the mark still puts the object inside of them."""
+
 NUDGE_M = 0.0003
 """How far the object is moved to see whether a rollout agrees with itself: less than a camera errs."""
 
@@ -100,7 +103,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
     """World `number` of `seed`, in the lab and without an arm."""
     task, world, began = get_task(name), drawn_world(get_task(name), seed, number), time.monotonic()
     rng = np.random.default_rng((seed, number, 1))
-    wanted = task.context.sample(rng, 1)[0]
+    wanted = task.context.denormalise(INNER * rng.random(len(task.context)) + (1.0 - INNER) / 2.0)
     policy = _policy(task, actions, checkpoint, rng)
     facts = {
         "number": number,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.collision import Capsule
+from hw.mass import NOTHING, Mass
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.types import Space, ToolMotion
@@ -201,6 +202,8 @@ class Task:
     """Whether the tool carries the object home, and the way there must be gentle."""
     keep_clear: tuple[Capsule, ...] = ()
     """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
+    tool_mass: Mass = NOTHING
+    """What the tool weighs, in its frame T, without the hand."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
     tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers

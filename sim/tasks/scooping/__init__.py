@@ -1,6 +1,7 @@
 """Scooping food with a spatula."""
 
 from sim.tasks.scooping.handle import KEEP_CLEAR
+from sim.tasks.scooping.mass import TOOL_MASS
 from sim.tasks.scooping.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.scooping.params import (
     ACTION,
@@ -53,4 +54,5 @@ TASK = Task(
     object_name="piece of food",
     tracker="piece",
     keep_clear=KEEP_CLEAR,
+    tool_mass=TOOL_MASS,
 )

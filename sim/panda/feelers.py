@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.collision import HAND, Tool
+from hw.collision import HAND, HAND_MASS, Tool
 from hw.types import Array, frozen_array
 from sim.errors import UnknownName
 from sim.panda.tool import held
@@ -71,10 +71,10 @@ def feelers_of(task: Task) -> tuple[Feeler, ...]:
 
 def empty_hand() -> Tool:
     """The hand with its fingers closed on nothing: only their tips may touch."""
-    return Tool("fingertips", HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
+    return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
 
 
 def feeling(task: Task, X_FT: Array) -> Tool:
     """The hand with the task's tool at `X_FT` (4, 4): only its feelers may touch."""
     lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in feelers_of(task)])
-    return held(X_FT, task.keep_clear, lowest, f"tool of {task.name}")
+    return held(X_FT, task.tool_mass, task.keep_clear, lowest, f"tool of {task.name}")

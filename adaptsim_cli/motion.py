@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
+    from hw.workcell import ArmModel
     from sim.lab.preview import Preview
     from sim.panda.correction import ToolCorrection
     from sim.tasks.task import Task
@@ -91,10 +92,10 @@ _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 class Lab:
     """What a motion is planned for: an arm, and the lab around it where there is a rig file."""
 
-    arm: str
-    rig: RigDescription | None = None
-    keep_out: tuple[KeepOut, ...] = ()  # on top of the rig's
-    correction: ToolCorrection | None = None  # what its touch-off found
+    arm: ArmModel
+    rig: RigDescription | None
+    keep_out: tuple[KeepOut, ...]  # on top of the rig's
+    correction: ToolCorrection | None  # what its touch-off found
 
 
 def lab_of(resolved: Resolved, arm: str | None) -> Lab:
@@ -107,18 +108,20 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
     from adaptsim_cli.touch_off.store import touch_off_of
     from adaptsim_cli.wiring_calibration import camera_box, current_calibration
-    from hw.limits import LIMITS
+    from hw.joint_limits import LIMITS
+    from hw.workcell import arm_model
 
     config = resolved.config
     if arm is not None or config.hw == "fake":
         if arm not in (None, *LIMITS):
             raise UsageError(f"--arm {arm}: it is one of {', '.join(LIMITS)}")
-        return Lab(arm or "panda")
+        return Lab(arm_model(arm or "panda", np.zeros(7)), None, (), None)
     known = current_calibration(config, resolved.places)
     boxes = () if known is None else camera_box(known.hand_eye().X_BC)
-    touched = touch_off_of(config, resolved.places, np.zeros(7) if known is None else known.offsets_rad())
+    zeros_rad = np.zeros(7) if known is None else known.offsets_rad()
+    touched = touch_off_of(config, resolved.places, zeros_rad)
     correction = None if touched is None else touched.correction()
-    return Lab(config.hw, rig_of(config, tasks_with_tools()), boxes, correction)
+    return Lab(arm_model(config.hw, zeros_rad), rig_of(config, tasks_with_tools()), boxes, correction)
 
 
 def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
@@ -139,5 +142,5 @@ def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[s
     how = values.point(task.action, action, middle, "--action")
     assert there.task.plan is not None  # `mounted` refuses a task without one
     paths = there.paths(there.task.plan(where, how))
-    approach, motion, back = (there.check(path) for path in paths)
-    return PlannedMotion(there.task, lab.arm, where, how, paths, (approach, motion, back))
+    approach, motion, back = (there.cell.require(path) for path in paths)
+    return PlannedMotion(there.task, lab.arm.name, where, how, paths, (approach, motion, back))

@@ -97,11 +97,11 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
 
         with open_real(config, places(), task, openers or real_devices()) as real:
             on_rig = real.on_rig
-            executable = _executable(task, on_rig.planner, config.hw)
+            executable = _executable(task, on_rig.planner)
             yield real.mounted.task, real, executable, on_rig.rig.hand_eye
     else:
         with _open_lab(config, task) as on_rig:
-            executable = _executable(task, on_rig.planner, on_rig.rig.arm.model)
+            executable = _executable(task, on_rig.planner)
             yield on_rig.task, on_rig, executable, on_rig.rig.hand_eye
 
 
@@ -136,38 +136,41 @@ def versions() -> dict[str, str]:
 def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
     from adaptsim_cli.mounted import mounted
     from adaptsim_cli.touch_off.store import touch_off_of
+    from hw.workcell import arm_model
     from sim.lab.simulated import SimulatedLab
     from sim.lab.world import load_world
 
     world = load_world(config.world, task)
-    eye, zeros_rad = calibration_of(config, places(), _calibration_of(SimulatedLab(task, world, config.seed)))
+    eye, zeros_rad = calibration_of(config, places(), _nominal(world, config.seed))
     touched = touch_off_of(config, places(), zeros_rad)
-    there = mounted(task, "panda", correction=None if touched is None else touched.correction())
-    home_rad, table = there.home_rad - zeros_rad, there.correction.table
-    with SimulatedLab(task, world, config.seed, home_q_rad=home_rad, tool=there.tool, table=table) as lab:
-        yield _on_rig(there, lab, eye, zeros_rad, config.calibration_days)
+    correction = None if touched is None else touched.correction()
+    there = mounted(task, arm_model("panda", zeros_rad), None, (), correction)
+    with SimulatedLab(task, world, config.seed, there.cell, home_q_rad=there.home_rad) as lab:
+        yield _on_rig(there, lab, eye, config.calibration_days)
 
 
 @contextmanager
 def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
     """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
-    from adaptsim_cli.mounted import mounted
+    from adaptsim_cli.mounted import mounted_as_shipped
     from sim.lab.simulated import SimulatedLab
 
-    there = mounted(task, "panda")
-    with SimulatedLab(task, world, seed, home_q_rad=there.home_rad, tool=there.tool) as lab:
-        yield lab, _on_rig(there, lab, _calibration_of(lab), np.zeros(7))
+    there = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
+        yield lab, _on_rig(there, lab, _nominal(world, seed))
 
 
-def _calibration_of(lab: SimulatedLab) -> HandEye:
-    shipped = lab.nominal_calibration()
+def _nominal(world: World, seed: int) -> HandEye:
+    from sim.lab.calibration import nominal_of
+
+    shipped = nominal_of(world, seed)
     return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
 
 
-def _on_rig(there: MountedTask, lab: SimulatedLab, eye: HandEye, zeros_rad: Array, days: int = 30) -> OnRig:
+def _on_rig(there: MountedTask, lab: SimulatedLab, eye: HandEye, days: int = 30) -> OnRig:
     over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
     rig = Rig("fake", f"simulated lab, {lab.title}", lab.arm, lab.camera, lab.bench, over_table, days)
-    return OnRig(there.task, rig, tracker_of(there.task), there.planner(zeros_rad))
+    return OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
 def _world_sha256(name_or_path: str) -> str:
@@ -216,13 +219,13 @@ class _SolverLearner:
         return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
 
 
-def _executable(task: Task, planner: Planner, arm: str) -> Executable:
+def _executable(task: Task, planner: Planner) -> Executable:
     def executable(context: Array, action: Array) -> bool:
         if task.plan is None:
             return True
         try:
             for path in planner.paths(task.plan(context, action)):
-                planner.check(path, arm)
+                planner.check(path)
         except (NotExecutable, MotionRefused):
             return False
         return True

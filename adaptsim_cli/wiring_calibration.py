@@ -20,8 +20,9 @@ from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw import collision
-from hw.collision import LEVEL, KeepOut, Table, Tool
+from hw.collision import LEVEL, KeepOut
 from hw.types import Array, JointPath
+from hw.workcell import STOPS_AT_N, Workcell, arm_model
 from perception.board.types import Board
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
 """Where the arm stands with the board: drawn back, the board between it and the camera."""
+
+UNKNOWN_RAD = (0.0,) * 7
+"""The joint zeros while a calibration looks for them. They stay out of its plans, which thus do not change under it."""
 
 
 def calibration_key(config: Config) -> str:
@@ -88,16 +92,16 @@ def open_calibration_rig(
 def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
     from hw.kinematics import forward
     from sim.lab.calibrating import CalibrationLab
+    from sim.lab.calibration import nominal_of
     from sim.lab.world import load_world
     from sim.tasks import get_task
 
     task = get_task(config.task)
     world, held = load_world(config.world, task), _held(board)
     home_rad = np.array(BOARD_HOME_RAD)
-    lab = CalibrationLab(task, world, config.seed, held, home_q_rad=home_rad)
-    nominal = lab.nominal_calibration().X_BC
-    rough_X_BC = nominal if rough is None else np.array(rough.X_AC)
-    with lab:
+    rough_X_BC = nominal_of(world, config.seed).X_BC if rough is None else np.array(rough.X_AC)
+    cell = Workcell(arm_model("panda", UNKNOWN_RAD), held.tool(), LEVEL, camera_box(rough_X_BC), STOPS_AT_N)
+    with CalibrationLab(task, world, config.seed, held, cell, home_q_rad=home_rad) as lab:
         yield CalibrationRig(
             name="fake",
             title=f"simulated lab, world {world.name}",
@@ -107,7 +111,7 @@ def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterat
             board=board,
             X_FM=held.X_FM,
             rough_X_BC=rough_X_BC,
-            ways=ways(held.tool(), lab.arm.model, home_rad, camera_box(rough_X_BC)),
+            ways=ways(cell, home_rad),
             flange=forward,
             pause=lambda _: None,
             hands=lab.hands,
@@ -120,6 +124,7 @@ def _real(
 ) -> Iterator[CalibrationRig]:
     """Without an earlier calibration nothing is planned: the arm is guided by hand."""
     from adaptsim_cli.console import Screen, require_terminal
+    from adaptsim_cli.mounted import weighed
     from adaptsim_cli.rigs.openers import real_devices
     from adaptsim_cli.rigs.opening import enter_arm, open_arm
     from hw.kinematics import forward
@@ -128,9 +133,11 @@ def _real(
     require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     rough_X_BC = None if rough is None else np.array(rough.X_AC)
     boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
-    table, screen = rig.table.plane(), Screen(as_json=True)  # questions never mix with data
+    arm_alone, tool = arm_model(rig.arm.model, UNKNOWN_RAD), weighed(held.tool(), rig.tool(BOARD))
+    cell = Workcell(arm_alone, tool, rig.table.plane(), boxes, rig.arm.stops_at_N)
+    screen = Screen(as_json=True)  # questions never mix with data
     with ExitStack() as stack:
-        arm = open_arm(rig, BOARD, held.tool(), boxes, table, devices, screen, stack)
+        arm = open_arm(rig, BOARD, cell, devices, screen, stack)
         camera = stack.enter_context(devices.camera(rig.camera, infrared=True))
         enter_arm(arm, screen, stack)
         yield CalibrationRig(
@@ -142,7 +149,7 @@ def _real(
             board=board,
             X_FM=held.X_FM,
             rough_X_BC=rough_X_BC,
-            ways=ways(held.tool(), arm.model, np.array(BOARD_HOME_RAD), boxes, table),
+            ways=ways(cell, np.array(BOARD_HOME_RAD)),
             flange=forward,
             pause=time.sleep,
         )
@@ -156,26 +163,15 @@ def _held(board: Board) -> HeldBoard:
     return HeldBoard(draw(board, square_px=112), board.size_m)
 
 
-def ways(tool: Tool, model: str, home_rad: Array, keep_out: tuple[KeepOut, ...], table: Table = LEVEL) -> Ways:
-    """What keeps clear of the level table at z = 0 and of `table`, where the arm takes the table top to be."""
-    from hw.kinematics import link_poses
-    from hw.limits import check_path
-    from sim.errors import NotExecutable
+def ways(cell: Workcell, home_rad: Array) -> Ways:
+    """Between postures that keep clear of everything in `cell`."""
     from sim.panda import visits
 
     def postures(X_BF: Array) -> list[Array | None]:
-        found = visits.postures(X_BF, model, home_rad, tool, keep_out)
-        return [q if q is not None and high(q) else None for q in found]
-
-    def high(q_rad: Array) -> bool:
-        return float(collision.table_clearance(link_poses(q_rad), tool, table)[0].min()) > visits.ROOM_M
+        return visits.postures(X_BF, cell, home_rad)
 
     def way(q_from: Array, q_to: Array) -> JointPath:
-        path = visits.way(q_from, q_to, home_rad, model, tool, keep_out)
-        over = check_path(path, model, q_from, keep_out, tool, table)
-        if not over.ok:
-            raise NotExecutable(f"{model}: no free way there over the table of the rig file: {over.worst}")
-        return path
+        return visits.way(q_from, q_to, home_rad, cell)
 
     return Ways(postures=postures, order=visits.nearest_first, way=way)
 

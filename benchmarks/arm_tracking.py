@@ -30,7 +30,7 @@ from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 from hw.types import Array, JointPath
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 
@@ -69,14 +69,12 @@ class Box:
 def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
     task = get_task(name)
     assert task.plan is not None
-    tool = held(task.X_FT, task.keep_clear)
+    cell = cell_as_shipped(task, "fr3")
     motion = task.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
     return (
-        trial_paths(
-            motion, task.X_FT, "fr3", home(task.X_FT, "fr3", tool, task.home_pitch_rad), tool=tool, carries=task.carries
-        ),
+        trial_paths(motion, task.X_FT, cell, home(task.X_FT, cell, task.home_pitch_rad), carries=task.carries),
         task.X_FT,
-        tool,
+        cell.tool,
     )
 
 

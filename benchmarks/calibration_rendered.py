@@ -39,11 +39,12 @@ from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
+from sim.lab.calibration import nominal_of
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, World, load_world
 from sim.panda.planning import home
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 CASES = {
@@ -76,16 +77,16 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
     """-> the record, and the names of the views that were spoilt."""
     board = Board()
     print_of = HeldBoard(draw(board, 112), board.size_m)
-    lab = CalibrationLab(TASK, world, seed, print_of, home_q_rad=np.array(BOARD_HOME_RAD))
-    rough = lab.nominal_calibration().X_BC
-    with lab:
+    rough, home_rad = nominal_of(world, seed).X_BC, np.array(BOARD_HOME_RAD)
+    cell = replace(cell_as_shipped(TASK, "panda").holding(print_of.tool()), keep_out=camera_box(rough))
+    with CalibrationLab(TASK, world, seed, print_of, cell, home_q_rad=home_rad) as lab:
         rig = CalibrationRig(
             "fake", "lab", "lab", lab.arm, lab.camera, board, print_of.X_FM, rough,
-            ways(print_of.tool(), "panda", np.array(BOARD_HOME_RAD), camera_box(rough)),
+            ways(cell, home_rad),
             forward, lambda _: None, lab.hands,
         )  # fmt: skip
         screen = Screen(console=Console(file=io.StringIO()))
-        going = visits.Automatic(rig, screen, visits.plan(rig, 25), np.array(BOARD_HOME_RAD), unattended=True)
+        going = visits.Automatic(rig, screen, visits.plan(rig, 25), home_rad, unattended=True)
         options = flow.Options(fresh=True, unattended=True, created="2024-01-01T00:00:00+00:00", versions={})
         try:
             record = flow.calibrate(rig, CalibrationStore(folder), going, screen, options)[0].record
@@ -115,9 +116,9 @@ def spoil(views: Path, share: float, seed: int) -> list[str]:
 
 def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
     """How far from the truth the object is found, mean over a few places."""
-    tracker, tool = tracker_of(TASK), held(TASK.X_FT, TASK.keep_clear)
+    tracker, cell = tracker_of(TASK), cell_as_shipped(TASK, "panda")
     off = []
-    with SimulatedLab(TASK, world, seed, home_q_rad=home(TASK.X_FT, "panda", tool), tool=tool) as lab:
+    with SimulatedLab(TASK, world, seed, cell, home_q_rad=home(TASK.X_FT, cell)) as lab:
         for trial, xy_m in enumerate(PLACES_M, start=1):
             lab.bench.place(np.array(xy_m), trial, 0)
             truth = np.array(lab.truth()["trials"][-1]["X_BO_placed"])[:2, 3]
@@ -140,7 +141,7 @@ def one(case: str, seed: int) -> Row:
     worst_mm = 1e3 * np.linalg.norm(points @ moved[:3, :3].T + moved[:3, 3] - points, axis=1).max()
     used = {view.name for view in record.views if view.used}
     good = {view.name for view in record.views} - set(spoilt)
-    nominal = SimulatedLab(TASK, world, seed).nominal_calibration().X_BC
+    nominal = nominal_of(world, seed).X_BC
     return Row(
         mm=distance_mm(truth, X),
         deg=angle_deg(truth, X),

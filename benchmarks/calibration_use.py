@@ -36,12 +36,13 @@ from perception.board import draw
 from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
+from sim.lab.calibration import nominal_of
 from sim.lab.chance import joint_zeros
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks.pushing.params import START_M
 
 SENSING = Sensing(
@@ -76,14 +77,14 @@ def calibrated(seed: int) -> tuple[Array, Array]:
 
 def pushes(seed: int) -> list[Push]:
     """Random executable actions in the lab of that seed."""
-    rng, tool = np.random.default_rng(seed), held(TASK.X_FT, TASK.keep_clear)
-    q_home, world = home(TASK.X_FT, "panda", tool), replace(load_world("wd", TASK), sensing=SENSING)
+    rng, cell = np.random.default_rng(seed), cell_as_shipped(TASK, "panda")
+    q_home, world = home(TASK.X_FT, cell), replace(load_world("wd", TASK), sensing=SENSING)
     out: list[Push] = []
-    with SimulatedLab(TASK, world, seed, home_q_rad=q_home, tool=tool) as lab:
+    with SimulatedLab(TASK, world, seed, cell, home_q_rad=q_home) as lab:
         for trial in range(1, TRIES):
             context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
             try:
-                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, "panda", q_home, tool=tool)
+                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
             except NotExecutable:
                 continue
             lab.bench.place(START_M, trial, 0)
@@ -109,7 +110,7 @@ def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array,
 def one(seed: int) -> dict[str, list[dict[str, float]]]:
     """Rows of all pushes of a lab, before and after calibrating it."""
     tracker, eye, cameras = tracker_of(TASK), DepthEye(kinect_model()), np.random.default_rng([seed, 1])
-    nominal = SimulatedLab(TASK, replace(load_world("wd", TASK), sensing=SENSING), seed).nominal_calibration().X_BC
+    nominal = nominal_of(replace(load_world("wd", TASK), sensing=SENSING), seed).X_BC
     zeros_rad = joint_zeros(seed, SENSING.joint_offset_mrad)
     rows: dict[str, list[dict[str, float]]] = {"before": [], "after": []}
     for push in pushes(seed):

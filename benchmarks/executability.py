@@ -19,13 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
+from hw.braking import check_braking
 from hw.kinematics import forward
-from hw.limits import check_braking, check_path
 from hw.types import Array
 from sim.errors import NotExecutable
 from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -56,20 +56,20 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
     """Plan every trial of the grid, approach and retreat included."""
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
-    tool = held(task.X_FT, task.keep_clear)
-    q_home = home(task.X_FT, model, tool, task.home_pitch_rad)
+    cell = cell_as_shipped(task, model)
+    q_home = home(task.X_FT, cell)
     found = []
     for context, action in product(contexts, actions):
         motion = task.plan(context, action)
         start = time.process_time()
         try:
-            _, path, back = trial_paths(motion, task.X_FT, model, q_home, tool=tool, carries=task.carries)
+            _, path, back = trial_paths(motion, task.X_FT, cell, q_home, carries=task.carries)
         except NotExecutable as error:
             found.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
             continue
         cpu_s = time.process_time() - start
-        report = check_path(path, model)
-        stops = check_braking(path, model)
+        report = cell.check(path)
+        stops = check_braking(path, cell.arm.limits)
         if not stops.ok:
             found.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
             continue

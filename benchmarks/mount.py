@@ -20,7 +20,7 @@ from sim.lab.kinect import Renderer, kinect_model
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -45,9 +45,9 @@ def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Arr
     """(view, moment) -> colour picture."""
     if task.plan is None or task.build_scene is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
-    tool = held(task.X_FT, task.keep_clear)
+    cell = cell_as_shipped(task, model)
     motion = task.plan(task.reference_context, action)
-    path = trial_paths(motion, task.X_FT, model, home(task.X_FT, model, tool), tool=tool)[1]
+    path = trial_paths(motion, task.X_FT, cell, home(task.X_FT, cell))[1]
     plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), task.time_step_s(None))
     add_panda(plant, model)
     parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))

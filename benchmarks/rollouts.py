@@ -141,14 +141,15 @@ def whole_arm_cpu_s(task: Task, draws: list[tuple[Array, Array, Array]], count: 
     from sim.lab.cell import Cell  # noqa: PLC0415 - only where there is a lab
     from sim.lab.world import Faults, Sensing, World  # noqa: PLC0415
     from sim.panda.planning import home, trial_paths  # noqa: PLC0415
-    from sim.panda.tool import held  # noqa: PLC0415
+    from sim.panda.tool import cell_as_shipped  # noqa: PLC0415
 
     if task.plan is None:
         raise SystemExit(f"{task.name} has no motion for an arm")
-    q_home, tool, spent_s = home(task.X_FT), held(task.X_FT, task.keep_clear), 0.0
+    shipped, spent_s = cell_as_shipped(task, "panda"), 0.0
+    q_home = home(task.X_FT, shipped)
     for parameters, action, nuisance in draws[:count]:
         motion = task.plan(task.reference_context, action)
-        path = trial_paths(motion, task.X_FT, "panda", q_home, tool=tool)[1]
+        path = trial_paths(motion, task.X_FT, shipped, q_home)[1]
         effects = task.unmodelled()
         before_s = time.process_time()
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))

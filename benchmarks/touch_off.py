@@ -31,9 +31,9 @@ from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Mount, Sensing, World, load_world
 from sim.panda.correction import ToolCorrection
-from sim.panda.feelers import touchable
+from sim.panda.feelers import empty_hand, feeling, touchable
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -68,7 +68,8 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
 
 
 def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
-    with TouchLab(TASK, world, seed, home_q_rad=READY_RAD) as lab:
+    cell = cell_as_shipped(TASK, "panda").holding(empty_hand())
+    with TouchLab(TASK, world, seed, cell, home_q_rad=READY_RAD) as lab:
         rig = touch_rig(
             name="fake",
             title="benchmark",
@@ -77,8 +78,8 @@ def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
             hand=lab.hand,
             task=TASK,
             grasp=Grasp(),
-            zeros_rad=np.zeros(7),
-            keep_out=(),
+            cell=cell,
+            loaded=feeling(TASK, TASK.X_FT),
             tool_there=lab.offer_tool,
         )
         found = touch_off(rig, Unattended(), Screen(console=Console(file=io.StringIO())))
@@ -105,11 +106,11 @@ def score(found: Result, truth: dict[str, Any]) -> Score:
 def outcomes(world: World, correction: ToolCorrection, contexts: Array, actions: Array) -> list[bool]:
     """Whether the piece ends on the blade, scoop by scoop, the arm planning with `correction`."""
     X_FT = correction.X_FT(TASK.X_FT)
-    tool = held(X_FT, TASK.keep_clear)
-    q_home, ended = home(X_FT, "panda", tool), []
+    believed = cell_as_shipped(replace(TASK, X_FT=X_FT), "panda").over(correction.table)
+    q_home, ended = home(X_FT, believed), []
     for context, action in zip(contexts, actions, strict=True):
         motion = correction.in_base(TASK.plan(context, action))
-        path = trial_paths(motion, X_FT, "panda", q_home, tool=tool, table=correction.table)[1]
+        path = trial_paths(motion, X_FT, believed, q_home)[1]
         cell = Cell(TASK, world)
         cell.reset(path.q_rad[0], TASK.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
         played = cell.simulate(path.t_s, path.q_rad)

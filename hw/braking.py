@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hw.errors import MotionRefused
-from hw.joint_limits import LIMITS, JointLimits, derivatives
+from hw.joint_limits import JointLimits, derivatives
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
 
 DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
@@ -43,23 +43,23 @@ class Braking:
         return float(self.duration_s.max())
 
 
-def check_braking(path: JointPath, model: str, every_s: float = EVERY_S) -> Braking:
-    """The shortest stop within the limits of `model` at every `every_s` of the path."""
+def check_braking(path: JointPath, limits: JointLimits, every_s: float = EVERY_S) -> Braking:
+    """The shortest stop within `limits` at every `every_s` of the path."""
     at = np.arange(0, len(path.t_s), max(1, round(every_s * PATH_RATE_HZ)))
-    return Braking(path.t_s[at], _durations(path, path.t_s[at], LIMITS[model]))
+    return Braking(path.t_s[at], _durations(path, path.t_s[at], limits))
 
 
-def brake(path: JointPath, at_s: float, model: str) -> JointPath:
-    """`path` until `at_s`, then slowed to rest along itself within the limits of `model`.
+def brake(path: JointPath, at_s: float, limits: JointLimits) -> JointPath:
+    """`path` until `at_s`, then slowed to rest along itself within `limits`.
 
     The contact window lasts until the slowed path has left it. Raises MotionRefused if no stop keeps the limits.
     """
     at = round(float(np.clip(at_s, 0.0, path.duration_s)) * PATH_RATE_HZ)
     start_s = at / PATH_RATE_HZ
-    duration_s = float(_durations(path, np.array([start_s]), LIMITS[model])[0])
+    duration_s = float(_durations(path, np.array([start_s]), limits)[0])
     if not np.isfinite(duration_s):
         raise MotionRefused(
-            f"{model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the joint limits; "
+            f"{limits.model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the joint limits; "
             "plan a slower path"
         )
     s = path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]

@@ -13,6 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from hw.kinematics import FLANGE
+from hw.mass import Mass
 from hw.types import Array, frozen_array
 
 Side = Literal["left", "right", "front", "back"]
@@ -89,9 +90,10 @@ LEVEL = Table()
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """What hangs on the flange: capsules that must stay clear, and the points that may touch the table."""
+    """What hangs on the flange, the hand included: its mass, capsules that must stay clear, points that may touch."""
 
     name: str
+    mass: Mass  # in the flange
     capsules: tuple[Capsule, ...] = ()
     points_F_m: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (P, 3) in the flange
 
@@ -123,7 +125,10 @@ HAND: tuple[Capsule, ...] = (
     _capsule("fingers", FLANGE, (0.0, 0.0, 0.08), (0.0, 0.0, 0.095), 0.022),
 )
 
-BARE_HAND = Tool("bare hand", HAND)
+HAND_MASS = Mass(0.73, np.array([-0.01, 0.0, 0.03]), np.diag([0.001, 0.0025, 0.0017]))
+"""The Franka Hand in the flange (the maker's values, as Desk has them)."""
+
+BARE_HAND = Tool("bare hand", HAND_MASS, HAND)
 
 
 def segments(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
@@ -206,7 +211,7 @@ def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[
     return clearance, tuple(f"{c.name} and {box.name}" for c in capsules)
 
 
-def table_clearance(poses: Array, tool: Tool, table: Table = LEVEL) -> tuple[Array, tuple[str, ...]]:
+def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tuple[str, ...]]:
     """Link poses (..., 9, 4, 4) -> heights (..., C) in metres above the table of what must never touch it, and names.
 
     Links 0 and 1 stand on the table.
@@ -217,7 +222,7 @@ def table_clearance(poses: Array, tool: Tool, table: Table = LEVEL) -> tuple[Arr
     return (ends[..., 2] - table.height_at(ends)).min(axis=-1) - radii, tuple(f"{c.name} and table" for c in capsules)
 
 
-def point_heights(poses: Array, tool: Tool, table: Table = LEVEL) -> Array:
+def point_heights(poses: Array, tool: Tool, table: Table) -> Array:
     """Link poses (..., 9, 4, 4) -> (..., P): heights above the table of the tool's points that may touch it."""
     flange = poses[..., FLANGE, :, :]
     points = np.einsum("...ij,pj->...pi", flange[..., :3, :3], tool.points_F_m) + flange[..., None, :3, 3]

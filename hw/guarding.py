@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.braking import check_braking
-from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool, point_heights, table_clearance
+from hw.collision import Table, Tool, point_heights, table_clearance
 from hw.errors import MotionRefused
 from hw.kinematics import forward, link_poses
-from hw.limits import CONTACT_FORCE_N, LimitReport, Worst, check_path, contact_limit_N, refuse_beyond
+from hw.limits import LimitReport, Worst, contact_limit_N, refuse_beyond
 from hw.types import PATH_RATE_HZ, Array, Guard, JointPath
+from hw.workcell import Workcell
 
 SPEED_M_S = 0.020
 DEPTH_M = 0.035
@@ -24,49 +25,32 @@ GUARD_SHARE = 0.5
 """Share of the arm's own collision threshold that the guard's force may be."""
 
 
-def check_guarded(
-    path: JointPath,
-    guard: Guard,
-    model: str,
-    q_now_rad: ArrayLike | None = None,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool = BARE_HAND,
-    table: Table = LEVEL,
-    collision_N: float | None = None,
-) -> LimitReport:
-    """`hw.limits.check_path` with the table's part replaced: speed, depth of the search, tool first, forces."""
-    plain = check_path(JointPath(path.t_s, path.q_rad), model, q_now_rad, keep_out, tool, table)
+def check_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: ArrayLike | None = None) -> LimitReport:
+    """`Workcell.check` with the table's part replaced: speed, depth of the search, tool first, forces."""
+    plain = cell.check(JointPath(path.t_s, path.q_rad), q_now_rad)
     checks = [check for check in plain.checks if check.quantity not in ("table", "depth in the table")]
-    stops_N = CONTACT_FORCE_N if collision_N is None else collision_N
     force_N = guard.force_N if path.contact is None else max(path.contact.force_N, guard.force_N)
+    true = cell.arm.true(path)
     checks += [
-        _speed(path, guard),
-        *_search(path, tool, table),
-        _plain("guard's force", tool, guard.force_N, GUARD_SHARE * stops_N),
-        _plain("predicted contact force", tool, force_N, contact_limit_N(collision_N)),
+        _speed(true, guard),
+        *_search(true, cell.tool, cell.table),
+        _plain("guard's force", cell.tool, guard.force_N, GUARD_SHARE * cell.stops_at_N),
+        _plain("predicted contact force", cell.tool, force_N, contact_limit_N(cell.stops_at_N)),
     ]
-    return LimitReport(model, tuple(checks))
+    return LimitReport(cell.arm.name, tuple(checks))
 
 
-def require_guarded(
-    path: JointPath,
-    guard: Guard,
-    model: str,
-    q_now_rad: ArrayLike | None = None,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool = BARE_HAND,
-    table: Table = LEVEL,
-    collision_N: float | None = None,
-) -> LimitReport:
+def require_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: ArrayLike | None = None) -> LimitReport:
     """`check_guarded`, a declared window, and a stop along the path at any time. Raises MotionRefused."""
-    if path.contact is None or not len(tool.points_F_m):
+    model = cell.arm.name
+    if path.contact is None or not len(cell.tool.points_F_m):
         raise MotionRefused(
             f"{model}: a guarded motion declares where it may touch and with which points of the tool; this path "
             f"{'has no contact window' if path.contact is None else 'is of a tool without such points'}, nothing moved"
         )
-    report = check_guarded(path, guard, model, q_now_rad, keep_out, tool, table, collision_N)
+    report = check_guarded(path, guard, cell, q_now_rad)
     refuse_beyond(report)
-    if not check_braking(path, model).ok:
+    if not check_braking(path, cell.arm.limits).ok:
         raise MotionRefused(f"{model}: this guarded motion has moments without a stop along it; slow it down")
     return report
 

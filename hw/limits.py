@@ -1,6 +1,6 @@
-"""What an arm refuses to do: the whole path is checked before anything moves.
+"""What an arm refuses to do: the parts of the check that `hw.workcell` makes of a whole path before anything moves.
 
-`check_path` reports every check at its tightest moment, `require` raises, `brake` stops along a path.
+Every check reports its tightest moment.
 """
 
 from __future__ import annotations
@@ -10,38 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.braking import brake, check_braking
-from hw.collision import (
-    BARE_HAND,
-    LEVEL,
-    KeepOut,
-    Table,
-    Tool,
-    box_clearance,
-    point_heights,
-    self_clearance,
-    table_clearance,
-)
+from hw.collision import KeepOut, Table, Tool, box_clearance, point_heights, self_clearance, table_clearance
 from hw.errors import MotionRefused
-from hw.joint_limits import DT_S, LIMITS, JointLimits, derivatives
+from hw.joint_limits import DT_S, JointLimits, derivatives
 from hw.kinematics import JOINTS, link_poses
 from hw.types import PATH_RATE_HZ, Array, JointPath, frozen_array
-
-__all__ = [
-    "LIMITS",
-    "JointLimits",
-    "KeepOut",
-    "LimitReport",
-    "Table",
-    "Tool",
-    "Worst",
-    "brake",
-    "check_braking",
-    "check_path",
-    "contact_limit_N",
-    "refuse_beyond",
-    "require",
-]
 
 START_TOLERANCE_RAD = 0.01
 REST_TOLERANCE_RAD_S = 0.01
@@ -101,50 +74,18 @@ class LimitReport:
 JOINT_QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 
 
-def check_path(
-    path: JointPath,
-    model: str,
-    q_now_rad: ArrayLike | None = None,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool = BARE_HAND,
-    table: Table = LEVEL,
-    collision_N: float | None = None,
-) -> LimitReport:
-    """Check everything an arm refuses: joint limits, rest at both ends, start, self-collision, boxes, table.
+def joint_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
+    """Position, velocity, acceleration, jerk, and rest at both ends.
 
     Derivatives are differences of the 1 kHz samples, with rest before and after the path, as the arm sees it.
-    `q_now_rad` (7,) is where the arm is now; without it the start is not checked. `table` is where the table top
-    is, `collision_N` the force along any axis at which this arm stops by itself, where it is known: a planned
-    contact keeps to `COLLISION_SHARE` of it.
     """
-    limits = LIMITS[model]
-    checks = [*_joint_checks(path, limits), _rest(path)]
-    if q_now_rad is not None:
-        off = np.abs(path.q_rad[:1] - frozen_array(q_now_rad, (JOINTS,), "q_now_rad"))
-        checks.append(
-            _worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
-        )
-    geometry = _geometry_checks(path, keep_out, tool, table)
-    return LimitReport(model, (*checks, *geometry, *_contact_checks(path, tool, collision_N)))
+    return [*_derivative_checks(path, limits), _rest(path)]
 
 
-def require(
-    path: JointPath,
-    model: str,
-    q_now_rad: ArrayLike | None = None,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool = BARE_HAND,
-    table: Table = LEVEL,
-    collision_N: float | None = None,
-) -> LimitReport:
-    """`check_path` and a stop along the path at any time. Raises MotionRefused with every broken limit."""
-    report = check_path(path, model, q_now_rad, keep_out, tool, table, collision_N)
-    refuse_beyond(report)
-    stops = check_braking(path, model)
-    if not stops.ok:
-        late = float(stops.at_s[~np.isfinite(stops.duration_s)][0])
-        raise MotionRefused(f"{model}: no stop along the path from t = {late:.3f} s keeps the limits; slow it down")
-    return report
+def start_check(path: JointPath, q_now_rad: ArrayLike) -> Worst:
+    """Whether the path begins where the arm is now (7,)."""
+    off = np.abs(path.q_rad[:1] - frozen_array(q_now_rad, (JOINTS,), "q_now_rad"))
+    return _worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
 
 
 def refuse_beyond(report: LimitReport) -> None:
@@ -156,7 +97,7 @@ def refuse_beyond(report: LimitReport) -> None:
         )
 
 
-def _joint_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
+def _derivative_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
     dq, ddq, dddq = derivatives(path.q_rad)
     q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
     t_s = np.concatenate([path.t_s, path.t_s[-1] + DT_S * np.arange(1, 4)])
@@ -178,7 +119,8 @@ def _rest(path: JointPath) -> Worst:
     return _worst(("end velocity", "rad/s"), np.abs(ends) / REST_TOLERANCE_RAD_S, ends, REST_TOLERANCE_RAD_S, t_s)
 
 
-def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table) -> list[Worst]:
+def geometry_checks(path: JointPath, tool: Tool, table: Table, keep_out: tuple[KeepOut, ...]) -> list[Worst]:
+    """Self-collision, table and boxes, for a path of true joints."""
     every = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ))
     chosen = np.unique(np.append(np.arange(0, len(path.t_s), every), len(path.t_s) - 1))
     poses, t_s = link_poses(path.q_rad[chosen]), path.t_s[chosen]
@@ -190,17 +132,17 @@ def _geometry_checks(path: JointPath, keep_out: tuple[KeepOut, ...], tool: Tool,
     return checks
 
 
-def contact_limit_N(collision_N: float | None) -> float:
-    """The largest force that a contact may be predicted with, on an arm that stops by itself at `collision_N`."""
-    return CONTACT_FORCE_N if collision_N is None else min(CONTACT_FORCE_N, COLLISION_SHARE * collision_N)
+def contact_limit_N(stops_at_N: float) -> float:
+    """The largest force that a contact may be predicted with, on an arm that stops by itself at `stops_at_N`."""
+    return min(CONTACT_FORCE_N, COLLISION_SHARE * stops_at_N)
 
 
-def _contact_checks(path: JointPath, tool: Tool, collision_N: float | None) -> list[Worst]:
+def contact_checks(path: JointPath, tool: Tool, stops_at_N: float) -> list[Worst]:
     """What the path declares of its contact, against what any arm, and this one, takes."""
     if path.contact is None:
         return []
     window = path.contact
-    most_N = contact_limit_N(collision_N)
+    most_N = contact_limit_N(stops_at_N)
     return [
         Worst(what, value / limit, tool.name, window.start_s, value, limit, unit)
         for what, value, limit, unit in (

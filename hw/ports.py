@@ -16,7 +16,7 @@ class Arm(Protocol):
 
     @property
     def model(self) -> str:
-        """The row of `hw.limits.LIMITS` that applies: "panda" or "fr3"."""
+        """The row of `hw.joint_limits.LIMITS` that applies: "panda" or "fr3"."""
         ...
 
     def __enter__(self) -> Self: ...

@@ -29,6 +29,7 @@ def show(
     from adaptsim_cli.errors import UsageError
     from sim.lab.simulated import SimulatedLab
     from sim.lab.world import load_world
+    from sim.panda.tool import cell_as_shipped
     from sim.tasks import get_task
 
     chosen = config.load({"task": task, "world": world, "seed": seed}).config
@@ -39,7 +40,8 @@ def show(
             f"the task {the_task.name} has no lab to look into: it runs in simulation only. World {target.name} has "
             f"{views.values(the_task.parameters, target.parameters)}"
         )
-    lab = SimulatedLab(the_task, load_world(chosen.world, the_task), chosen.seed)
+    the_world = load_world(chosen.world, the_task)
+    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task, "panda"))
     truth = lab.truth()
     screen = console.Screen(as_json=as_json)
     if as_json:

@@ -14,7 +14,7 @@ from adaptsim_cli import wiring_calibration
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.doctor import lab, machine, program, readings
 from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped
-from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.errors import PreflightFailed, SessionError, UsageError
 from adaptsim_cli.rigs.description import RigDescription
 from adaptsim_cli.rigs.found import serial_ports
 from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
@@ -46,7 +46,7 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
         return
     yield from _devices(config, places, rig)
     yield from _task(config)
-    yield _motion(config, rig)
+    yield _motion(resolved)
 
 
 def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Finding]:
@@ -155,16 +155,16 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
     yield lab.answers("balance", weigh, (DeviceUnavailable,), "switch it on; [balance] protocol in the rig file")
 
 
-def _motion(config: Config, rig: RigDescription) -> Finding:
-    """Whether the task can be done with this tool, this table and these boxes: the middle action at the reference."""
-    from adaptsim_cli.motion import Lab, planned
+def _motion(resolved: Resolved) -> Finding:
+    """Whether the task can be done in the lab's workcell, as a session has it: the middle action at the reference."""
+    from adaptsim_cli.motion import lab_of, planned
+
+    task = resolved.config.task
 
     def plan() -> str:
-        made = planned(config.task, Lab(config.hw, rig), (), ())
+        made = planned(task, lab_of(resolved, None), (), ())
         worst = max((report.worst for report in made.reports), key=lambda check: check.ratio)
-        return (
-            f"{config.task} can be done with this tool and these boxes, {100 * worst.ratio:.0f} % of the tightest limit"
-        )
+        return f"{task} can be done with this tool and these boxes, {100 * worst.ratio:.0f} % of the tightest limit"
 
-    wrong = (SimError, MotionRefused, UsageError)
+    wrong = (SimError, MotionRefused, UsageError, SessionError, PreflightFailed, CalibrationError)
     return lab.attempt("motion", plan, wrong, "[tools], [table], [person] and [[keep_out]] of the rig file")

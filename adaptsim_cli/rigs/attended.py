@@ -82,7 +82,6 @@ class AttendedRig:
     on_rig: OnRig
     arm: ConfirmedArm
     mounted: MountedTask
-    zeros_rad: Array  # (7,) true joints are those reported plus these
     screen: Screen
     scales: Scales | None
 
@@ -121,13 +120,13 @@ class AttendedRig:
         """Where trials begin: slowly, around everything, from wherever the arm was left."""
         from sim.panda.detours import free_path
 
-        lab, q_rad = self.mounted, self.arm.state().q_rad + self.zeros_rad
+        lab, q_rad = self.mounted, self.arm.state().q_rad
         if np.abs(q_rad - lab.home_rad).max() <= AT_HOME_RAD:
             return
-        path = free_path(q_rad, lab.home_rad, lab.model, lab.tool, lab.keep_out, lab.correction.table)
-        lab.check(path)
+        path = free_path(q_rad, lab.home_rad, lab.cell)
+        lab.cell.require(path)
         question = clear_to_move(True, "goes home", path.duration_s) + ". Enter to start, q to stop:"
         while (answer := self.screen.ask(question)) != "":
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; everything completed is stored")
-        self.arm.execute(lab.reported(path, self.zeros_rad))
+        self.arm.execute(path)

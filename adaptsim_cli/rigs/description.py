@@ -80,6 +80,11 @@ class ArmPart:
     def __post_init__(self) -> None:
         self.settings()
 
+    @property
+    def stops_at_N(self) -> float:
+        """The force along any axis at which the arm stops by itself."""
+        return self.collision.thresholds().contact_force_limit_N
+
     def settings(self, payload: Payload | None = None) -> FrankaSettings:
         """What the adapter takes, with what the hand holds. Raises ValueError."""
         impedance = np.array(self.joint_impedance_Nm_rad)

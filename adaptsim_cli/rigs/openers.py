@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
 
-from hw.collision import KeepOut, Table, Tool
+from hw.collision import Tool
 from hw.ports import Camera, GuardedArm, Hand
+from hw.workcell import Workcell
 
 if TYPE_CHECKING:
     from adaptsim_cli.rigs.description import BalancePart, CameraPart
@@ -40,16 +41,7 @@ class RealArm(GuardedArm, Protocol):
 
 
 class OpenArm(Protocol):
-    def __call__(
-        self,
-        model: str,
-        settings: FrankaSettings,
-        *,
-        tool: Tool,
-        keep_out: tuple[KeepOut, ...],
-        table: Table,
-        pedal: Pedal | None,
-    ) -> RealArm: ...
+    def __call__(self, cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None) -> RealArm: ...
 
 
 class OpenCamera(Protocol):

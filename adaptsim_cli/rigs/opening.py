@@ -23,7 +23,8 @@ from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.touch_off.store import touch_off_of
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
-from hw.collision import KeepOut, Table, Tool, camera_box
+from hw.collision import camera_box
+from hw.workcell import Workcell, arm_model
 from sim.tasks.task import Task
 
 
@@ -47,12 +48,12 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
     eye, zeros_rad = calibration_of(config, places, None)
     known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
     correction = None if known is None else known.correction()
-    lab = mounted(task, rig.arm.model, rig, (camera_box(eye.X_BC),), correction)
+    lab = mounted(task, arm_model(rig.arm.model, zeros_rad), rig, (camera_box(eye.X_BC),), correction)
     screen = Screen(as_json=True)  # questions never mix with data
     if known is not None:
         screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
     with ExitStack() as stack:
-        arm = open_arm(rig, lab.task.name, lab.tool, lab.keep_out, lab.correction.table, openers, screen, stack)
+        arm = open_arm(rig, lab.task.name, lab.cell, openers, screen, stack)
         camera = stack.enter_context(openers.camera(rig.camera, infrared=False))
         scales = None
         if rig.balance is not None:
@@ -67,17 +68,14 @@ def open_real(config: Config, places: Places, task: Task, openers: Openers) -> I
         over_table = replace(eye, X_BC=lab.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in the frame W
         days = config.calibration_days
         devices = Rig(config.hw, title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
-        planner = lab.planner(zeros_rad)
-        on_rig = OnRig(lab.task, devices, tracker_of(lab.task), planner, facts)
-        yield AttendedRig(on_rig, arm, lab, zeros_rad, screen, scales)
+        on_rig = OnRig(lab.task, devices, tracker_of(lab.task), lab.planner(), facts)
+        yield AttendedRig(on_rig, arm, lab, screen, scales)
 
 
 def open_arm(
     rig: RigDescription,
     task: str,
-    tool: Tool,
-    keep_out: tuple[KeepOut, ...],
-    table: Table,
+    cell: Workcell,
     openers: Openers,
     screen: Screen,
     stack: ExitStack,
@@ -90,7 +88,7 @@ def open_arm(
     pedal = None if rig.pedal is None else stack.enter_context(openers.pedal(rig.pedal.port))
     payload = rig.tool(task).payload
     settings = rig.arm.settings(None if payload is None else payload.payload())
-    bare = openers.arm(rig.arm.model, settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
+    bare = openers.arm(cell, settings, pedal=pedal)
     return ConfirmedArm(bare, f"{rig.arm.model} at {rig.arm.address}", screen, pedal, table=on_table)
 
 

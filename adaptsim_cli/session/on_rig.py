@@ -106,7 +106,7 @@ class Found:
         planner = self.target.planner
         paths = planner.paths(_motion(self.target.task, self.context, action))
         for path in paths:
-            planner.check(path, self.target.rig.arm.model)
+            planner.check(path)
         return MotionPlan(self, paths)
 
 

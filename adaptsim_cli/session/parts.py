@@ -104,10 +104,10 @@ class Planner:
 
     paths: Callable[[ToolMotion], Paths]
     """Approach from the home position, the motion itself, the way back. Raises NotExecutable."""
-    check: Callable[[JointPath, str], None]
-    """(path, arm model). Raises MotionRefused."""
+    check: Callable[[JointPath], object]
+    """Raises MotionRefused for what the arm would refuse."""
     flange: Callable[[Array], Array]
-    """Joints (7,) -> X_BF (4, 4)."""
+    """Joints (7,) as the arm reports them -> its flange over the table, X_WF (4, 4)."""
 
 
 @dataclass(frozen=True)

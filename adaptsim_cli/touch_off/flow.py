@@ -20,7 +20,8 @@ from hw.collision import Table
 from hw.contact import began
 from hw.errors import HandError, NoContact
 from hw.kinematics import forward
-from hw.types import Array, Contact, Guard, JointPath
+from hw.types import Array, Contact, Guard
+from sim.panda.detours import free_path
 from sim.panda.touching import Bench, Probe, Stage, descent, stance
 
 ABOVE_M = 0.022
@@ -74,7 +75,7 @@ def touch_off(rig: TouchRig, operator: Operator, screen: Screen) -> Found:
     rig.hand.home()
     rig.hand.move(0.0)
     operator.clear(rig, "touches the table with its closed fingers, slowly")
-    fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.table, screen)
+    fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.empty.cell.table, screen)
     table, _, _ = table_of(fingers)
     _go(rig, rig.home_rad, rig.empty)
     take_tool(rig, operator)
@@ -105,7 +106,7 @@ def _touch_all(rig: TouchRig, bench: Bench, probes: Sequence[Probe], table: Tabl
         here = _at(rig, bench, probe, expected, deeper_m)
         guard = bench.guard(probe.feeler, TOUCH_N)
         fast = _feel(rig, bench, probe, here, (Stage(ABOVE_M + deeper_m, FAST_M_S),), deeper_m, guard)
-        heights = [_above(bench, fast.q_rad + rig.zeros_rad, probe, expected)]
+        heights = [_above(bench, bench.cell.arm.true_rad(fast.q_rad), probe, expected)]
         if heights[0] > EARLY_M:
             raise TouchOffFailed(
                 f"{probe.name}: touched {1e3 * heights[0]:.0f} mm above where the table should be. Is something lying "
@@ -139,10 +140,9 @@ def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) 
 
 
 def _at(rig: TouchRig, bench: Bench, probe: Probe, expected: Table, deeper_m: float) -> Array:
-    """Go over the place -> the posture there (7,), true joints."""
+    """Go over the place -> the posture there (7,), as the arm reports it."""
     search = (Stage(ABOVE_M + deeper_m, FAST_M_S),)
-    near = rig.arm.state().q_rad + rig.zeros_rad
-    q_rad = stance(probe, bench, expected, ABOVE_M, search, TOUCH_N, near)
+    q_rad = stance(probe, bench, expected, ABOVE_M, search, TOUCH_N, rig.arm.state().q_rad)
     _go(rig, q_rad, bench)
     return q_rad
 
@@ -157,7 +157,7 @@ def _slowly(rig: TouchRig, bench: Bench, probe: Probe, here: Array, found_m: flo
             f"{probe.name}: the force did not rise as on a table ({contact.force_N:.0f} N after {contact.t_s:.2f} s): "
             "something was knocked, or gives in. Look at it and run again"
         )
-    return np.asarray(touch.q_rad + rig.zeros_rad)
+    return bench.cell.arm.true_rad(touch.q_rad)
 
 
 def _last_slow(found_m: float, beyond_m: float) -> tuple[Stage, Stage]:
@@ -169,9 +169,9 @@ def _feel(
     rig: TouchRig, bench: Bench, probe: Probe, here: Array, stages: tuple[Stage, ...], below_m: float, guard: Guard
 ) -> Contact:
     """Down from `here` until it touches. The arm is back at `here`."""
-    path = descent(here, stages, guard, below_m, bench.model)
+    path = descent(here, stages, guard, below_m, bench.cell.arm)
     try:
-        return rig.arm.execute_until_contact(_commanded(rig, path), guard)
+        return rig.arm.execute_until_contact(path, guard)
     except NoContact as error:
         raise TouchOffFailed(
             f"{probe.name}: nothing was touched down to {1e3 * below_m:.0f} mm below where the table should be. Is the "
@@ -192,13 +192,9 @@ def take_tool(rig: TouchRig, operator: Operator) -> None:
 
 
 def _go(rig: TouchRig, q_rad: Array, bench: Bench) -> None:
-    here = rig.arm.state().q_rad + rig.zeros_rad
+    here = rig.arm.state().q_rad
     if np.abs(here - q_rad).max() > 1e-4:
-        rig.arm.execute(_commanded(rig, rig.way(here, q_rad, bench.tool)))
-
-
-def _commanded(rig: TouchRig, path: JointPath) -> JointPath:
-    return JointPath(path.t_s, path.q_rad - rig.zeros_rad, path.contact)
+        rig.arm.execute(free_path(here, q_rad, bench.cell))
 
 
 def _above(bench: Bench, q_rad: Array, probe: Probe, table: Table) -> float:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
-from hw.collision import LEVEL, KeepOut, Table, Tool
+from hw.collision import Tool
 from hw.ports import GuardedArm, Hand
-from hw.types import Array, JointPath
+from hw.workcell import Workcell
 from sim.tasks.task import Task
 
 
@@ -22,23 +22,19 @@ def touch_rig(
     hand: Hand,
     task: Task,
     grasp: Grasp,
-    zeros_rad: Array,
-    keep_out: tuple[KeepOut, ...],
+    cell: Workcell,
+    loaded: Tool,
     tool_there: Callable[[bool], None],
-    table: Table = LEVEL,
     confirm: Callable[[], None] = lambda: None,
 ) -> TouchRig:
-    """Any arm that feels, any hand, with the plan for the task's tool. Raises UnknownName, NotExecutable."""
-    from sim.panda.detours import free_path
-    from sim.panda.feelers import empty_hand, feeling
+    """Any arm that feels, any hand, with the plan for the task's tool. Raises UnknownName, NotExecutable.
+
+    `cell` is with the empty hand (`sim.panda.feelers.empty_hand`), `loaded` the hand with the tool, of which only the
+    feelers may touch.
+    """
     from sim.panda.planning import home
-    from sim.panda.tool import held
+    from sim.panda.tool import tool_of
     from sim.panda.touching import Bench
-
-    model = arm.model
-
-    def way(q_from: Array, q_to: Array, tool: Tool) -> JointPath:
-        return free_path(q_from, q_to, model, tool, keep_out, table)
 
     return TouchRig(
         name=name,
@@ -48,14 +44,11 @@ def touch_rig(
         arm=arm,
         hand=hand,
         grasp=grasp,
-        empty=Bench(model, np.eye(4), empty_hand(), keep_out),
-        loaded=Bench(model, task.X_FT, feeling(task, task.X_FT), keep_out),
+        empty=Bench(cell, np.eye(4)),
+        loaded=Bench(cell.holding(loaded), task.X_FT),
         plan=plan_of(task),
-        zeros_rad=zeros_rad,
-        home_rad=home(task.X_FT, model, held(task.X_FT, task.keep_clear), task.home_pitch_rad),
-        way=way,
+        home_rad=home(task.X_FT, cell.holding(tool_of(task)), task.home_pitch_rad),
         tool_there=tool_there,
-        table=table,
         confirm=confirm,
     )
 

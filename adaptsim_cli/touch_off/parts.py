@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hw.collision import LEVEL, Table, Tool
 from hw.ports import GuardedArm, Hand
-from hw.types import Array, JointPath
+from hw.types import Array
 from sim.panda.touching import Bench, Probe
 
 
@@ -38,14 +37,11 @@ class TouchRig:
     arm: GuardedArm
     hand: Hand
     grasp: Grasp
-    empty: Bench  # with nothing in the hand
+    empty: Bench  # with nothing in the hand, the table where it is taken to be at first
     loaded: Bench  # with the tool, as designed
     plan: Plan
-    zeros_rad: Array  # (7,) true joints are those reported plus these
-    home_rad: Array  # (7,) where the tool is handed over and the arm returns to, in true joints
-    way: Callable[[Array, Array, Tool], JointPath]  # between postures (7,), true joints. Raises NotExecutable
+    home_rad: Array  # (7,) where the tool is handed over and the arm returns to
     tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away
-    table: Table = LEVEL  # where the table is taken to be at first
     confirm: Callable[[], None] = lambda: None  # has a real arm's first motion confirmed. Raises StoppedByOperator
 
     @property

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from adaptsim_cli import console
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.console import Screen
+from adaptsim_cli.mounted import weighed
 from adaptsim_cli.rigs.description import TablePart
 from adaptsim_cli.rigs.opening import enter_arm, open_arm
 from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
@@ -17,6 +18,7 @@ from adaptsim_cli.touch_off.joining import plan_of, touch_rig
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from adaptsim_cli.wiring_calibration import calibration_key, calibration_of
 from hw.collision import camera_box
+from hw.workcell import Workcell, arm_model
 from sim.errors import NotExecutable
 
 if TYPE_CHECKING:
@@ -44,12 +46,13 @@ def open_real_touch_rig(
     _require_inside(plan, rig.table)
     eye, zeros_rad = calibration_of(config, places, None)
     task = replace(shipped, X_FT=part.designed(shipped.X_FT))
-    keep_out, table = (camera_box(eye.X_BC), *rig.boxes()), rig.table.plane()
-    empty, loaded, screen = empty_hand(), feeling(task, task.X_FT), Screen(as_json=True)
+    empty, loaded, screen = empty_hand(), weighed(feeling(task, task.X_FT), part), Screen(as_json=True)
+    model, boxes = arm_model(rig.arm.model, zeros_rad), (camera_box(eye.X_BC), *rig.boxes())
+    cell = Workcell(model, empty, rig.table.plane(), boxes, rig.arm.stops_at_N)
     held = Payload() if part.payload is None else part.payload.payload()
     devices = openers or real_devices()
     with ExitStack() as stack:
-        arm = open_arm(rig, task.name, empty, keep_out, table, devices, screen, stack, "nothing on the table")
+        arm = open_arm(rig, task.name, cell, devices, screen, stack, "nothing on the table")
         hand = stack.enter_context(devices.hand(rig.arm.model, rig.arm.address))
 
         def tool_there(there: bool) -> None:
@@ -63,10 +66,9 @@ def open_real_touch_rig(
             hand=hand,
             task=task,
             grasp=grasp,
-            zeros_rad=zeros_rad,
-            keep_out=keep_out,
+            cell=cell,
+            loaded=loaded,
             tool_there=tool_there,
-            table=table,
             confirm=arm.confirm,
         )
         enter_arm(arm, screen, stack)

@@ -124,7 +124,7 @@ def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) 
         slip_m=found.slip.moved_m,
         pressed_N=found.slip.pressed_N,
         grasp_force_N=rig.grasp.force_N,
-        joint_zeros_rad=tuple(float(q) for q in rig.zeros_rad),
+        joint_zeros_rad=tuple(float(q) for q in rig.empty.cell.arm.zeros_rad),
         touches=tuple(TouchRecord.of(t) for t in (*found.fingers, *found.tool)),
         versions=versions,
     )

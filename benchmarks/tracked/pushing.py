@@ -28,7 +28,7 @@ from sim.lab.world import Sensing, load_world
 from sim.panda.model import HAND_NAME
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
@@ -112,18 +112,18 @@ def run(count: int, seed: int) -> None:
 
 def pushes(count: int, seed: int) -> Iterator[Push]:
     """Random executable actions, in turn in each world."""
-    rng, tool = np.random.default_rng(seed), held(TASK.X_FT, TASK.keep_clear)
-    q_home = home(TASK.X_FT, "panda", tool)
+    rng, cell = np.random.default_rng(seed), cell_as_shipped(TASK, "panda")
+    q_home = home(TASK.X_FT, cell)
     for i, name in enumerate(WORLDS):
         wanted = count // len(WORLDS) + (i < count % len(WORLDS))
         made = 0
-        with SimulatedLab(TASK, load_world(name, TASK), seed, home_q_rad=q_home, tool=tool) as lab:
+        with SimulatedLab(TASK, load_world(name, TASK), seed, cell, home_q_rad=q_home) as lab:
             for trial in range(1, 1 + TRIES * wanted):
                 if made == wanted:
                     break
                 context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
                 try:
-                    approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, "panda", q_home, tool=tool)
+                    approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
                 except NotExecutable:
                     continue
                 lab.bench.place(START_M, trial, 0)

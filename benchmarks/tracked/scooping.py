@@ -17,6 +17,7 @@ from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
+from sim.panda.tool import cell_as_shipped
 from sim.tasks.scooping import TASK
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.piece import make_piece
@@ -52,14 +53,15 @@ def run(scoops_wanted: int, sweeps_wanted: int, seed: int) -> None:
 def scoops(count: int, seed: int) -> None:
     """Random places and actions, the whole arm, the nominal world."""
     rng = np.random.default_rng(seed)
-    mesh, q_home = tool_mesh(TASK), home(TASK.X_FT)
+    mesh, cell = tool_mesh(TASK), cell_as_shipped(TASK, "panda")
+    q_home = home(TASK.X_FT, cell)
     exact: list[Result] = []
     nominal: list[Result] = []
-    with SimulatedLab(TASK, load_world("wd", TASK), seed, home_q_rad=q_home) as lab:
+    with SimulatedLab(TASK, load_world("wd", TASK), seed, cell, home_q_rad=q_home) as lab:
         for trial in range(1, 1 + TRIES * count):
             context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
             try:
-                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, "panda", q_home)
+                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
             except NotExecutable:
                 continue
             lab.bench.place(context, trial, 0)

@@ -8,39 +8,37 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import BARE_HAND, KeepOut, Tool
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.fake.clock import FakeClock
 from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Execution, JointPath, frozen_array
+from hw.workcell import Workcell
 
 
 class FakeArm:
-    """Refuses what `hw.limits` refuses, else is at the end of the path at once, its clock moved by the duration.
+    """Refuses what its `cell` refuses, else is at the end of the path at once, its clock moved by the duration.
 
     `executed` holds the paths that were begun, oldest first. `faults` maps the number of an execution (from 1)
-    to the fault that stops it half way.
+    to the fault that stops it half way. What it holds changes with `cell`.
     """
 
     def __init__(
         self,
         q_rad: ArrayLike,
         clock: FakeClock,
+        cell: Workcell,
         *,
-        model: str = "panda",
-        keep_out: tuple[KeepOut, ...] = (),
-        tool: Tool = BARE_HAND,
         faults: Mapping[int, ArmFault] | None = None,
     ) -> None:
-        self._q_rad, self._clock, self._model = frozen_array(q_rad, (7,), "q_rad"), clock, model
-        self._keep_out, self._tool, self._faults = keep_out, tool, dict(faults or {})
+        self._q_rad, self._clock = frozen_array(q_rad, (7,), "q_rad"), clock
+        self.cell, self._faults = cell, dict(faults or {})
         self._connected = False
         self._fault: str | None = None
         self.executed: list[JointPath] = []
 
     @property
     def model(self) -> str:
-        return self._model
+        return self.cell.arm.name
 
     def __enter__(self) -> Self:
         self._connected = True
@@ -55,7 +53,7 @@ class FakeArm:
 
     def execute(self, path: JointPath) -> Execution:
         self._need_connection()
-        refuse_unless_safe(path, self._model, self._q_rad, fault=self._fault, keep_out=self._keep_out, tool=self._tool)
+        refuse_unless_safe(path, self.cell, self._q_rad, fault=self._fault)
         self.executed.append(path)
         fault = self._faults.get(len(self.executed))
         last = len(path.t_s) - 1 if fault is None else len(path.t_s) // 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw.around import AroundArm
-from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
+from hw.collision import Table, Tool, point_heights
 from hw.contact import Detector
 from hw.errors import NoContact
 from hw.fake.arm import FakeArm
@@ -18,7 +18,7 @@ STIFFNESS_N_M = 4000.0
 
 
 class FakeGuardedArm(AroundArm[FakeArm]):
-    """`arm` with a table that its tool truly meets at `plane`; measured joints are those commanded.
+    """`arm` with a table that its tool truly meets at `plane`; measured joints are those commanded, its zeros true.
 
     `torque_Nm(path)` (N, 7) is added to what a contact gives: noise, spikes, a push of somebody's hand.
     """
@@ -26,32 +26,28 @@ class FakeGuardedArm(AroundArm[FakeArm]):
     def __init__(
         self,
         arm: FakeArm,
-        tool: Tool,
         plane: Table | None,
         *,
-        keep_out: tuple[KeepOut, ...] = (),
         torque_Nm: Array | None = None,
-        collision_N: float | None = None,
     ) -> None:
         """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
         super().__init__(arm)
-        self._tool, self._plane, self._keep_out = tool, plane, keep_out
+        self._plane = plane
         self.carried: list[object] = []
         self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
-        self._collision_N = collision_N
 
     def execute(self, path: JointPath) -> Execution:
         return self._arm.execute(path)
 
     def carry(self, tool: Tool, payload: object) -> None:
         """What hangs on the flange from now on; `carried` keeps all that was."""
-        self._tool = tool
+        self._arm.cell = self._arm.cell.holding(tool)
         self.carried.append(payload)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         state = self._arm.state()
         refuse_while_stopped(state.fault)
-        require_guarded(path, guard, self.model, state.q_rad, self._keep_out, self._tool, LEVEL, self._collision_N)
+        require_guarded(path, guard, self._arm.cell, state.q_rad)
         torque_Nm = self._torque(path, guard)
         detector = Detector(guard)
         at = detector.feed(path.t_s, path.q_rad, torque_Nm)
@@ -72,6 +68,8 @@ class FakeGuardedArm(AroundArm[FakeArm]):
         torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
         if self._plane is None:
             return torque
-        deep_m = np.maximum(-point_heights(link_poses(path.q_rad), self._tool, self._plane).min(axis=1), 0.0)
-        J = jacobian(path.q_rad, guard.p_F_m)
+        cell = self._arm.cell
+        q_rad = cell.arm.true_rad(path.q_rad)
+        deep_m = np.maximum(-point_heights(link_poses(q_rad), cell.tool, self._plane).min(axis=1), 0.0)
+        J = jacobian(q_rad, guard.p_F_m)
         return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])

@@ -8,12 +8,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Self
 
-from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool
+from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
-from hw.franka.checks import Check, Checks
+from hw.franka.checks import Check, back_from, until
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
 from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Timing
 from hw.franka.parts import Pedal, Player
@@ -25,6 +24,7 @@ from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
 from hw.refusal import refuse_while_stopped
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
+from hw.workcell import Workcell
 
 __all__ = ["FrankaArm", "Pedal", "Player", "franka", "open_franka"]
 
@@ -40,17 +40,20 @@ class FrankaArm:
 
     def __init__(
         self,
-        model: str,
+        cell: Workcell,
         settings: FrankaSettings,
         start: Callable[[], Player],
         *,
-        tool: Tool = BARE_HAND,
-        keep_out: tuple[KeepOut, ...] = (),
-        table: Table = LEVEL,
         pedal: Pedal | None = None,
     ) -> None:
-        self._model, self._start, self._pedal = model, start, pedal
-        self._checks = Checks(model, keep_out, tool, table, settings.collision.contact_force_limit_N)
+        """Raises ValueError where `cell` and `settings` do not agree on the force at which the arm stops by itself."""
+        stops_at_N = settings.collision.contact_force_limit_N
+        if abs(cell.stops_at_N - stops_at_N) > 1e-9:
+            raise ValueError(
+                f"the workcell has the {cell.arm.name} stop by itself at {cell.stops_at_N:g} N, its settings at "
+                f"{stops_at_N:g} N: give both the same"
+            )
+        self._cell, self._model, self._start, self._pedal = cell, cell.arm.name, start, pedal
         self._player: Player | None = None
         self._entered = False
         self._fault: str | None = None
@@ -95,7 +98,7 @@ class FrankaArm:
 
         Raises MotionRefused, ArmFault or StoppedByPedal; the two last with the way to standstill where it was braked.
         """
-        self._play(self._admitted(path, self._checks.free, FADE_S))
+        self._play(self._admitted(path, self._cell.require, FADE_S))
         assert self.last_execution is not None
         return self.last_execution
 
@@ -105,11 +108,11 @@ class FrankaArm:
         Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped where
         it is, on the way there or back).
         """
-        motion = self._admitted(path, self._checks.until(guard), SLOW_FADE_S)
+        motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
         played = self._play(motion, guard)
         search, stop = self.last_execution, self.last_stop
         contact = contact_of(played, motion.path)
-        self._play(self._way_back(played, motion.path, self._checks.back_from(guard)))
+        self._play(self._way_back(played, motion.path, back_from(guard, self._cell)))
         self.last_execution, self.last_stop = search, stop
         if contact is None:
             raise NoContact(
@@ -131,7 +134,7 @@ class FrankaArm:
             self._connected().carry(payload)
         except Failure as failure:
             raise self._error(failure) from failure
-        self._checks, self._carried = replace(self._checks, tool=tool), payload
+        self._cell, self._carried = self._cell.holding(tool), payload
 
     def recover(self) -> None:
         """Clear a fault, with a new player where the old one is gone. Never resumes a motion.
@@ -256,41 +259,14 @@ class FrankaArm:
             self._player = None
 
 
-def open_franka(
-    model: str,
-    settings: FrankaSettings,
-    *,
-    tool: Tool = BARE_HAND,
-    keep_out: tuple[KeepOut, ...] = (),
-    table: Table = LEVEL,
-    pedal: Pedal | None = None,
-) -> FrankaArm:
-    """The arm of `model` ("panda" or "fr3") at `settings.host`; entering it connects.
+def open_franka(cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None = None) -> FrankaArm:
+    """The arm of `cell` at `settings.host`; entering it connects.
 
     With a pedal no motion begins unless it is held, and letting go of it stops the one that runs.
     """
-    return franka(model, settings, Timing(), tool=tool, keep_out=keep_out, table=table, pedal=pedal)
+    return franka(cell, settings, Timing(), pedal=pedal)
 
 
-def franka(
-    model: str,
-    settings: FrankaSettings,
-    timing: Timing,
-    *,
-    tool: Tool = BARE_HAND,
-    keep_out: tuple[KeepOut, ...] = (),
-    table: Table = LEVEL,
-    pedal: Pedal | None = None,
-) -> FrankaArm:
+def franka(cell: Workcell, settings: FrankaSettings, timing: Timing, *, pedal: Pedal | None = None) -> FrankaArm:
     """`open_franka` for tests and benchmarks over a simulator, which relax `timing`."""
-    if model not in ("panda", "fr3"):
-        raise ValueError(f"{model!r} is no Franka arm that can be driven: panda or fr3")
-    return FrankaArm(
-        model,
-        settings,
-        lambda: PlayerProcess(model, settings, timing),
-        tool=tool,
-        keep_out=keep_out,
-        table=table,
-        pedal=pedal,
-    )
+    return FrankaArm(cell, settings, lambda: PlayerProcess(cell.arm.name, settings, timing), pedal=pedal)

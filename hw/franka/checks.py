@@ -2,50 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
-from hw import guarding, limits
-from hw.collision import KeepOut, Table, Tool
+from hw.guarding import check_guarded, require_guarded
+from hw.limits import refuse_beyond
 from hw.types import Array, Guard, JointPath
+from hw.workcell import Workcell
 
 
 class Check(Protocol):
     """Raises MotionRefused for a path, begun where the arm is now (7,) if that is given."""
 
-    def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> None: ...
+    def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> object: ...
 
 
-@dataclass(frozen=True, eq=False)
-class Checks:
-    """The arm's model, what is around it, what it holds, and at which force along an axis it stops by itself."""
+def until(guard: Guard, cell: Workcell) -> Check:
+    """Of a motion that ends at a touch. One that is played to its end has `Workcell.require`."""
 
-    model: str
-    keep_out: tuple[KeepOut, ...]
-    tool: Tool
-    table: Table
-    collision_N: float
+    def check(path: JointPath, q_now_rad: Array | None = None) -> None:
+        require_guarded(path, guard, cell, q_now_rad)
 
-    def free(self, path: JointPath, q_now_rad: Array | None = None) -> None:
-        """`Check` of a motion that is played to its end."""
-        limits.require(path, self.model, q_now_rad, *self._around)
+    return check
 
-    def until(self, guard: Guard) -> Check:
-        """Of a motion that ends at a touch."""
 
-        def check(path: JointPath, q_now_rad: Array | None = None) -> None:
-            guarding.require_guarded(path, guard, self.model, q_now_rad, *self._around)
+def back_from(guard: Guard, cell: Workcell) -> Check:
+    """Of the way back from there, which declares no contact any more."""
 
-        return check
+    def check(path: JointPath, q_now_rad: Array | None = None) -> None:
+        refuse_beyond(check_guarded(path, guard, cell, q_now_rad))
 
-    def back_from(self, guard: Guard) -> Check:
-        """Of the way back from there, which declares no contact any more."""
-
-        def check(path: JointPath, q_now_rad: Array | None = None) -> None:
-            limits.refuse_beyond(guarding.check_guarded(path, guard, self.model, q_now_rad, *self._around))
-
-        return check
-
-    @property
-    def _around(self) -> tuple[tuple[KeepOut, ...], Tool, Table, float]:
-        return self.keep_out, self.tool, self.table, self.collision_N
+    return check

@@ -17,6 +17,7 @@ from hw.braking import check_braking, joint_spline, path_time
 from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
+from hw.joint_limits import LIMITS
 from hw.types import PATH_RATE_HZ, Array, JointPath
 
 STOPS_EVERY_S = 0.01
@@ -45,7 +46,7 @@ class Motion:
 
 def motion_of(path: JointPath, model: str) -> Motion:
     """Raises MotionRefused if the path cannot be stopped within the limits every now and then."""
-    stops = check_braking(path, model, STOPS_EVERY_S)
+    stops = check_braking(path, LIMITS[model], STOPS_EVERY_S)
     known = np.isfinite(stops.duration_s)
     at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
     if not known[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:

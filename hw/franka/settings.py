@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.types import Array, frozen_array
+from hw.workcell import STOPS_AT_N
 
 HIGHEST_PAYLOAD_KG = 3.0
 """What both arms may carry, hand included (the maker's data sheets)."""
@@ -56,7 +57,7 @@ class CollisionThresholds:
     torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 16.0, 14.0, 12.0]))
     torque_collision_Nm: Array = field(default_factory=lambda: np.array([60.0, 60.0, 54.0, 54.0, 48.0, 42.0, 36.0]))
     force_contact_N: Array = field(default_factory=lambda: np.array([20.0, 20.0, 20.0, 25.0, 25.0, 25.0]))
-    force_collision_N: Array = field(default_factory=lambda: np.array([80.0, 80.0, 80.0, 40.0, 40.0, 40.0]))
+    force_collision_N: Array = field(default_factory=lambda: np.array([*[STOPS_AT_N] * 3, 40.0, 40.0, 40.0]))
     # (6,): force along X, Y, Z in N and moment about them in Nm, on the tool
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from hw.franka.checks import Check
 from hw.franka.playback import TOUCH, Motion, Played, motion_of
 from hw.franka.starting import SLOW_FADE_S, from_held
 from hw.guarding import withdrawal
+from hw.joint_limits import LIMITS
 from hw.types import PATH_RATE_HZ, Array, Contact, JointPath
 
 
@@ -37,7 +38,7 @@ def way_back(played: Played, path: JointPath, q_held_rad: Array, model: str, che
 
     Lost cycles of the way there are not repeated. Raises MotionRefused.
     """
-    there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, model)
+    there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, LIMITS[model])
     back = withdrawal(there)
     check(back)
     return motion_of(from_held(back, q_held_rad, model, check, SLOW_FADE_S), model)

@@ -6,26 +6,26 @@ from typing import Self
 
 import numpy as np
 
-from hw import limits
-from hw.collision import LEVEL, KeepOut, Table, Tool
+from hw.braking import brake
 from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
 from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Array, Execution, JointPath
+from hw.workcell import Workcell
 from sim.lab.motion import DivergedError
 from sim.lab.room import Room
 
 
 class LabArm:
-    """A Panda under joint impedance. Refuses what `hw.limits` refuses, and fails when the world says so."""
+    """A Panda under joint impedance. Refuses what its workcell refuses, and fails when the world says so."""
 
-    def __init__(self, room: Room, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table = LEVEL) -> None:
-        self._room, self._keep_out, self._tool, self._table = room, keep_out, tool, table
+    def __init__(self, room: Room, cell: Workcell) -> None:
+        self._room, self._cell = room, cell
         self._connected = False
         self._fault: str | None = None
 
     @property
     def model(self) -> str:
-        return "panda"
+        return self._cell.arm.name
 
     def __enter__(self) -> Self:
         self._connected = True
@@ -41,15 +41,7 @@ class LabArm:
     def execute(self, path: JointPath) -> Execution:
         self._need_connection()
         room = self._room
-        refuse_unless_safe(
-            path,
-            self.model,
-            room.q_rad,
-            fault=self._fault,
-            keep_out=self._keep_out,
-            tool=self._tool,
-            table=self._table,
-        )
+        refuse_unless_safe(path, self._cell, room.q_rad, fault=self._fault)
         if not self._room.needs_physics(path):
             return self._room.travel(path)
         stop_s = self._room.chance.stop_fraction * path.duration_s
@@ -58,7 +50,7 @@ class LabArm:
             self._simulate(path.t_s[keep], path.q_rad[keep])
             raise self._stopped(ArmFault, f"reflex {stop_s:.3f} s into the path: an external force was too large")
         if self._comes("pedal_release"):
-            braked = limits.brake(path, stop_s, self.model)
+            braked = brake(path, stop_s, self._cell.arm.limits)
             self._simulate(braked.t_s, braked.q_rad)
             raise self._stopped(StoppedByPedal, f"the pedal was released {stop_s:.3f} s into the path")
         return self._simulate(path.t_s, path.q_rad)

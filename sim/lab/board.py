@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.collision import HAND, Capsule, Tool
+from hw.collision import HAND, HAND_MASS, Capsule, Tool
 from hw.kinematics import FLANGE
+from hw.mass import box
 from hw.types import Array
 from sim.panda.shapes import Primitive, mesh
 from sim.types import Texture, Visual
@@ -18,6 +19,8 @@ BODY = "board"
 MARGIN_M = 0.012
 """White around the print; the gripper holds the upper one by a tab."""
 THICKNESS_M = 0.006
+BOARD_KG_M2 = 7.0
+"""Of an aluminium sandwich board of that thickness (makers state 6.6 to 7.3)."""
 GRIP_M = 0.115
 """From the flange to the upper edge of the plate, along the flange's axis: just beyond the fingertips."""
 
@@ -64,7 +67,10 @@ class HeldBoard:
             ends = np.array([[along, y, THICKNESS_M / 2] for y in rows])
             start, end = ends @ X[:3, :3].T + X[:3, 3]
             plate.append(Capsule(f"board strip {i + 1}", FLANGE, start, end, _CAPSULE_M + _CLEARANCE_M))
-        return Tool("calibration board", (*HAND, *plate))
+        outline_m = np.array([width, height])
+        centre_m = (*(outline_m / 2.0 - MARGIN_M), THICKNESS_M / 2)
+        board = box(BOARD_KG_M2 * width * height, (width, height, THICKNESS_M), centre_m)
+        return Tool("calibration board", HAND_MASS + board.placed(X), (*HAND, *plate))
 
     def visuals(self) -> tuple[Visual, ...]:
         """Plate with the print on its face, and the tab in the gripper; poses are those of the flange."""

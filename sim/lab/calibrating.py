@@ -13,18 +13,17 @@ from typing import Any, Self
 
 import numpy as np
 
-from hw import limits
-from hw.collision import KeepOut
 from hw.errors import ArmFault, CameraError, DeviceUnavailable
 from hw.kinematics import link_poses
 from hw.ports import Arm, Camera
+from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
+from hw.workcell import Workcell
 from sim.errors import SimError
 from sim.lab.board import BODY, HeldBoard
-from sim.lab.calibration import NominalCalibration, nominal_calibration
 from sim.lab.camera import SLICES
 from sim.lab.cell import Cell
-from sim.lab.chance import joint_zeros, of_calibration, of_camera, of_view
+from sim.lab.chance import joint_zeros, of_camera, of_view
 from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.world import World
@@ -56,15 +55,15 @@ class CalibrationLab:
         world: World,
         seed: int,
         board: HeldBoard,
+        cell: Workcell,
         *,
         home_q_rad: Array,
-        keep_out: tuple[KeepOut, ...] = (),
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands at first, `keep_out` goes to `hw.limits`. Builds nothing yet."""
+        """`home_q_rad` (7,) is where the arm stands at first, `cell` what it checks motions against. Builds nothing."""
         self._world, self._seed, self._X_BC = world, seed, default_X_BC()
         self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
         printed = board.scaled(world.sensing.board_scale)
-        self._arm = _BoardArm(self._state, board, keep_out)
+        self._arm = _BoardArm(self._state, cell)
         self._camera = _BoardCamera(self._state, self._X_BC, printed, task)
         self._hands = _LabHands(self._state, printed)
 
@@ -87,10 +86,6 @@ class CalibrationLab:
     def hands(self) -> _LabHands:
         """Who lays the board on the table and guides the arm's tip, where nobody is there."""
         return self._hands
-
-    def nominal_calibration(self) -> NominalCalibration:
-        """That of `SimulatedLab`."""
-        return nominal_calibration(self._X_BC, self._world.sensing, of_calibration(self._seed))
 
     def truth(self) -> dict[str, Any]:
         """What calibration should find, for checking alone."""
@@ -132,13 +127,13 @@ class _State:
 class _BoardArm:
     """Plays paths exactly, as far as its own encoders can tell."""
 
-    def __init__(self, state: _State, board: HeldBoard, keep_out: tuple[KeepOut, ...]) -> None:
-        self._state, self._tool, self._keep_out = state, board.tool(), keep_out
+    def __init__(self, state: _State, cell: Workcell) -> None:
+        self._state, self._cell = state, cell
         self._fault: str | None = None
 
     @property
     def model(self) -> str:
-        return "panda"
+        return self._cell.arm.name
 
     def __enter__(self) -> Self:
         self._state.connected = True
@@ -154,9 +149,7 @@ class _BoardArm:
     def execute(self, path: JointPath) -> Execution:
         state = self._state
         state.need_connection()
-        if self._fault is not None:
-            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
-        limits.require(path, self.model, state.q_rad, self._keep_out, self._tool)
+        refuse_unless_safe(path, self._cell, state.q_rad, fault=self._fault)
         t_start_s = state.t_s
         state.rests += 1
         if state.rests in state.world.faults.arm_reflex:

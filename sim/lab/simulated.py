@@ -11,18 +11,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from hw.collision import LEVEL, KeepOut, Table, Tool
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, Frame, frozen_array
+from hw.workcell import Workcell
 from sim.lab.arm import LabArm
 from sim.lab.bench import LabBench
-from sim.lab.calibration import NominalCalibration, nominal_calibration
 from sim.lab.camera import LabCamera
-from sim.lab.chance import of_calibration
 from sim.lab.kinect import default_X_BC
 from sim.lab.room import Room
 from sim.lab.world import World
-from sim.panda.tool import held
 from sim.tasks.task import Task
 
 READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -41,25 +38,25 @@ class SimulatedLab:
         task: Task,
         world: World,
         seed: int,
+        cell: Workcell,
         *,
         home_q_rad: Array = READY_RAD,
-        keep_out: tuple[KeepOut, ...] = (),
-        tool: Tool | None = None,
-        table: Table = LEVEL,
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands whenever the object is placed; `keep_out`, `tool` (else the
-        hand with the task's tool) and where the table is taken to be go to `hw.limits`. Builds nothing yet.
+        """`home_q_rad` (7,) is where the arm stands whenever the object is placed, `cell` what its arm checks motions
+        against: what is believed of it, not what is hidden in the world. Builds nothing yet.
 
-        Raises ValueError for a task without a scene, or another task's world.
+        Raises ValueError for a task without a scene, or another task's world, or another arm than a Panda.
         """
         if task.build_scene is None:
             raise ValueError(f"{task.name} has no scene for an arm, so there is no lab for it")
         if world.task != task.name:
             raise ValueError(f"world {world.name} is of {world.task}, not of {task.name}")
+        if cell.arm.name != "panda":
+            raise ValueError(f"the lab has a panda, and its workcell is of the arm {cell.arm.name}")
         self._task, self._world, self._seed = task, world, seed
         self._X_BC = default_X_BC()
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
-        self._arm = LabArm(self._room, keep_out, tool or held(task.X_FT, task.keep_clear), table)
+        self._arm = LabArm(self._room, cell)
         self._camera = LabCamera(self._room, self._X_BC)
         self._bench = LabBench(self._room)
 
@@ -93,10 +90,6 @@ class SimulatedLab:
     def home_q_rad(self) -> Array:
         """(7,) where paths from home begin."""
         return self._room.home_q_rad
-
-    def nominal_calibration(self) -> NominalCalibration:
-        """What an operator starts from: the camera's pose with the world's error and an honest sigma."""
-        return nominal_calibration(self._X_BC, self._world.sensing, of_calibration(self._seed))
 
     def picture(self) -> Frame:
         """What the camera sees with the arm at home and the object where the task's reference context has it."""

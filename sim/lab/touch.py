@@ -9,12 +9,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from hw import guarding, limits
-from hw.collision import KeepOut, Tool
+from hw.braking import brake
+from hw.collision import KeepOut
 from hw.contact import Detector
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.guarding import require_guarded
 from hw.kinematics import forward
+from hw.refusal import refuse_unless_safe, refuse_while_stopped
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+from hw.workcell import Workcell
 from sim.lab import mounting
 from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
 from sim.lab.hand import Grip, LabHand
@@ -26,8 +29,6 @@ from sim.tasks.task import Task
 HANDLE_M = 0.012
 PIECE_S = 0.04
 """The plant is advanced in pieces of this length, and asked after each whether it has touched."""
-COLLISION_N = 80.0
-"""Where the lab's arm would stop by itself: three to four times the maker's example, as for the real arm."""
 
 NOISE_NM, RIPPLE_NM, BIAS_NM = 0.15, 0.15, 0.5
 """Of the torque estimate: white, periodic in each joint's angle (gears), constant through a motion."""
@@ -43,19 +44,20 @@ class TouchLab:
         task: Task,
         world: World,
         seed: int,
+        cell: Workcell,
         *,
         home_q_rad: Array,
-        keep_out: tuple[KeepOut, ...] = (),
         things: tuple[KeepOut, ...] = (),
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands at first; `things` are boxes that somebody left on the table.
+        """`home_q_rad` (7,) is where the arm stands at first, `cell` what it checks motions against (its tool is what
+        the hand holds at each moment); `things` are boxes that somebody left on the table.
 
         Raises UnknownName for a task whose tool cannot be touched off. Builds nothing yet.
         """
         self._task, self._world = task, world
         self._feelers = feelers_of(task)
         self._grip = Grip(HANDLE_M)
-        self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), keep_out, things)
+        self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
         self._hand = LabHand(self._grip)
 
     def __enter__(self) -> Self:
@@ -105,11 +107,11 @@ class _FeelingArm:
         seed: int,
         grip: Grip,
         home_q_rad: Array,
-        keep_out: tuple[KeepOut, ...],
+        cell: Workcell,
         things: tuple[KeepOut, ...],
     ) -> None:
         self._task, self._world, self._seed, self._grip = task, world, seed, grip
-        self._keep_out, self._things, self._q_rad = keep_out, things, home_q_rad
+        self._workcell, self._things, self._q_rad = cell, things, home_q_rad
         self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
         self._phase_rad = of_touch(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
         self._t_s, self._touches, self._connected = 0.0, 0, False
@@ -118,7 +120,7 @@ class _FeelingArm:
 
     @property
     def model(self) -> str:
-        return "panda"
+        return self._workcell.arm.name
 
     @property
     def slipped_rad(self) -> float:
@@ -136,8 +138,8 @@ class _FeelingArm:
         return ArmState(self._t_s, self._q_rad, np.zeros(7), self._fault)
 
     def execute(self, path: JointPath) -> Execution:
-        self._ready()
-        limits.require(path, self.model, self._q_rad, self._keep_out, self._tool, collision_N=COLLISION_N)
+        self._need_connection()
+        refuse_unless_safe(path, self._workcell_now, self._q_rad, fault=self._fault)
         if path.contact is not None:
             raise MotionRefused("there is nothing to act on during a touch-off: only guarded motions may touch")
         knock = self._knocks(path)
@@ -148,14 +150,13 @@ class _FeelingArm:
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        self._ready()
-        guarding.require_guarded(
-            path, guard, self.model, self._q_rad, self._keep_out, self._tool, collision_N=COLLISION_N
-        )
+        self._need_connection()
+        refuse_while_stopped(self._fault)
+        require_guarded(path, guard, self._workcell_now, self._q_rad)
         self._touches += 1
         faults = self._world.faults
         if self._touches in faults.pedal_release:
-            braked = limits.brake(path, path.duration_s / 2.0, self.model)
+            braked = brake(path, path.duration_s / 2.0, self._workcell.arm.limits)
             self._moved_to(braked.q_rad[-1], braked.duration_s)
             raise self._stopped(StoppedByPedal, f"the pedal was released {path.duration_s / 2.0:.2f} s into the path")
         if self._touches in faults.arm_reflex:
@@ -194,7 +195,7 @@ class _FeelingArm:
             at = detector.feed(pieces[-1].t_s, pieces[-1].q_rad, pieces[-1].torque_Nm)
             if at is not None:
                 stop_s = float(pieces[-1].t_s[-1])
-                braked = limits.brake(path, stop_s, self.model)
+                braked = brake(path, stop_s, self._workcell.arm.limits)
                 cell.follow(_moved(braked, unseen))
                 last = cell.advance(PIECE_S * np.ceil((braked.duration_s + 0.1) / PIECE_S))
                 after = self._measured(last, unseen, bias_Nm, rng)
@@ -234,19 +235,14 @@ class _FeelingArm:
         return self._cells[holds]
 
     @property
-    def _tool(self) -> Tool:
-        """As the arm takes it to be."""
-        return feeling(self._task, self._task.X_FT) if self._grip.holds else empty_hand()
+    def _workcell_now(self) -> Workcell:
+        """With the tool that the arm takes to be in the hand."""
+        return self._workcell.holding(feeling(self._task, self._task.X_FT) if self._grip.holds else empty_hand())
 
     def _moved_to(self, q_rad: Array, duration_s: float) -> float:
         t_start_s, self._t_s = self._t_s, self._t_s + duration_s
         self._q_rad = frozen_array(q_rad)
         return t_start_s
-
-    def _ready(self) -> None:
-        self._need_connection()
-        if self._fault is not None:
-            raise ArmFault(f"the arm is stopped ({self._fault}); recover it before the next motion")
 
     def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
         self._fault = reason

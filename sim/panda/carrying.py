@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from hw.kinematics import forward, jacobian
 from hw.types import Array, JointPath, frozen_array
+from hw.workcell import ArmModel
 from sim.errors import NotExecutable
 from sim.panda.moves import PEAK_ACCELERATION, timed
 
@@ -28,13 +29,13 @@ _SINGULAR = 1e-4
 _SHORTEST_S = 0.5
 
 
-def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, model: str) -> JointPath:
+def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: ArmModel) -> JointPath:
     """From one posture (7,) to another (7,); the tool, at X_FT (4, 4) in the flange, moves straight and turns evenly.
 
     At every moment the posture is the one nearest to the straight way in joint space that holds the tool there.
     Raises NotExecutable where there is none, or where it comes too near to a limit.
     """
-    q_from, q_to = frozen_array(q_from_rad, (7,), "q_from_rad"), frozen_array(q_to_rad, (7,), "q_to_rad")
+    q_from, q_to = (arm.true_rad(frozen_array(q, (7,), "q_rad")) for q in (q_from_rad, q_to_rad))
     ends = np.stack([forward(q) @ X_FT for q in (q_from, q_to)])
     share = np.linspace(0.0, 1.0, _KNOTS)
     X_BT = np.tile(np.eye(4), (_KNOTS, 1, 1))
@@ -42,10 +43,11 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, model: s
     X_BT[:, :3, 3] = ends[0, :3, 3] + share[:, None] * (ends[1, :3, 3] - ends[0, :3, 3])
     q_rad = _nearest(q_from + share[:, None] * (q_to - q_from), X_BT @ np.linalg.inv(X_FT))
     if q_rad is None:
-        raise NotExecutable(f"{model}: the straight way of the tool to the home posture leaves the arm's reach")
+        raise NotExecutable(f"{arm.name}: the straight way of the tool to the home posture leaves the arm's reach")
     along = make_interp_spline(share, q_rad, k=5)
     distance_m = float(np.linalg.norm(ends[1, :3, 3] - ends[0, :3, 3]))
-    return timed(along, max(_SHORTEST_S, math.sqrt(PEAK_ACCELERATION * distance_m / GENTLE_M_S2)), model)
+    duration_s = max(_SHORTEST_S, math.sqrt(PEAK_ACCELERATION * distance_m / GENTLE_M_S2))
+    return arm.reported(timed(along, duration_s, arm.in_true_joints().limits))
 
 
 def _nearest(q_wanted: Array, X_BF: Array) -> Array | None:

@@ -14,10 +14,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import LEVEL, KeepOut, Table, Tool, box_clearance, point_heights, self_clearance, table_clearance
+from hw.collision import box_clearance, point_heights, self_clearance, table_clearance
+from hw.joint_limits import LIMITS
 from hw.kinematics import link_poses
-from hw.limits import KEEP_OUT_CLEARANCE_M, LIMITS, SELF_CLEARANCE_M, TABLE_CLEARANCE_M, check_path
+from hw.limits import KEEP_OUT_CLEARANCE_M, SELF_CLEARANCE_M, TABLE_CLEARANCE_M
 from hw.types import Array, JointPath, frozen_array
+from hw.workcell import Workcell
 from sim.errors import NotExecutable
 from sim.panda.moves import joined, move_path
 
@@ -38,32 +40,25 @@ _USE = 0.85  # of the position limits, for corners
 _WEIGHTS = np.array([1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3])  # how much room a turn of each joint sweeps
 
 
-def free_path(
-    q_from_rad: ArrayLike,
-    q_to_rad: ArrayLike,
-    model: str,
-    tool: Tool,
-    keep_out: tuple[KeepOut, ...] = (),
-    table: Table = LEVEL,
-    speed: float = SPEED,
-) -> JointPath:
+def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed: float = SPEED) -> JointPath:
     """A checked path from one posture (7,) to another that keeps clear of arm, table and boxes.
 
     Deterministic. Raises NotExecutable with what is in the way.
     """
     q_from, q_to = frozen_array(q_from_rad, (7,), "q_from_rad"), frozen_array(q_to_rad, (7,), "q_to_rad")
-    straight = move_path(q_from, q_to, model, speed)
-    report = check_path(straight, model, q_from, keep_out, tool, table)
+    limits, model = cell.arm.limits, cell.arm.name
+    straight = move_path(q_from, q_to, limits, speed)
+    report = cell.check(straight, q_from)
     if report.ok:
         return straight
     for name, q in (("where it starts", q_from), ("where it shall go", q_to)):
-        still = check_path(JointPath(np.array([0.0, 1e-3]), np.stack([q, q])), model, None, keep_out, tool, table)
+        still = cell.check(JointPath(np.array([0.0, 1e-3]), np.stack([q, q])))
         if not still.ok:
             raise NotExecutable(f"{model}: the arm is not clear {name}: {still.worst}; choose another posture")
-    corners = _Space(tool, keep_out, table, model).way(q_from, q_to)
+    corners = _Space(cell).way(q_from, q_to)
     if corners is not None:
-        path = joined(*(move_path(a, b, model, speed) for a, b in pairwise(corners)))
-        around = check_path(path, model, q_from, keep_out, tool, table)
+        path = joined(*(move_path(a, b, limits, speed) for a, b in pairwise(corners)))
+        around = cell.check(path, q_from)
         if around.ok:
             return path
         report = around
@@ -73,12 +68,12 @@ def free_path(
 class _Space:
     """What is free in one scene, looked up piece by piece."""
 
-    def __init__(self, tool: Tool, keep_out: tuple[KeepOut, ...], table: Table, model: str) -> None:
-        self._tool, self._keep_out, self._table, self._model = tool, keep_out, table, model
+    def __init__(self, cell: Workcell) -> None:
+        self._cell = cell
 
     def way(self, q_from: Array, q_to: Array) -> list[Array] | None:
         """The corners of a free way, its ends included; None where the roadmap has none."""
-        vias = _postures(self._model)
+        vias = _postures(self._cell.arm.name)
         nodes = np.concatenate([[q_from, q_to], vias[self._clear(vias, ROOM_M, TIP_M)]])
         ways = _neighbours(nodes)
         known: dict[tuple[int, int], bool] = {}
@@ -112,13 +107,14 @@ class _Space:
 
     def _clear(self, q_rad: Array, room_m: float, tip_m: float) -> Array:
         """Postures (N, 7) -> (N,) whether each keeps its distance from itself, the table and the boxes."""
-        poses = link_poses(q_rad)
-        free = np.asarray(self_clearance(poses, self._tool)[0].min(axis=1) > SELF_CLEARANCE_M + _SLIM_M)
-        free &= table_clearance(poses, self._tool, self._table)[0].min(axis=1) > TABLE_CLEARANCE_M + room_m
-        for box in self._keep_out:
-            free &= box_clearance(poses, self._tool, box)[0].min(axis=1) > KEEP_OUT_CLEARANCE_M + room_m
-        if len(self._tool.points_F_m):
-            free &= point_heights(poses, self._tool, self._table).min(axis=1) >= tip_m
+        cell = self._cell
+        tool, poses = cell.tool, link_poses(cell.arm.true_rad(q_rad))
+        free = np.asarray(self_clearance(poses, tool)[0].min(axis=1) > SELF_CLEARANCE_M + _SLIM_M)
+        free &= table_clearance(poses, tool, cell.table)[0].min(axis=1) > TABLE_CLEARANCE_M + room_m
+        for box in cell.keep_out:
+            free &= box_clearance(poses, tool, box)[0].min(axis=1) > KEEP_OUT_CLEARANCE_M + room_m
+        if len(tool.points_F_m):
+            free &= point_heights(poses, tool, cell.table).min(axis=1) >= tip_m
         return free
 
 

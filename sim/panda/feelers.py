@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from hw.collision import HAND, Capsule, Tool
+from hw.collision import HAND, HAND_MASS, Capsule, Tool
+from hw.mass import Mass
 from hw.types import Array, frozen_array
 from sim.errors import UnknownName
 from sim.panda.tool import held
@@ -48,6 +49,8 @@ class Touching(Protocol):
     @property
     def keep_clear(self) -> tuple[Capsule, ...]: ...
     @property
+    def tool_mass(self) -> Mass: ...
+    @property
     def touchable(self) -> Touchable | None: ...
 
 
@@ -67,10 +70,10 @@ def feelers_of(task: Touching) -> tuple[Feeler, ...]:
 
 def empty_hand() -> Tool:
     """The hand with its fingers closed on nothing: only their tips may touch."""
-    return Tool("fingertips", HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
+    return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
 
 
 def feeling(task: Touching, X_FT: Array) -> Tool:
     """The hand with the task's tool at `X_FT` (4, 4): only its feelers may touch."""
     lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in feelers_of(task)])
-    return held(X_FT, task.keep_clear, lowest, f"tool of {task.name}")
+    return held(X_FT, task.tool_mass, task.keep_clear, lowest, f"tool of {task.name}")

@@ -17,8 +17,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
+from hw.joint_limits import LIMITS
 from hw.kinematics import A4_M, A7_M, D1_M, D3_M, D5_M, FLANGE_M
-from hw.limits import LIMITS
 from hw.types import Array
 from sim.panda.shapes import PRIMITIVES, Primitive
 

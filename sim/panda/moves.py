@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.joint_limits import LIMITS, derivatives
+from hw.joint_limits import JointLimits, derivatives
 from hw.types import PATH_RATE_HZ, Array, JointPath, frozen_array
 from sim.errors import NotExecutable
 
@@ -30,13 +30,12 @@ def smooth_step(u: Array) -> Array:
     return np.asarray(u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3))
 
 
-def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, model: str, speed: float = 0.3) -> JointPath:
+def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, limits: JointLimits, speed: float = 0.3) -> JointPath:
     """All joints from one posture (7,) to another (7,) at the same time, at `speed` times the fastest this allows.
 
     Raises NotExecutable if an end lies outside of the position limits.
     """
     q_from, q_to = frozen_array(q_from_rad, (7,), "q_from_rad"), frozen_array(q_to_rad, (7,), "q_to_rad")
-    limits = LIMITS[model]
     distance = np.abs(q_to - q_from)
     fastest_s = max(
         PEAK_SPEED * (distance / limits.dq_max_rad_s).max(),
@@ -47,25 +46,25 @@ def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, model: str, speed: flo
     def along(share: Array) -> Array:
         return np.asarray(q_from + share[:, None] * (q_to - q_from))
 
-    return timed(along, max(fastest_s / speed, 0.05), model)
+    return timed(along, max(fastest_s / speed, 0.05), limits)
 
 
-def timed(along: Along, duration_s: float, model: str) -> JointPath:
+def timed(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
     """The joint curve `along` (share (N,) of the way -> (N, 7)) in `duration_s`, or slower if limits ask for it.
 
     Raises NotExecutable near a position limit, or next to a singularity, where no slower motion helps either.
     """
     held = along(np.linspace(0.0, 1.0, 101))
     still = np.zeros_like(held)
-    place = float(LIMITS[model].ratios(held, still, still)[0].max())
+    place = float(limits.ratios(held, still, still)[0].max())
     for _ in range(_TRIES if place <= MOVE_RATIO else 0):
         t_s = np.arange(round(duration_s * PATH_RATE_HZ) + 1) / PATH_RATE_HZ
         q_rad = along(smooth_step(t_s / t_s[-1]))
-        if _ratio(q_rad, model) <= MOVE_RATIO:
+        if _ratio(q_rad, limits) <= MOVE_RATIO:
             return JointPath(t_s, q_rad)
         duration_s *= _STRETCH
     raise NotExecutable(
-        f"{model}: a move comes to {place:.2f} of a joint's position limits (largest allowed {MOVE_RATIO:g}), "
+        f"{limits.model}: a move comes to {place:.2f} of a joint's position limits (largest allowed {MOVE_RATIO:g}), "
         "or is too fast even when slow; choose other end postures"
     )
 
@@ -79,8 +78,7 @@ def joined(*paths: JointPath) -> JointPath:
     return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad)
 
 
-def _ratio(q_rad: Array, model: str) -> float:
-    limits = LIMITS[model]
+def _ratio(q_rad: Array, limits: JointLimits) -> float:
     dq, ddq, dddq = derivatives(q_rad)
     q = np.concatenate([q_rad, np.repeat(q_rad[-1:], len(dq) - len(q_rad), axis=0)])
     return float(max(limits.ratios(q, dq, ddq).max(), (np.abs(dddq) / limits.dddq_max_rad_s3).max()))

@@ -1,7 +1,10 @@
 """From a tool motion to the three joint paths of a trial: approach, task, retreat.
 
 The task path follows the tool motion exactly (closed-form inverse kinematics); the freedom that is left keeps
-the arm away from its limits (`sim.panda.redundancy`). Everything is checked by `hw.limits` before it is returned.
+the arm away from its limits (`sim.panda.redundancy`). Everything is checked by the `Workcell` before it is returned.
+
+Postures and paths that go in or come out are those that the arm reports. In between, planning happens in true joints,
+where the geometry is.
 """
 
 from __future__ import annotations
@@ -15,18 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from hw.collision import LEVEL, KeepOut, Table, Tool, point_heights
+from hw.collision import point_heights
 from hw.joint_limits import DT_S
 from hw.kinematics import forward, link_poses
-from hw.limits import LIMITS, LimitReport, check_path
+from hw.limits import LimitReport
 from hw.types import Array, JointPath, frozen_array
+from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.carrying import carry_path
 from sim.panda.detours import free_path
 from sim.panda.inverse import inverse
 from sim.panda.moves import joined, move_path, timed
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
-from sim.panda.tool import held
 from sim.types import ToolMotion
 
 LIFTS_M = (0.08, 0.16, 0.24)
@@ -47,35 +50,28 @@ TUCKED_RAD = ((-0.5, -2.2), (-0.9, -2.4), (-1.2, -2.0))
 _RISE_SWING_RAD = 0.8
 
 
-def joint_path(
-    motion: ToolMotion,
-    X_FT: Array,
-    model: str = "panda",
-    q_seed: ArrayLike | None = None,
-    *,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool | None = None,
-) -> JointPath:
+def joint_path(motion: ToolMotion, X_FT: Array, cell: Workcell, q_seed: ArrayLike | None = None) -> JointPath:
     """The joint path (exact to rounding) that moves the tool, mounted at X_FT (4, 4), along `motion`.
 
-    `q_seed` (7,) is a posture to stay near if there is a choice. `tool` defaults to the hand with its tool frame's
-    origin. Raises NotExecutable with the reason: out of reach, or the check that fails.
+    `q_seed` (7,) is a posture to stay near if there is a choice. Raises NotExecutable with the reason: out of reach, or
+    the check that fails.
     """
-    seed = None if q_seed is None else frozen_array(q_seed, (7,), "q_seed")
+    seed = None if q_seed is None else cell.arm.true_rad(frozen_array(q_seed, (7,), "q_seed"))
     found: list[tuple[float, JointPath]] = []
-    for ratio, path in _task_paths(motion, X_FT, model, seed, keep_out=keep_out, tool=tool or held(X_FT)):
+    for ratio, path in _task_paths(motion, X_FT, cell.in_true_joints(), seed):
         found.append((ratio, path))
         if ratio < GOOD_ENOUGH:
             break
-    return min(found, key=lambda one: one[0])[1]
+    return cell.arm.reported(min(found, key=lambda one: one[0])[1])
 
 
-def home(X_FT: Array, model: str = "panda", tool: Tool | None = None, pitch_rad: float = 0.0) -> Array:
+def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
     """(7,) the posture between trials: the tool pitched over `HOME_TOOL_M`, the joints near the middle of their ranges.
 
     Raises NotExecutable if the tool cannot be held there.
     """
-    tool, limits = tool or held(X_FT), LIMITS[model]
+    true = cell.in_true_joints()
+    limits = true.arm.limits
     places = np.array(list(product(*HOME_TOOL_M)))
     X_BT = np.tile(np.eye(4), (len(places), 1, 1))
     X_BT[:, :3, :3] = Rotation.from_euler("y", pitch_rad).as_matrix()
@@ -88,45 +84,35 @@ def home(X_FT: Array, model: str = "panda", tool: Tool | None = None, pitch_rad:
         still = JointPath(np.array([0.0, DT_S]), np.stack([q[i], q[i]]))
         if worst[i] > ALLOWED:
             break
-        if check_path(still, model, None, (), tool).ok:
-            return frozen_array(q[i])
-    raise NotExecutable(f"{model}: the tool cannot be held at any of {HOME_TOOL_M} m; mount it otherwise")
+        if true.check(still).ok:
+            return frozen_array(cell.arm.reported_rad(q[i]))
+    raise NotExecutable(f"{cell.arm.name}: the tool cannot be held at any of {HOME_TOOL_M} m; mount it otherwise")
 
 
 def trial_paths(
-    motion: ToolMotion,
-    X_FT: Array,
-    model: str,
-    q_home: ArrayLike,
-    *,
-    keep_out: tuple[KeepOut, ...] = (),
-    tool: Tool | None = None,
-    table: Table = LEVEL,
-    carries: bool = False,
+    motion: ToolMotion, X_FT: Array, cell: Workcell, q_home: ArrayLike, *, carries: bool = False
 ) -> tuple[JointPath, JointPath, JointPath]:
     """Approach (home, above the start, straight down), task, and retreat (straight up, home), each checked.
 
     The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The
-    tool stays `CLEAR_M` above the table, which is where `table` says, except on the vertical stretches. Where the
-    direct way home is not free, it goes around what is in the way. A tool that `carries` something goes back so gently
-    that it keeps it, where any posture allows that. Raises NotExecutable.
+    tool stays `CLEAR_M` above the table except on the vertical stretches. Where the direct way home is not free, it
+    goes around what is in the way. A tool that `carries` something goes back so gently that it keeps it, where any
+    posture allows that. Raises NotExecutable.
     """
-    tool = tool or held(X_FT)
-    home_rad = frozen_array(q_home, (7,), "q_home")
-    gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, model=model) if carries else None
-    freely: Ways = partial(_ways, q_home=home_rad, model=model, keep_out=keep_out, tool=tool, table=table)
-    homeward = partial(_homeward, model=model, keep_out=keep_out, tool=tool, table=table)
+    true, home_rad = cell.in_true_joints(), cell.arm.true_rad(frozen_array(q_home, (7,), "q_home"))
+    gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, arm=true.arm) if carries else None
+    freely: Ways = partial(_ways, q_home=home_rad, cell=true)
     best: tuple[tuple[bool, float], tuple[JointPath, JointPath, JointPath]] | None = None
     refused: NotExecutable | None = None
-    for ratio, task in _task_paths(motion, X_FT, model, home_rad, keep_out=keep_out, tool=tool, table=table):
+    for ratio, task in _task_paths(motion, X_FT, true, home_rad):
         if best is not None and (False, ratio) >= best[0]:
             continue
         try:
-            away = homeward(task.q_rad[0], freely)
-            back = None if gently is None else _unless_refused(homeward, task.q_rad[-1], gently)
+            away = _homeward(task.q_rad[0], freely, true)
+            back = None if gently is None else _unless_refused(task.q_rad[-1], gently, true)
             rank = gently is not None and back is None, ratio
             if best is None or rank < best[0]:
-                back = back or homeward(task.q_rad[-1], freely)
+                back = back or _homeward(task.q_rad[-1], freely, true)
                 best = rank, (JointPath(away.t_s, away.q_rad[::-1]), task, back)
         except NotExecutable as error:
             refused = error
@@ -134,30 +120,27 @@ def trial_paths(
         if best[0] < (False, GOOD_ENOUGH):
             break
     if best is None:
-        raise refused or NotExecutable(f"{model}: no task path")
-    return best[1]
+        raise refused or NotExecutable(f"{cell.arm.name}: no task path")
+    there, task, back = (cell.arm.reported(path) for path in best[1])
+    return there, task, back
 
 
 def _task_paths(
-    motion: ToolMotion,
-    X_FT: Array,
-    model: str,
-    seed: Array | None,
-    *,
-    keep_out: tuple[KeepOut, ...],
-    tool: Tool,
-    table: Table = LEVEL,
+    motion: ToolMotion, X_FT: Array, cell: Workcell, seed: Array | None
 ) -> Iterator[tuple[float, JointPath]]:
-    """Acceptable joint paths, lazily, with the ratio to rank them by. Raises NotExecutable where there is none."""
-    X_BF = motion.X_BT @ np.linalg.inv(X_FT)
+    """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.
+
+    `cell` speaks of true joints, as in all that follows here.
+    """
+    X_BF, model = motion.X_BT @ np.linalg.inv(X_FT), cell.arm.name
     accepted = False
     refused: LimitReport | None = None
-    for profile in profiles(motion.t_s, X_BF, LIMITS[model], seed):
+    for profile in profiles(motion.t_s, X_BF, cell.arm.limits, seed):
         q_rad = inverse(X_BF, profile.q7_rad(motion.t_s))[:, profile.branch]
         if not np.isfinite(q_rad).all():
             continue
         path = JointPath(motion.t_s, q_rad, motion.contact)
-        report = check_path(path, model, None, keep_out, tool, table)
+        report = cell.check(path)
         if report.ok and report.joint_ratio <= ALLOWED:
             accepted = True
             yield profile.ratio, path
@@ -176,12 +159,12 @@ def _task_paths(
     )
 
 
-def vertical(q_from: ArrayLike, rise_m: float, model: str, speed_m_s: float = VERTICAL_M_S) -> JointPath:
+def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float = VERTICAL_M_S) -> JointPath:
     """Straight up by `rise_m` without turning; joint 7 moves as far as it takes to keep the other joints slow.
 
     Raises NotExecutable if the tool cannot rise so far within the position limits.
     """
-    q, limits = frozen_array(q_from, (7,), "q_from"), LIMITS[model]
+    q, limits = arm.true_rad(frozen_array(q_from, (7,), "q_from")), arm.in_true_joints().limits
     X_BF = forward(q)
     branch = int(np.nan_to_num(np.abs(inverse(X_BF, q[6]) - q).max(axis=-1), nan=np.inf).argmin())
 
@@ -196,67 +179,64 @@ def vertical(q_from: ArrayLike, rise_m: float, model: str, speed_m_s: float = VE
     still = np.zeros_like(tried)
     inside = limits.ratios(tried, still, still)[0].max(axis=(0, -1)) <= ALLOWED
     if not (inside & np.isfinite(travel)).any():
-        raise NotExecutable(f"{model}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
+        raise NotExecutable(f"{arm.name}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
     swing = swings[np.where(inside, travel, np.inf).argmin()]
-    return timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, model)
+    return arm.reported(timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
 
 
 Ways = Callable[[Array], Iterator[JointPath]]
 """From where the tool was lifted -> ways home, the best first. May raise NotExecutable."""
 
 
-def _unless_refused(homeward: Callable[[Array, Ways], JointPath], q_from: Array, ways: Ways) -> JointPath | None:
+def _unless_refused(q_from: Array, ways: Ways, cell: Workcell) -> JointPath | None:
     try:
-        return homeward(q_from, ways)
+        return _homeward(q_from, ways, cell)
     except NotExecutable:
         return None
 
 
-def _homeward(
-    q_from: ArrayLike, ways: Ways, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
-) -> JointPath:
+def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
     """Straight up, then home; higher up if that comes near anything. Safe in both directions."""
     refused = "nothing was tried"
     for rise_m in LIFTS_M:
         try:
-            up = vertical(q_from, rise_m, model)
+            up = vertical(q_from, rise_m, cell.arm)
         except NotExecutable as error:
             refused = str(error)
             break
         for over in ways(up.q_rad[-1]):
             path = joined(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
-            reports = [check_path(way, model, None, keep_out, tool, table) for way in both_ways]
-            low_m = _lowest_m(over, tool, table)
+            reports = [cell.check(way) for way in both_ways]
+            low_m = _lowest_m(over, cell)
             if all(report.ok for report in reports) and low_m >= CLEAR_M:
                 return path
             worst = max((report.worst for report in reports), key=lambda check: check.ratio)
             refused = str(worst) if worst.ratio > 1.0 else f"the tool comes down to {low_m:.3f} m, limit {CLEAR_M:g} m"
-    raise NotExecutable(f"{model}: no way between the task and home: {refused}; choose another home posture")
+    raise NotExecutable(f"{cell.arm.name}: no way between the task and home: {refused}; choose another home posture")
 
 
-def _lowest_m(path: JointPath, tool: Tool, table: Table) -> float:
+def _lowest_m(path: JointPath, cell: Workcell) -> float:
     """The least height of the tool's points over the table; `CLEAR_M` of a tool without any."""
-    if not len(tool.points_F_m):
+    if not len(cell.tool.points_F_m):
         return CLEAR_M
-    return float(point_heights(link_poses(path.q_rad[::10]), tool, table).min())
+    return float(point_heights(link_poses(path.q_rad[::10]), cell.tool, cell.table).min())
 
 
-def _gently(q_from: Array, q_home: Array, X_FT: Array, model: str) -> Iterator[JointPath]:
-    yield carry_path(q_from, q_home, X_FT, model)
+def _gently(q_from: Array, q_home: Array, X_FT: Array, arm: ArmModel) -> Iterator[JointPath]:
+    yield carry_path(q_from, q_home, X_FT, arm)
 
 
-def _ways(
-    q_from: Array, q_home: Array, model: str, keep_out: tuple[KeepOut, ...], tool: Tool, table: Table
-) -> Iterator[JointPath]:
+def _ways(q_from: Array, q_home: Array, cell: Workcell) -> Iterator[JointPath]:
     """Home in joint space: straight, else drawn back, turned, and let down again, else around what is in the way."""
-    yield move_path(q_from, q_home, model, MOVE_SPEED)
+    limits = cell.arm.limits
+    yield move_path(q_from, q_home, limits, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:
         stops = [q_from, _drawn_back(q_from, tucked_rad), _drawn_back(q_home, tucked_rad), q_home]
-        yield joined(*(move_path(a, b, model, MOVE_SPEED) for a, b in pairwise(stops)))
-    if keep_out:
+        yield joined(*(move_path(a, b, limits, MOVE_SPEED) for a, b in pairwise(stops)))
+    if cell.keep_out:
         with suppress(NotExecutable):
-            yield free_path(q_from, q_home, model, tool, keep_out, table, MOVE_SPEED)
+            yield free_path(q_from, q_home, cell, MOVE_SPEED)
 
 
 def _drawn_back(q_rad: Array, tucked_rad: tuple[float, float]) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import linprog
 
-from hw.limits import JointLimits
+from hw.joint_limits import JointLimits
 from hw.types import Array
 from sim.panda.inverse import BRANCHES, inverse
 

@@ -1,24 +1,39 @@
-"""What the hand holds, for the checks of `hw.limits`."""
+"""What the hand holds, and the workcell in which a task ships."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import HAND, Capsule, Tool
+from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Tool
 from hw.kinematics import FLANGE
+from hw.mass import Mass
 from hw.types import Array
+from hw.workcell import STOPS_AT_N, Workcell, arm_model
+
+
+class Held(Protocol):
+    """What is asked of a task to hold its tool."""
+
+    @property
+    def X_FT(self) -> Array: ...
+    @property
+    def tool_mass(self) -> Mass: ...
+    @property
+    def keep_clear(self) -> tuple[Capsule, ...]: ...
 
 
 def held(
     X_FT: Array,
+    mass_T: Mass,
     capsules_T: tuple[Capsule, ...] = (),
     points_T_m: ArrayLike = ((0.0, 0.0, 0.0),),
     name: str = "tool",
 ) -> Tool:
-    """The hand with a tool at X_FT (4, 4).
+    """The hand with a tool at X_FT (4, 4), which weighs `mass_T` in the tool frame.
 
     `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; the points `points_T_m` (P, 3), in the
     tool frame too, may touch the table.
@@ -28,4 +43,15 @@ def held(
         return np.asarray(np.asarray(p_T_m, dtype=np.float64) @ X_FT[:3, :3].T + X_FT[:3, 3])
 
     carried = (replace(c, link=FLANGE, start_m=in_flange(c.start_m), end_m=in_flange(c.end_m)) for c in capsules_T)
-    return Tool(name, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
+    mass = HAND_MASS + mass_T.placed(X_FT)
+    return Tool(name, mass, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
+
+
+def tool_of(task: Held) -> Tool:
+    """The hand with the task's tool, as it hangs at `task.X_FT`."""
+    return held(task.X_FT, task.tool_mass, task.keep_clear)
+
+
+def cell_as_shipped(task: Held, model: str) -> Workcell:
+    """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
+    return Workcell(arm_model(model, np.zeros(7)), tool_of(task), LEVEL, (), STOPS_AT_N)

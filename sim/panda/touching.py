@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import KeepOut, Table, Tool
+from hw.collision import Table
 from hw.contact import predicted_force_N
 from hw.guarding import check_guarded
-from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, frozen_array
+from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.feelers import Feeler
 from sim.panda.inverse import inverse
@@ -64,10 +64,8 @@ class Stage:
 class Bench:
     """What a plan has to know of arm, tool and surroundings."""
 
-    model: str
-    X_FT: Array  # (4, 4) the tool as far as it is known; of empty fingers the identity
-    tool: Tool
-    keep_out: tuple[KeepOut, ...] = ()
+    cell: Workcell
+    X_FT: Array  # (4, 4) its tool as far as it is known; of empty fingers the identity
 
     def guard(self, feeler: Feeler, force_N: float) -> Guard:
         return Guard(force_N, self.X_FT[:3, :3] @ feeler.p_T_m + self.X_FT[:3, 3])
@@ -80,7 +78,8 @@ def stance(
 
     Raises NotExecutable with what forbids the best one.
     """
-    limits, near = LIMITS[bench.model], frozen_array(q_near, (7,), "q_near")
+    arm, cell = bench.cell.arm, bench.cell.over(table)
+    limits, near = arm.in_true_joints().limits, arm.true_rad(frozen_array(q_near, (7,), "q_near"))
     q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
     q = inverse(probe.X_BT(table, above_m) @ np.linalg.inv(bench.X_FT), q7).reshape(-1, 7)
     q = q[np.isfinite(q).all(axis=1)]
@@ -90,7 +89,7 @@ def stance(
     refused = "it is out of the arm's reach"
     for candidate in q[np.argsort(np.abs(q - near).max(axis=1))][::_EVERY][:_MOST]:
         try:
-            path = descent(candidate, search, guard, 0.0, bench.model)
+            path = descent(arm.reported_rad(candidate), search, guard, 0.0, arm)
         except NotExecutable as error:
             refused = str(error)
             continue
@@ -98,30 +97,31 @@ def stance(
         if turning_rad_s2 > CALM_RAD_S2:
             refused = f"a joint would have to speed up by {turning_rad_s2:.1f} rad/s², {CALM_RAD_S2:g} are allowed"
             continue
-        report = check_guarded(path, guard, bench.model, None, bench.keep_out, bench.tool, table)
+        report = check_guarded(path, guard, cell)
         if report.ok:
-            return frozen_array(candidate)
+            return frozen_array(arm.reported_rad(candidate))
         refused = str(report.worst)
-    raise NotExecutable(f"{bench.model}: the arm cannot touch at {probe.name}: {refused}; move the place")
+    raise NotExecutable(f"{arm.name}: the arm cannot touch at {probe.name}: {refused}; move the place")
 
 
-def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m: float, model: str) -> JointPath:
+def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m: float, arm: ArmModel) -> JointPath:
     """Straight down from `q_top_rad` (7,), joint 7 and the tool's attitude held, through the `stages` in turn.
 
     The whole way is a contact window that declares `below_m` (how far below the expected table it ends) and the
     largest force to expect. Raises NotExecutable out of reach.
     """
-    q_top = frozen_array(q_top_rad, (7,), "q_top_rad")
+    q_top = arm.true_rad(frozen_array(q_top_rad, (7,), "q_top_rad"))
     way_m = _steady(stages)
     X_BF = np.repeat(forward(q_top)[None], len(way_m), axis=0)
     X_BF[:, 2, 3] -= way_m
     branch = int(np.nan_to_num(np.abs(inverse(X_BF[0], q_top[6]) - q_top).max(axis=-1), nan=np.inf).argmin())
     q_rad = inverse(X_BF, np.full(len(way_m), q_top[6]))[:, branch]
     if not np.isfinite(q_rad).all():
-        raise NotExecutable(f"{model}: the arm cannot come down by {1e3 * way_m[-1]:.0f} mm there; move the place")
+        raise NotExecutable(f"{arm.name}: the arm cannot come down by {1e3 * way_m[-1]:.0f} mm there; move the place")
     force_N = predicted_force_N(guard, max(stage.speed_m_s for stage in stages))
     t_s = np.arange(len(way_m)) / PATH_RATE_HZ
-    return JointPath(t_s, q_rad, ContactWindow(0.0, float(t_s[-1]), max(below_m, 0.0), force_N))
+    window = ContactWindow(0.0, float(t_s[-1]), max(below_m, 0.0), force_N)
+    return arm.reported(JointPath(t_s, q_rad, window))
 
 
 def _steady(stages: Sequence[Stage]) -> Array:

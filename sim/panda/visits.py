@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import KeepOut, Tool, box_clearance, self_clearance, table_clearance
-from hw.joint_limits import LIMITS
+from hw.collision import box_clearance, self_clearance, table_clearance
+from hw.joint_limits import JointLimits
 from hw.kinematics import link_poses
-from hw.limits import check_path
 from hw.types import Array, JointPath, frozen_array
+from hw.workcell import Workcell
 from sim.errors import NotExecutable
 from sim.panda.inverse import inverse
 from sim.panda.moves import joined, move_path
@@ -24,11 +24,10 @@ _USE = 0.9  # of the position limits
 _Q7 = 61
 
 
-def postures(
-    X_BF: Array, model: str, q_near_rad: ArrayLike, tool: Tool, keep_out: tuple[KeepOut, ...] = ()
-) -> list[Array | None]:
+def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array | None]:
     """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps its distance, else None."""
-    limits, near = LIMITS[model], frozen_array(q_near_rad, (7,), "q_near_rad")
+    arm, true = cell.arm, cell.in_true_joints()
+    limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
     q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
     found: list[Array | None] = []
     for X in X_BF:
@@ -36,8 +35,8 @@ def postures(
         q = q[np.isfinite(q).all(axis=1)]
         still = np.zeros_like(q)
         q = q[limits.ratios(q, still, still)[0].max(axis=1) <= _USE] if len(q) else q
-        q = q[_room(q, tool, keep_out)] if len(q) else q
-        found.append(q[np.linalg.norm(q - near, axis=1).argmin()] if len(q) else None)
+        q = q[_room(q, true)] if len(q) else q
+        found.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
     return found
 
 
@@ -52,27 +51,26 @@ def nearest_first(q_rad: Array, q_start_rad: ArrayLike) -> list[int]:
     return order
 
 
-def way(
-    q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, model: str, tool: Tool, keep_out: tuple[KeepOut, ...]
-) -> JointPath:
+def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Workcell) -> JointPath:
     """A checked path: straight in joint space, else by way of home. Raises NotExecutable with the reason."""
     reason = ""
-    for path in _ways(frozen_array(q_from_rad), frozen_array(q_to_rad), q_home_rad, model):
-        report = check_path(path, model, q_from_rad, keep_out, tool)
+    for path in _ways(frozen_array(q_from_rad), frozen_array(q_to_rad), q_home_rad, cell.arm.limits):
+        report = cell.check(path, q_from_rad)
         if report.ok:
             return path
         reason = str(report.worst)
-    raise NotExecutable(f"{model}: no free way there: {reason}")
+    raise NotExecutable(f"{cell.arm.name}: no free way there: {reason}")
 
 
-def _ways(q_from: Array, q_to: Array, q_home: Array, model: str) -> Iterator[JointPath]:
-    yield move_path(q_from, q_to, model, SPEED)
+def _ways(q_from: Array, q_to: Array, q_home: Array, limits: JointLimits) -> Iterator[JointPath]:
+    yield move_path(q_from, q_to, limits, SPEED)
     if np.abs(q_from - q_home).max() > 1e-6 and np.abs(q_to - q_home).max() > 1e-6:
-        yield joined(move_path(q_from, q_home, model, SPEED), move_path(q_home, q_to, model, SPEED))
+        yield joined(move_path(q_from, q_home, limits, SPEED), move_path(q_home, q_to, limits, SPEED))
 
 
-def _room(q: Array, tool: Tool, keep_out: tuple[KeepOut, ...]) -> Array:
-    poses = link_poses(q)
-    clearances = [self_clearance(poses, tool)[0], table_clearance(poses, tool)[0]]
-    clearances += [box_clearance(poses, tool, box)[0] for box in keep_out]
+def _room(q: Array, cell: Workcell) -> Array:
+    """True joints (N, 7) -> (N,) whether each keeps `ROOM_M`."""
+    poses, tool = link_poses(q), cell.tool
+    clearances = [self_clearance(poses, tool)[0], table_clearance(poses, tool, cell.table)[0]]
+    clearances += [box_clearance(poses, tool, box)[0] for box in cell.keep_out]
     return np.asarray(np.min([c.min(axis=1) for c in clearances], axis=0) > ROOM_M)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from hw.collision import Capsule
+from hw.mass import NOTHING, Mass
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.panda.feelers import Touchable
@@ -210,6 +211,8 @@ class Task:
     keep_clear: tuple[Capsule, ...] = ()
     """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: it cannot
+    tool_mass: Mass = NOTHING
+    """What the tool weighs, in its frame T, without the hand."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
     tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers

@@ -30,7 +30,9 @@ from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
 from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import default_X_BC
+from sim.panda.tool import cell_as_shipped
 from sim.panda.visits import nearest_first, postures
+from sim.tasks import get_task
 
 BOARD = Board()
 COUNT = 12
@@ -39,13 +41,14 @@ X_BC = default_X_BC()
 _DEPTH = Intrinsics(32, 32, np.array([[30.0, 0, 16], [0, 30.0, 16], [0, 0, 1]]))
 MODEL = CameraModel("toy-camera", CAMERA, _DEPTH, np.eye(4))
 _HELD = HeldBoard(np.zeros((2, 2), np.uint8), BOARD.size_m)
+_CELL = cell_as_shipped(get_task("scooping"), "panda").holding(_HELD.tool())
 
 
 @lru_cache
 def places(count: int) -> Array:
     """(count, 7) postures that show the board in many ways."""
     X_CM = poses.candidates(CAMERA, BOARD, 256, (0.45, 1.0))
-    found = postures(X_BC @ X_CM @ np.linalg.inv(_HELD.X_FM), "panda", NEAR_RAD, _HELD.tool())
+    found = postures(X_BC @ X_CM @ np.linalg.inv(_HELD.X_FM), _CELL, NEAR_RAD)
     able = [i for i, q in enumerate(found) if q is not None]
     chosen = [able[i] for i in poses.spread(X_CM[able], BOARD, count)]
     assert len(chosen) == count

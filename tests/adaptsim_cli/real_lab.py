@@ -19,10 +19,11 @@ from adaptsim_cli.console import Screen
 from adaptsim_cli.rigs.openers import Openers
 from calib.records import BoardRecord
 from calib.saved import SavedCalibration, UncertaintyRecord
-from hw.collision import Table, Tool
+from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.fake import FakeArm, FakeCamera, FakeClock, FakeGuardedArm, FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
+from hw.workcell import Workcell
 from perception.board.types import Board
 from sim.lab.kinect import default_X_BC
 
@@ -174,10 +175,10 @@ class ToyDevices:
 
         return replace(self.openers(), arm=stopped)
 
-    def _arm(self, model: str, settings: Any, *, tool: Tool, keep_out: Any, table: Any, pedal: Any) -> FakeGuardedArm:
-        self._open("arm", model=model, settings=settings, tool=tool, keep_out=keep_out, table=table, pedal=pedal)
-        self.arm = FakeArm(self.q_rad, FakeClock(), model=model, tool=tool, keep_out=keep_out)
-        self.feeling = FakeGuardedArm(self.arm, tool, self.plane, keep_out=keep_out)
+    def _arm(self, cell: Workcell, settings: Any, *, pedal: Any) -> FakeGuardedArm:
+        self._open("arm", cell=cell, settings=settings, pedal=pedal)
+        self.arm = FakeArm(self.q_rad, FakeClock(), cell)
+        self.feeling = FakeGuardedArm(self.arm, self.plane)
         return self.feeling
 
     def _hand(self, model: str, address: str) -> FakeHand:

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from adaptsim_cli.mounted import MountedTask, mounted
+from adaptsim_cli.mounted import MountedTask, mounted, mounted_as_shipped
 from adaptsim_cli.rigs.description import PersonPart
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
@@ -41,7 +41,8 @@ def trials(task: Task, points: int) -> list[tuple[Array, Array]]:
 def counted(name: str, model: str, keep_out: tuple[KeepOut, ...], points: int = 2) -> Counter[str]:
     """How many trials of a grid are direct, detoured and refused."""
     task = get_task(name)
-    without, within = mounted(task, model), mounted(task, model, None, keep_out)
+    without = mounted_as_shipped(task, model)
+    within = mounted(task, without.cell.arm, None, keep_out, None)
     return Counter(_way(without, within, *trial) for trial in trials(task, points))
 
 
@@ -55,7 +56,7 @@ def _way(without: MountedTask, within: MountedTask, context: Array, action: Arra
         assert "camera" in str(error) or "person's side" in str(error), "what is in the way is named"
         return "refused"
     for path in found:
-        within.check(path)
+        within.cell.require(path)
     return "direct" if all(np.array_equal(a.q_rad, b.q_rad) for a, b in zip(free, found, strict=True)) else "detoured"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of the limits
+from cells import cell
 from real_lab import (
     READY_RAD,
     RIG,
@@ -118,7 +122,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
         assert arm["settings"].host == "172.16.0.2"
         assert arm["settings"].payload.mass_kg == 0.12
         assert arm["pedal"] is devices.pedal
-        assert [box.name for box in arm["keep_out"]] == ["the camera", "the person's side (left)"]
+        assert [box.name for box in arm["cell"].keep_out] == ["the camera", "the person's side (left)"]
         assert (camera["part"].serial, camera["infrared"]) == ("000123", False)
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
         assert real.is_real
@@ -138,7 +142,7 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
 
 
 def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    bare, screen = FakeArm(READY_RAD, FakeClock()), quiet()
+    bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
     typing(monkeypatch, "", "y", "yes", "Panda")
     with ConfirmedArm(bare, "panda at 10.0.0.1", screen, None) as arm:
         arm.execute(STILL)
@@ -150,7 +154,7 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("answers", [("q",), ("yes", "q"), ()])
 def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    bare = FakeArm(READY_RAD, FakeClock())
+    bare = FakeArm(READY_RAD, FakeClock(), cell())
     typing(monkeypatch, *answers)
     with ConfirmedArm(bare, "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
         arm.execute(STILL)
@@ -159,7 +163,7 @@ def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch:
 
 def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     typing(monkeypatch, "panda")
-    bare, clock, screen = FakeArm(READY_RAD, FakeClock()), FakeClock(), quiet()
+    bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
     pedal = ToyPedal([False, False, False, True])
     with ConfirmedArm(bare, "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
         arm.execute(STILL)
@@ -235,7 +239,7 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
-    there = mounted(SCOOPING, "panda", read(place / "rig.toml"))
+    there = mounted(SCOOPING, cell().arm, read(place / "rig.toml"), (), None)
     assert there.task.plan is not None
     with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
         there.paths(there.task.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
@@ -249,8 +253,8 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
         assert rig.key == "panda-lab-1"
         assert rig.rough_X_BC is None, "without an earlier calibration the arm is guided by hand"
         assert devices.opened["camera"]["infrared"]
-        assert [box.name for box in devices.opened["arm"]["keep_out"]] == ["the person's side (left)"]
-        assert devices.opened["arm"]["tool"].name == "calibration board"
+        assert [box.name for box in devices.opened["arm"]["cell"].keep_out] == ["the person's side (left)"]
+        assert devices.opened["arm"]["cell"].tool.name == "calibration board"
         typing(monkeypatch, "q")
         with pytest.raises(StoppedByOperator):
             rig.arm.execute(STILL)
@@ -258,7 +262,7 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
     known = wiring_calibration.current_calibration(there.config, there.places)
     with open_rig(there.config, Board(), known, devices.openers()) as rig:
         assert rig.rough_X_BC is not None
-        assert [box.name for box in devices.opened["arm"]["keep_out"]][-1] == "the camera"
+        assert [box.name for box in devices.opened["arm"]["cell"].keep_out][-1] == "the camera"
 
 
 def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,13 +280,13 @@ def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) ->
     for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
         there, devices = resolved(place, RIG + text), ToyDevices()
         with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.openers()) as rig:
-            assert (devices.opened["arm"]["table"].height_m == 0.0) == free
+            assert (devices.opened["arm"]["cell"].table.height_m == 0.0) == free
             (found,) = rig.ways.postures(rig.flange(low_rad[None]))
             assert (found is not None) == free
             if free:
                 rig.ways.way(home_rad, low_rad)
             else:
-                with pytest.raises(NotExecutable, match="over the table of the rig file: table of"):
+                with pytest.raises(NotExecutable, match="no free way there: table of"):
                     rig.ways.way(home_rad, low_rad)
 
 
@@ -291,7 +295,7 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
     sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
     with opened(place, devices, RIG + sideways) as real:
         assert devices.opened["arm"]["settings"].collision.contact_force_limit_N == 30.0
-        assert real.mounted.collision_N == 30.0
+        assert real.mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
 
 
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:

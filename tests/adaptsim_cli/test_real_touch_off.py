@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
+from cells import cell
 from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 from real_lab import (
     RIG,
@@ -85,8 +86,11 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
     with opened(there, devices) as rig:
         assert list(devices.opened) == ["pedal", "arm", "hand"]
         assert devices.opened["hand"] == {"model": "panda", "address": "172.16.0.2"}
-        assert [box.name for box in devices.opened["arm"]["keep_out"]] == ["the camera", "the person's side (left)"]
-        assert devices.opened["arm"]["table"] == rig.table == Table(-0.002)
+        assert [box.name for box in devices.opened["arm"]["cell"].keep_out] == [
+            "the camera",
+            "the person's side (left)",
+        ]
+        assert devices.opened["arm"]["cell"].table == rig.empty.cell.table == Table(-0.002)
         assert devices.opened["arm"]["pedal"] is devices.pedal
         assert rig.is_real
         found = touch_off(replace(rig, plan=few()), HandingOver(quiet(), devices.hand), quiet())
@@ -101,13 +105,13 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
     touch_offs(there.config, there.places).save(saved)
     with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
         assert real.mounted.correction == saved.correction(), "not what the rig file says of table and tool"
-        assert devices.opened["arm"]["table"] == saved.correction().table
+        assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 
 def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock()), FakeClock(), quiet()
+    bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL)), FakeClock(), quiet()
     pedal = ToyPedal([False, True])
-    feeling = FakeGuardedArm(bare, TOOL, LEVEL)
+    feeling = FakeGuardedArm(bare, LEVEL)
     arm = ConfirmedArm(feeling, "panda", screen, pedal, table="empty", now_s=clock.now_s, pause=clock.sleep)
     with arm:
         typing(monkeypatch, "q")
@@ -153,7 +157,8 @@ def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
     known = calibration().model_copy(update={"joint_offsets": offsets})
     wiring_calibration.calibrations(there.config, there.places).save(known, b"")
     with open_real_touch_rig(there.config, there.places, Grasp(), devices.openers()) as rig:
-        assert tuple(rig.zeros_rad) == zeros_rad
+        for cell in (rig.empty.cell, rig.loaded.cell, devices.opened["arm"]["cell"]):
+            assert tuple(cell.arm.zeros_rad) == zeros_rad
 
 
 def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -162,7 +162,7 @@ def test_a_device_error_stops_the_session_and_costs_only_that_attempt(
 
 
 def test_a_refused_motion_is_not_executed(tmp_path: Path) -> None:
-    def refuse(path: object, model: str) -> None:
+    def refuse(path: object) -> None:
         raise MotionRefused("joint 4 at 0.1 s")
 
     lab = ToyLab(0)

@@ -6,15 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
-
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from adaptsim_cli.touch_off.rigs import touch_rig
 from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
-from sim.panda.feelers import touchable
+from sim.panda.feelers import empty_hand, feeling, touchable
+from sim.panda.tool import cell_as_shipped
 from sim.panda.touch_plan import table_probes, tool_probes
 from sim.tasks import get_task
 
@@ -37,7 +36,8 @@ def few() -> Plan:
 
 @contextmanager
 def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchRig, TouchLab]]:
-    with TouchLab(TASK, of, 1, home_q_rad=READY_RAD, things=things) as lab:
+    cell = cell_as_shipped(TASK, "panda").holding(empty_hand())
+    with TouchLab(TASK, of, 1, cell, home_q_rad=READY_RAD, things=things) as lab:
         rig = touch_rig(
             name="fake",
             title="lab",
@@ -46,8 +46,8 @@ def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchR
             hand=lab.hand,
             task=TASK,
             grasp=Grasp(),
-            zeros_rad=np.zeros(7),
-            keep_out=(),
+            cell=cell,
+            loaded=feeling(TASK, TASK.X_FT),
             tool_there=lab.offer_tool,
         )
         yield replace(rig, plan=few()), lab

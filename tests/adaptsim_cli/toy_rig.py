@@ -239,7 +239,7 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
     return X
 
 
-def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath, str], None] = lambda *_: None) -> Parts:
+def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None) -> Parts:
     rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))  # type: ignore[arg-type]
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES

@@ -12,14 +12,18 @@ import pytest
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.fake import FakeArm, FakeClock
+from hw.joint_limits import LIMITS
 from hw.ports import Arm
 from hw.types import ContactWindow, JointPath
 from sim.lab.simulated import READY_RAD, SimulatedLab
 from sim.lab.world import Faults, load_world
 from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
-sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # shared with the tests of that arm
+sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of the limits
+sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # and of that arm
+from cells import cell
 from fr3_process import Fr3Process, arm_at, fr3
 
 AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
@@ -38,7 +42,7 @@ class Kind:
 
 def fake(*, faulty: bool) -> Arm:
     faults = {1: ArmFault("reflex")} if faulty else {}
-    return FakeArm(READY_RAD, FakeClock(), faults=faults)
+    return FakeArm(READY_RAD, FakeClock(), cell(), faults=faults)
 
 
 def lab(*, faulty: bool) -> Arm:
@@ -46,7 +50,7 @@ def lab(*, faulty: bool) -> Arm:
     world = load_world("wd", task)
     if faulty:
         world = replace(world, faults=Faults(arm_reflex=(1,)))
-    built = SimulatedLab(task, world, seed=0)
+    built = SimulatedLab(task, world, 0, cell_as_shipped(task, "panda"))
     built.bench.place(np.array([0.68, 0.0]), trial=1, attempt=0)
     return built.arm
 
@@ -80,12 +84,12 @@ def kind(request: pytest.FixtureRequest) -> Kind:
 
 @pytest.fixture
 def there(kind: Kind) -> JointPath:
-    return move_path(READY_RAD, AWAY_RAD, kind.model)
+    return move_path(READY_RAD, AWAY_RAD, LIMITS[kind.model])
 
 
 @pytest.fixture
 def back(kind: Kind) -> JointPath:
-    return move_path(AWAY_RAD, READY_RAD, kind.model)
+    return move_path(AWAY_RAD, READY_RAD, LIMITS[kind.model])
 
 
 def test_an_arm_must_be_entered(kind: Kind, there: JointPath) -> None:
@@ -153,7 +157,7 @@ def test_a_fault_stops_and_needs_recovery_which_never_resumes(kind: Kind, there:
         assert stopped.fault
         assert np.abs(stopped.q_rad - READY_RAD).max() > 1e-3
         assert np.abs(stopped.q_rad - AWAY_RAD).max() > 1e-3
-        home = move_path(stopped.q_rad, READY_RAD, kind.model)
+        home = move_path(stopped.q_rad, READY_RAD, LIMITS[kind.model])
         with pytest.raises(ArmFault, match="recover"):
             arm.execute(home)
         arm.recover()

@@ -12,6 +12,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
 sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # and of that arm
+from cells import cell
 from fr3_process import Fr3Process, arm_at, fr3
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 
@@ -26,6 +27,7 @@ from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, load_world
 from sim.tasks import get_task
 
+CELL = cell(tool=TOOL)
 SPEED_M_S = 0.004
 PATH = down(0.004, SPEED_M_S)
 PLANE_M, AIR_M = TOP_M - 0.002, -0.030
@@ -43,20 +45,20 @@ class Kind:
 
 def fake(height_m: float) -> GuardedArm:
     noise = 0.15 * np.random.default_rng(0).standard_normal((len(PATH.t_s), 7))
-    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock()), TOOL, Table(height_m), torque_Nm=noise)
+    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock(), CELL), Table(height_m), torque_Nm=noise)
 
 
 def stopped_fake() -> GuardedArm:
     """The fake arm knows faults of free motions alone: it stops before the search."""
-    arm = FakeArm(Q_TOP_RAD, FakeClock())
+    arm = FakeArm(Q_TOP_RAD, FakeClock(), CELL)
     arm._fault = "reflex"
-    return FakeGuardedArm(arm, TOOL, None)
+    return FakeGuardedArm(arm, None)
 
 
 def lab(height_m: float, faults: Faults | None = None) -> GuardedArm:
     task = get_task("scooping")
     world = replace(load_world("wd", task), mount=Mount(table_height_mm=1e3 * height_m), faults=faults or Faults())
-    return TouchLab(task, world, 3, home_q_rad=Q_TOP_RAD).arm
+    return TouchLab(task, world, 3, CELL, home_q_rad=Q_TOP_RAD).arm
 
 
 KINDS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
@@ -20,12 +20,12 @@ from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeBench, FakeClock
 from hw.kinematics import forward
-from hw.limits import require
 from hw.types import Array, CameraModel, Frame, JointPath
+from hw.workcell import Workcell
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
@@ -39,7 +39,6 @@ FRAME_S = 0.1
 REST_S = 0.4
 """How long a recording goes on after the motion."""
 
-TOOL = held(TASK.X_FT, TASK.keep_clear)
 MARK = (float(START_M[0]), float(START_M[1]))
 _HAND_M = np.array([0.08, 0.10, 0.06])
 
@@ -63,8 +62,12 @@ class BottleBench:
     bench: FakeBench = field(default_factory=FakeBench)
 
     @cached_property
+    def cell(self) -> Workcell:
+        return replace(cell_as_shipped(TASK, "panda"), keep_out=self.keep_out)
+
+    @cached_property
     def arm(self) -> FakeArm:
-        return FakeArm(home(TASK.X_FT, "panda", TOOL), self.clock, keep_out=self.keep_out, tool=TOOL)
+        return FakeArm(home(TASK.X_FT, self.cell), self.clock, self.cell)
 
     @property
     def pushes(self) -> int:
@@ -83,12 +86,9 @@ class BottleBench:
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:
-            return trial_paths(motion, TASK.X_FT, "panda", home(TASK.X_FT, "panda", TOOL), tool=TOOL)
+            return trial_paths(motion, TASK.X_FT, self.cell, home(TASK.X_FT, self.cell))
 
-        def check(path: JointPath, arm: str) -> None:
-            require(path, arm, path.q_rad[0], self.keep_out, TOOL)
-
-        return Planner(paths, check, forward)
+        return Planner(paths, self.cell.require, forward)
 
     def scene(self) -> Scene:
         """Before a motion."""

@@ -24,13 +24,14 @@ from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath
+from hw.workcell import Workcell
 from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import default_X_BC
 from sim.lab.room import Room
 from sim.lab.world import load_world
 from sim.panda.planning import home
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 SILENCE_S = 0.5
@@ -43,7 +44,7 @@ class Shown:
 
     def __init__(self, world: str, seed: int) -> None:
         task = get_task("scooping")
-        home_rad = home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear), task.home_pitch_rad)
+        home_rad = home(task.X_FT, cell_as_shipped(task, "fr3"), task.home_pitch_rad)
         self.room = Room(task, load_world(world, task), seed, home_rad)
         self.offset_s = 0.0  # arm's clock less the room's, in the last motion
         self.is_placed = False
@@ -127,8 +128,8 @@ class Placing(LabBench):
 def main(cue_fd: str, world: str, *arguments: str) -> int:
     shown, cue = Shown(world, 0), os.fdopen(int(cue_fd), "r+b", buffering=0)
 
-    def arm(model: str, settings: Any, **more: Any) -> ShownArm:
-        return ShownArm(franka(model, settings, PATIENT, **more), shown, cue)
+    def arm(cell: Workcell, settings: Any, **more: Any) -> ShownArm:
+        return ShownArm(franka(cell, settings, PATIENT, **more), shown, cue)
 
     devices = replace(openers.real_devices(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
     openers.real_devices = lambda: devices

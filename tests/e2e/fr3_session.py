@@ -32,7 +32,7 @@ from adaptsim_cli import config, wiring_calibration
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 from hw.types import Array
 from sim.panda.planning import home
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 PROGRAM = Path(__file__).with_name("fr3_program.py")
@@ -280,7 +280,7 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
 
 def _home_rad() -> Array:
     task = get_task("scooping")
-    return home(task.X_FT, "fr3", held(task.X_FT, task.keep_clear), task.home_pitch_rad)
+    return home(task.X_FT, cell_as_shipped(task, "fr3"), task.home_pitch_rad)
 
 
 def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:

@@ -12,11 +12,12 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.trackers import tracker_of
 from hw.types import Array
+from sim.lab.calibration import nominal_of
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import load_world
 from sim.panda.planning import home
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 SENSING = """
@@ -40,10 +41,9 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def found_off_mm(world: str, X_BC: Array) -> float:
     task = get_task("scooping")
-    tracker, tool, off = tracker_of(task), held(task.X_FT, task.keep_clear), []
-    with SimulatedLab(
-        task, load_world(world, task), 1, home_q_rad=home(task.X_FT, "panda", tool, task.home_pitch_rad), tool=tool
-    ) as lab:
+    tracker, cell, off = tracker_of(task), cell_as_shipped(task, "panda"), []
+    home_rad = home(task.X_FT, cell, task.home_pitch_rad)
+    with SimulatedLab(task, load_world(world, task), 1, cell, home_q_rad=home_rad) as lab:
         for trial, xy_m in enumerate(PLACES_M, start=1):
             lab.bench.place(np.array(xy_m), trial, 0)
             truth = np.array(lab.truth()["trials"][-1]["X_BO_placed"])[:2, 3]
@@ -72,7 +72,7 @@ def test_the_command_finds_what_the_world_hides(world: str, capfd: pytest.Captur
     assert touched["value"] < 1.5
     assert found["temperatures_C"] == {"arm": None, "camera": None}
 
-    nominal = SimulatedLab(get_task("scooping"), load_world(world, get_task("scooping")), 1).nominal_calibration()
+    nominal = nominal_of(load_world(world, get_task("scooping")), 1)
     before_mm, after_mm = found_off_mm(world, nominal.X_BC), found_off_mm(world, X)
     assert after_mm < before_mm - 1.0, (before_mm, after_mm)
 

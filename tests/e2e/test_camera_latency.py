@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptsim_cli.mounted import mounted
+from adaptsim_cli.mounted import mounted_as_shipped
 from adaptsim_cli.session.durable import write_folder
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Rig
@@ -37,12 +37,12 @@ class Nobody:
 def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
     """A gentle push in a lab: how far the track is from the truth at each frame while the bottle slides."""
     task = get_task("pushing")
-    there = mounted(task, "panda")
+    there = mounted_as_shipped(task, "panda")
     world = replace(load_world("wd", task), sensing=sensing)
-    with SimulatedLab(task, world, 0, home_q_rad=there.home_rad, tool=there.tool) as lab:
+    with SimulatedLab(task, world, 0, there.cell, home_q_rad=there.home_rad) as lab:
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "", believed_late_s)
         rig = Rig("fake", "lab", lab.arm, lab.camera, lab.bench, eye)
-        target = OnRig(there.task, rig, tracker_of(there.task), there.planner(np.zeros(7)))
+        target = OnRig(there.task, rig, tracker_of(there.task), there.planner())
         ready = target.set_up(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
         action = task.action.denormalise(np.array([0.5, 0.0]))
         write_folder(folder, ready.plan(action).execute().files())

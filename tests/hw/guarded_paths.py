@@ -8,14 +8,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hw.collision import HAND, Tool
+from hw.collision import HAND, HAND_MASS, Tool
 from hw.contact import predicted_force_N
 from hw.kinematics import forward
 from hw.types import Array, ContactWindow, Guard, JointPath, frozen_array
 
-MODEL = "panda"
 TIP = frozen_array([0.0, 0.0, 0.1034])
-TOOL = Tool("fingertips", HAND[:1], TIP[None])
+TOOL = Tool("fingertips", HAND_MASS, HAND[:1], TIP[None])
 GUARD = Guard(4.0, TIP)
 XY_M, TOP_M = (0.5, 0.0), 0.02
 _NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])

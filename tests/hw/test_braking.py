@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
+from cells import cell
 
 from hw.braking import brake, check_braking
 from hw.errors import MotionRefused
-from hw.limits import check_path, require
+from hw.joint_limits import LIMITS
 from hw.types import ContactWindow, JointPath
 
+PANDA = LIMITS["panda"]
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
 
@@ -23,8 +25,8 @@ def path_of(duration_s: float, contact: ContactWindow | None = None) -> JointPat
 @pytest.mark.parametrize("at_s", [0.0, 0.1, 0.35, 0.5, 0.73, 0.98, 1.0])
 def test_a_stop_keeps_the_limits_and_stays_on_the_path(model: str, at_s: float) -> None:
     path = path_of(1.0)
-    stopped = brake(path, at_s, model)
-    assert check_path(stopped, model, READY).ok
+    stopped = brake(path, at_s, LIMITS[model])
+    assert cell(model).check(stopped, READY).ok
     before = stopped.t_s <= at_s
     assert np.allclose(stopped.q_rad[before], path.q_rad[: before.sum()], atol=1e-12)
     order = np.array([np.linalg.norm(path.q_rad - q, axis=1).argmin() for q in stopped.q_rad])
@@ -34,7 +36,7 @@ def test_a_stop_keeps_the_limits_and_stays_on_the_path(model: str, at_s: float) 
 
 
 def test_every_moment_of_a_fast_path_can_be_braked() -> None:
-    stops = check_braking(path_of(0.75), "panda")
+    stops = check_braking(path_of(0.75), PANDA)
     assert stops.ok
     assert len(stops.at_s) == 38
     assert 0.05 < stops.longest_s <= 0.5
@@ -43,24 +45,24 @@ def test_every_moment_of_a_fast_path_can_be_braked() -> None:
 
 def test_a_path_over_the_limits_cannot_be_braked_and_is_refused() -> None:
     path = path_of(0.3)
-    assert not check_braking(path, "panda").ok
+    assert not check_braking(path, PANDA).ok
     with pytest.raises(MotionRefused, match="no stop"):
-        brake(path, 0.15, "panda")
+        brake(path, 0.15, PANDA)
     with pytest.raises(MotionRefused):
-        require(path, "panda", READY)
+        cell().require(path, READY)
 
 
 def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
     contact = ContactWindow(0.3, 0.6, 0.002, 10.0)
     path = path_of(1.0, contact)
-    inside = brake(path, 0.4, "panda").contact
+    inside = brake(path, 0.4, PANDA).contact
     assert inside is not None
     assert inside.start_s == 0.3
     assert inside.end_s > 0.4
-    assert brake(path, 0.1, "panda").contact is None
-    after = brake(path, 0.8, "panda").contact
+    assert brake(path, 0.1, PANDA).contact is None
+    after = brake(path, 0.8, PANDA).contact
     assert after is not None
     assert (after.start_s, after.end_s) == (0.3, 0.6)
-    stretched = brake(path, 0.58, "panda").contact
+    stretched = brake(path, 0.58, PANDA).contact
     assert stretched is not None
     assert 0.6 < stretched.end_s < 0.64

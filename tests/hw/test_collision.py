@@ -2,12 +2,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from cells import stick
 from scipy.optimize import minimize
 
 from hw.collision import (
     BARE_HAND,
+    LEVEL,
     KeepOut,
-    Tool,
     box_clearance,
     box_distance,
     point_heights,
@@ -72,14 +73,14 @@ def test_box_and_table_clearances_name_the_body() -> None:
     clearance, names = box_clearance(link_poses(READY), BARE_HAND, box)
     assert clearance.min() < 0.0
     assert names[int(np.argmin(clearance))] in ("hand and camera", "fingers and camera")
-    heights, names = table_clearance(link_poses(READY), BARE_HAND)
+    heights, names = table_clearance(link_poses(READY), BARE_HAND, LEVEL)
     assert names[int(np.argmin(heights))] == "link 2 and table"
     assert heights[names.index("fingers and table")] == pytest.approx(0.5903 - 0.095 - 0.022, abs=1e-3)
 
 
 def test_heights_of_tool_points() -> None:
-    tool = Tool("stick", points_F_m=np.array([[0.0, 0.0, 0.2], [0.1, 0.0, 0.0]]))
-    assert np.allclose(point_heights(link_poses(READY), tool), [0.3903, 0.5903], atol=1e-4)
+    tool = stick([[0.0, 0.0, 0.2], [0.1, 0.0, 0.0]])
+    assert np.allclose(point_heights(link_poses(READY), tool, LEVEL), [0.3903, 0.5903], atol=1e-4)
 
 
 def test_a_box_needs_its_corners_in_order() -> None:

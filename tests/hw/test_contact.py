@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from guarded_paths import GUARD, MODEL, Q_TOP_RAD, TIP, TOOL, down, over
+from cells import cell
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over
 
 from hw.collision import LEVEL, KeepOut, Table
 from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
@@ -14,16 +15,22 @@ from hw.errors import ArmFault, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.guarding import DEPTH_M, SPEED_M_S, check_guarded, require_guarded, withdrawal
 from hw.kinematics import forward, jacobian
-from hw.limits import check_path
 from hw.types import ContactWindow, Guard, JointPath
+from hw.workcell import Workcell
+
+CELL = cell(tool=TOOL)
+
+
+def stopping_at(stops_at_N: float) -> Workcell:
+    return replace(CELL, stops_at_N=stops_at_N)
 
 
 def noise(path: JointPath, std_Nm: float, seed: int = 0) -> np.ndarray:
     return std_Nm * np.random.default_rng(seed).standard_normal(path.q_rad.shape)
 
 
-def arm(plane: Table | None, torque_Nm: np.ndarray | None = None, **more: object) -> FakeGuardedArm:
-    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock()), TOOL, plane, torque_Nm=torque_Nm, **more)
+def arm(plane: Table | None, torque_Nm: np.ndarray | None = None) -> FakeGuardedArm:
+    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock(), CELL), plane, torque_Nm=torque_Nm)
 
 
 def test_a_force_on_the_point_is_found_from_the_torques() -> None:
@@ -100,32 +107,32 @@ def test_the_largest_force_counts_what_is_felt_while_it_brakes() -> None:
 
 
 def test_a_guarded_motion_keeps_to_its_own_limits() -> None:
-    assert check_guarded(down(), GUARD, MODEL, Q_TOP_RAD, tool=TOOL).ok
-    assert not check_path(down(), MODEL, Q_TOP_RAD, tool=TOOL).ok  # any other motion may not go there
+    assert check_guarded(down(), GUARD, CELL, Q_TOP_RAD).ok
+    assert not CELL.check(down(), Q_TOP_RAD).ok  # any other motion may not go there
     with pytest.raises(MotionRefused, match="speed of the guarded point"):
-        require_guarded(down(speed_m_s=1.5 * SPEED_M_S), GUARD, MODEL, tool=TOOL)
+        require_guarded(down(speed_m_s=1.5 * SPEED_M_S), GUARD, CELL)
     with pytest.raises(MotionRefused, match="depth of the search"):
-        require_guarded(down(way_m=0.02 + 1.2 * DEPTH_M), GUARD, MODEL, tool=TOOL)
+        require_guarded(down(way_m=0.02 + 1.2 * DEPTH_M), GUARD, CELL)
     with pytest.raises(MotionRefused, match="no contact window"):
-        require_guarded(JointPath(down().t_s, down().q_rad), GUARD, MODEL, tool=TOOL)
+        require_guarded(JointPath(down().t_s, down().q_rad), GUARD, CELL)
     with pytest.raises(MotionRefused, match="distance from the arm"):
-        require_guarded(down(), GUARD, MODEL, over(0.05), tool=TOOL)
+        require_guarded(down(), GUARD, CELL, over(0.05))
 
 
 def test_what_is_not_to_touch_must_stay_higher_than_the_tip() -> None:
     short = replace(TOOL, points_F_m=TIP[None] - np.array([0.0, 0.0, 0.03]))
     with pytest.raises(MotionRefused, match="lead of hand over the tool"):
-        require_guarded(down(), GUARD, MODEL, tool=short)
+        require_guarded(down(), GUARD, CELL.holding(short))
 
 
 def test_forces_stay_below_the_arms_own_threshold() -> None:
     path = down()
     assert path.contact is not None
-    require_guarded(path, GUARD, MODEL, tool=TOOL, collision_N=1.3 * path.contact.force_N)
+    require_guarded(path, GUARD, stopping_at(1.3 * path.contact.force_N))
     with pytest.raises(MotionRefused, match="predicted contact force"):
-        require_guarded(path, GUARD, MODEL, tool=TOOL, collision_N=1.1 * path.contact.force_N)
+        require_guarded(path, GUARD, stopping_at(1.1 * path.contact.force_N))
     with pytest.raises(MotionRefused, match="guard's force"):
-        require_guarded(path, replace(GUARD, force_N=6.0), MODEL, tool=TOOL, collision_N=11.0)
+        require_guarded(path, replace(GUARD, force_N=6.0), stopping_at(11.0))
 
 
 def test_no_threshold_lets_a_guarded_motion_press_harder_than_any_other() -> None:
@@ -133,16 +140,16 @@ def test_no_threshold_lets_a_guarded_motion_press_harder_than_any_other() -> Non
     assert path.contact is not None
     for force_N, allowed in ((59.0, True), (61.0, False)):
         hard = replace(path, contact=replace(path.contact, force_N=force_N))
-        report = check_guarded(hard, GUARD, MODEL, tool=TOOL, collision_N=100.0)
+        report = check_guarded(hard, GUARD, stopping_at(100.0))
         assert report.ok == allowed, str(report.worst)
 
 
 def test_a_planned_contact_is_held_against_the_arms_own_threshold() -> None:
     q = np.stack([Q_TOP_RAD, Q_TOP_RAD])
     path = JointPath(np.array([0.0, 1e-3]), q, ContactWindow(0.0, 1e-3, 0.003, 30.0))
-    assert check_path(path, MODEL, tool=TOOL).ok
-    assert check_path(path, MODEL, tool=TOOL, collision_N=40.0).ok
-    worst = check_path(path, MODEL, tool=TOOL, collision_N=20.0).worst
+    assert CELL.check(path).ok
+    assert stopping_at(40.0).check(path).ok
+    worst = stopping_at(20.0).check(path).worst
     assert (worst.quantity, worst.limit) == ("predicted contact force", 16.0)
 
 
@@ -151,7 +158,7 @@ def test_the_way_back_is_the_way_there() -> None:
     back = withdrawal(path)
     np.testing.assert_array_equal(back.q_rad[0], path.q_rad[-1])
     np.testing.assert_array_equal(back.q_rad[-1], path.q_rad[0])
-    assert check_guarded(back, GUARD, MODEL, tool=TOOL).ok
+    assert check_guarded(back, GUARD, CELL).ok
 
 
 def test_a_guard_and_boxes_are_checked() -> None:
@@ -159,13 +166,13 @@ def test_a_guard_and_boxes_are_checked() -> None:
         Guard(0.0, TIP)
     box = KeepOut("thing", np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2]))
     with pytest.raises(MotionRefused, match="thing"):
-        require_guarded(down(), GUARD, MODEL, keep_out=(box,), tool=TOOL)
+        require_guarded(down(), GUARD, replace(CELL, keep_out=(box,)))
 
 
 def test_a_stopped_arm_feels_nothing() -> None:
     fault = ArmFault("reflex")
-    inner = FakeArm(Q_TOP_RAD, FakeClock(), faults={1: fault})
-    with FakeGuardedArm(inner, TOOL, LEVEL) as feeling:
+    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: fault})
+    with FakeGuardedArm(inner, LEVEL) as feeling:
         still = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
         with pytest.raises(ArmFault):
             feeling.execute(still)

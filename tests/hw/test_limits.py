@@ -2,15 +2,17 @@ import time
 
 import numpy as np
 import pytest
+from cells import cell, stick
 
-from hw.collision import KeepOut, Tool
+from hw.collision import KeepOut
 from hw.errors import MotionRefused
+from hw.joint_limits import LIMITS
 from hw.kinematics import forward
-from hw.limits import LIMITS, Worst, check_path, require
+from hw.limits import Worst
 from hw.types import ContactWindow, JointPath
+from hw.workcell import Workcell
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
-STICK = Tool("stick", points_F_m=np.array([[0.0, 0.0, 0.2]]))  # its tip is 0.39 m above the table at READY
 
 
 def smooth(duration_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -28,15 +30,18 @@ def joint(number: int, change: float) -> np.ndarray:
     return change * (np.arange(1, 8) == number)
 
 
-def find(path: JointPath, quantity: str, model: str = "panda", **options: object) -> Worst:
-    report = check_path(path, model, **options)  # type: ignore[arg-type]
+PANDA, FR3 = cell(), cell("fr3")
+
+
+def find(path: JointPath, quantity: str, within: Workcell = PANDA) -> Worst:
+    report = within.check(path)
     (found,) = (check for check in report.checks if check.quantity == quantity)
     return found
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_a_gentle_move_is_accepted(model: str) -> None:
-    report = require(move(np.full(7, 0.3)), model, READY)
+    report = cell(model).require(move(np.full(7, 0.3)), READY)
     assert report.ok
     assert 0.4 < report.joint_ratio < 0.7
 
@@ -48,7 +53,7 @@ def test_velocity_names_joint_time_value_and_limit() -> None:
     assert worst.value == pytest.approx(2.1875, rel=1e-4)
     assert worst.limit == pytest.approx(2.145)
     with pytest.raises(MotionRefused, match=r"velocity of joint 3 at t = 0\.50. s is 2\.187 rad/s, limit 2\.145 rad/s"):
-        require(move(joint(3, 1.0), 1.0), "panda")
+        PANDA.require(move(joint(3, 1.0), 1.0))
 
 
 def test_acceleration_and_jerk_are_those_of_the_samples() -> None:
@@ -63,7 +68,7 @@ def test_acceleration_and_jerk_are_those_of_the_samples() -> None:
 def test_position_limits_differ_between_the_arms() -> None:
     up = move(joint(6, 2.3), 4.0)  # 3.87 rad: above the Panda's 3.7525, under the FR3's 4.6216
     assert find(up, "position").ratio > 1.0
-    assert find(up, "position", "fr3").ratio < 1.0
+    assert find(up, "position", FR3).ratio < 1.0
 
 
 def test_fr3_velocity_shrinks_towards_its_position_limits() -> None:
@@ -87,14 +92,14 @@ def test_a_path_that_starts_or_ends_in_motion_is_refused() -> None:
     accelerating = JointPath(t_s[:-500], READY + np.outer(t_s[:-500] ** 2, joint(1, 5.0)))
     assert find(accelerating, "jerk").ratio > 1.0  # 10 rad/s² from one millisecond to the next
     still = JointPath(t_s, np.tile(READY, (len(t_s), 1)))
-    assert check_path(still, "panda", READY).ok
+    assert PANDA.check(still, READY).ok
 
 
 def test_start_must_be_where_the_arm_is() -> None:
     path = move(joint(1, 0.2))
-    assert require(path, "panda", READY + joint(4, 0.005)).ok
+    assert PANDA.require(path, READY + joint(4, 0.005)).ok
     with pytest.raises(MotionRefused, match=r"distance from the arm of joint 4 .* is 0\.02 rad, limit 0\.01 rad"):
-        require(path, "panda", READY + joint(4, 0.02))
+        PANDA.require(path, READY + joint(4, 0.02))
 
 
 def test_self_collision_names_the_pair() -> None:
@@ -105,9 +110,9 @@ def test_self_collision_names_the_pair() -> None:
 
 def test_keep_out_boxes_are_kept_out_of() -> None:
     box = KeepOut("camera", np.array([0.2, 0.3, 0.0]), np.array([0.4, 0.5, 1.0]))
-    assert check_path(move(joint(1, 0.3)), "panda", keep_out=(box,)).ok
+    assert cell(keep_out=(box,)).check(move(joint(1, 0.3))).ok
     with pytest.raises(MotionRefused, match=r"keep-out of guide button and camera"):
-        require(move(joint(1, 1.0)), "panda", READY, (box,))
+        cell(keep_out=(box,)).require(move(joint(1, 1.0)), READY)
 
 
 def test_the_tool_may_touch_the_table_only_in_the_declared_window() -> None:
@@ -118,7 +123,7 @@ def test_the_tool_may_touch_the_table_only_in_the_declared_window() -> None:
     t_s = np.arange(len(q)) / 1000
 
     def deep(contact: ContactWindow | None) -> Worst:
-        return find(JointPath(t_s, q, contact), "depth in the table", tool=Tool("stick", points_F_m=[[0, 0, REACH]]))
+        return find(JointPath(t_s, q, contact), "depth in the table", cell(tool=stick([0, 0, REACH])))
 
     touching = deep(None)
     assert touching.value == pytest.approx(0.003, abs=1e-4)
@@ -141,15 +146,15 @@ REACH = bowed_reach()
 def test_a_window_may_not_declare_more_than_the_arm_bears() -> None:
     deep = move(joint(1, 0.1), contact=ContactWindow(0.5, 1.0, 0.011, 15.0))
     with pytest.raises(MotionRefused, match=r"declared contact depth .* is 0\.011 m, limit 0\.006 m"):
-        require(deep, "panda")
+        PANDA.require(deep)
     hard = move(joint(1, 0.1), contact=ContactWindow(0.5, 1.0, 0.002, 90.0))
     with pytest.raises(MotionRefused, match=r"predicted contact force .* is 90 N, limit 60 N"):
-        require(hard, "panda")
+        PANDA.require(hard)
 
 
 def test_a_refusal_lists_everything_worst_first() -> None:
     with pytest.raises(MotionRefused) as refused:
-        require(move(joint(1, 1.0) + joint(2, 0.6), 0.4), "panda", READY + joint(7, 0.02))
+        PANDA.require(move(joint(1, 1.0) + joint(2, 0.6), 0.4), READY + joint(7, 0.02))
     order = ("acceleration of joint 2", "velocity of joint 1", "distance from the arm of joint 7")
     places = [str(refused.value).index(text) for text in order]
     assert places == sorted(places)
@@ -157,10 +162,10 @@ def test_a_refusal_lists_everything_worst_first() -> None:
 
 def test_a_path_of_3_s_is_checked_fast() -> None:
     path = move(np.full(7, 0.3), 3.0)
-    check_path(path, "panda")
+    PANDA.check(path)
     times = []
     for _ in range(5):
         start = time.process_time()
-        check_path(path, "panda", READY)
+        PANDA.check(path, READY)
         times.append(time.process_time() - start)
     assert min(times) < 0.1

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cells import cell
 
 sys.path.append(str(Path(__file__).parent / "franka"))
 from sink import Sink
@@ -104,7 +105,7 @@ def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]
     reached: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     sink = Sink()
-    with FrankaArm(model, FrankaSettings("172.16.0.2"), lambda: sink) as arm:
+    with FrankaArm(cell(model), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
         for _, (kind, q, q_arm) in zip(range(count), paths(np.random.default_rng(seed), model), strict=False):
             sink.q_rad = q_arm
             before = len(sink.given)

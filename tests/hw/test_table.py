@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cells import cell
 from guarded_paths import Q_TOP_RAD, TOOL
 
-from hw.collision import HAND, LEVEL, KeepOut, Table, Tool, box_clearance, camera_box, persons_side, point_heights
+from hw.collision import (
+    HAND,
+    HAND_MASS,
+    LEVEL,
+    KeepOut,
+    Table,
+    Tool,
+    box_clearance,
+    camera_box,
+    persons_side,
+    point_heights,
+)
 from hw.kinematics import link_poses
-from hw.limits import check_path
 from hw.types import JointPath
 
 STILL = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
@@ -28,21 +39,21 @@ def test_the_tables_frame_lies_in_its_plane() -> None:
 
 def test_heights_count_from_the_table() -> None:
     poses = link_poses(Q_TOP_RAD[None])
-    level = point_heights(poses, TOOL)[0, 0]
+    level = point_heights(poses, TOOL, LEVEL)[0, 0]
     assert level == pytest.approx(0.02, abs=1e-6)
     assert point_heights(poses, TOOL, Table(-0.01))[0, 0] == pytest.approx(0.03, abs=1e-6)
     assert point_heights(poses, TOOL, Table(0.0, 0.02))[0, 0] == pytest.approx(0.02 - 0.02 * 0.5, abs=1e-5)
 
 
 def test_a_path_is_checked_against_the_table_where_it_is() -> None:
-    assert check_path(STILL, "panda", tool=TOOL).ok
-    high = check_path(STILL, "panda", tool=TOOL, table=Table(0.03))
+    assert cell(tool=TOOL).check(STILL).ok
+    high = cell(tool=TOOL).over(Table(0.03)).check(STILL)
     assert not high.ok
     assert high.worst.quantity == "depth in the table"
 
 
 def test_the_tip_of_a_tool_stays_out_of_boxes_too() -> None:
-    long = Tool("long", HAND, np.array([[0.0, 0.0, 0.30]]))
+    long = Tool("long", HAND_MASS, HAND, np.array([[0.0, 0.0, 0.30]]))
     poses = link_poses(Q_TOP_RAD[None])
     tip = (poses[0, 8] @ [0.0, 0.0, 0.30, 1.0])[:3]
     box = KeepOut("box", tip - 0.01, tip + 0.01)

@@ -1,5 +1,6 @@
 """Pushing a bottle to a goal."""
 
+from sim.tasks.pushing.mass import TOOL_MASS
 from sim.tasks.pushing.mount import KEEP_CLEAR
 from sim.tasks.pushing.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.pushing.params import (
@@ -53,4 +54,5 @@ TASK = Task(
     goal_m=goal_m,
     tracker="bottle",
     keep_clear=KEEP_CLEAR,
+    tool_mass=TOOL_MASS,
 )

@@ -1,6 +1,7 @@
 """Scooping food with a spatula."""
 
 from sim.tasks.scooping.handle import KEEP_CLEAR
+from sim.tasks.scooping.mass import TOOL_MASS
 from sim.tasks.scooping.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.scooping.params import (
     ACTION,
@@ -55,4 +56,5 @@ TASK = Task(
     tracker="piece",
     keep_clear=KEEP_CLEAR,
     touchable=TOUCHABLE,
+    tool_mass=TOOL_MASS,
 )

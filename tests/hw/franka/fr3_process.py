@@ -17,6 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
+
 from hw.collision import BARE_HAND, Tool
 from hw.franka.arm import FrankaArm, Pedal, franka
 from hw.franka.messages import Timing
@@ -144,4 +147,4 @@ def fr3(q_rad: ArrayLike = READY_RAD, **options: int | str) -> Iterator[Fr3Proce
 def arm_at(
     server: Fr3Process, *, tool: Tool = BARE_HAND, pedal: Pedal | None = None, timing: Timing = RELAXED
 ) -> FrankaArm:
-    return franka("fr3", FrankaSettings(server.host), timing, tool=tool, pedal=pedal)
+    return franka(cell("fr3", tool), FrankaSettings(server.host), timing, pedal=pedal)

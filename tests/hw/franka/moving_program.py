@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
 from fr3_process import READY_RAD, RELAXED
 
 from hw.franka.arm import franka
@@ -33,6 +37,6 @@ if __name__ == "__main__":
     t_s = np.arange(3001) / 1000
     u = t_s / t_s[-1]
     share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    with franka("fr3", FrankaSettings(sys.argv[1]), RELAXED, pedal=Held()) as arm:
+    with franka(cell("fr3"), FrankaSettings(sys.argv[1]), RELAXED, pedal=Held()) as arm:
         path = JointPath(t_s, READY_RAD + share[:, None] * np.array([0.5, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4]))
         arm.execute(path)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
 from sink import READY, Sink
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.franka import CollisionThresholds, FrankaArm, FrankaSettings, open_franka
 from hw.franka.driver import UNAVAILABLE, Failure
-from hw.limits import check_path
 from hw.types import ContactWindow, JointPath
 
 
@@ -25,7 +26,7 @@ def path(contact: ContactWindow | None = None, duration_s: float = 1.0, change_r
 
 
 def arm(sink: Sink, model: str = "fr3") -> FrankaArm:
-    return FrankaArm(model, FrankaSettings("172.16.0.2"), lambda: sink)
+    return FrankaArm(cell(model), FrankaSettings("172.16.0.2"), lambda: sink)
 
 
 def test_a_path_from_where_the_arm_is_held_is_handed_over_as_it_is() -> None:
@@ -45,7 +46,7 @@ def test_a_bent_arm_is_led_from_its_held_joints_onto_the_path_within_the_limits(
     q = sink.given[0].path.q_rad
     np.testing.assert_allclose(q[0], READY + off)
     np.testing.assert_allclose(q[500:], path().q_rad[500:], atol=1e-12)
-    assert check_path(sink.given[0].path, "fr3", READY + off).ok
+    assert cell("fr3").check(sink.given[0].path, READY + off).ok
 
 
 def test_a_controller_that_holds_something_else_is_refused() -> None:
@@ -66,7 +67,7 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     assert limit_N == 80.0
     again = Sink()
     with (
-        FrankaArm("fr3", hard, lambda: again) as one,
+        FrankaArm(cell("fr3", stops_at_N=40.0), hard, lambda: again) as one,
         pytest.raises(MotionRefused, match="predicted contact force"),
     ):
         one.execute(path(soft))
@@ -104,7 +105,7 @@ def test_a_player_that_cannot_connect_leaves_the_arm_unentered() -> None:
     def fails() -> Sink:
         raise Failure(UNAVAILABLE, "no arm at 172.16.0.2")
 
-    one = FrankaArm("fr3", FrankaSettings("172.16.0.2"), fails)
+    one = FrankaArm(cell("fr3"), FrankaSettings("172.16.0.2"), fails)
     with pytest.raises(DeviceUnavailable, match=r"no arm at 172\.16\.0\.2"):
         one.__enter__()
     with pytest.raises(DeviceUnavailable, match="enter it"):
@@ -118,6 +119,7 @@ def test_leaving_ends_the_player() -> None:
     assert not sink.alive
 
 
-def test_there_is_no_driver_for_other_arms() -> None:
-    with pytest.raises(ValueError, match="panda or fr3"):
-        open_franka("ur5", FrankaSettings("172.16.0.2"))
+def test_workcell_and_settings_agree_on_the_force_that_stops_the_arm() -> None:
+    assert CollisionThresholds().contact_force_limit_N == cell().stops_at_N
+    with pytest.raises(ValueError, match="stop by itself at 40 N, its settings at 80 N"):
+        open_franka(cell("fr3", stops_at_N=40.0), FrankaSettings("172.16.0.2"))

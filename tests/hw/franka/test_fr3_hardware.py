@@ -8,11 +8,16 @@ fingertips at least 60 mm over the table, nobody in reach, a hand at the stop bu
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
 
 from hw.errors import NoContact
 from hw.franka import FrankaArm, FrankaSettings, open_franka
@@ -24,7 +29,7 @@ from sim.panda.touching import Bench, Stage, descent
 pytestmark = pytest.mark.hardware
 WAY_M, SPEED_M_S, FORCE_N = 0.015, 0.010, 4.0
 ROOM_M = 0.06
-BENCH = Bench("fr3", np.eye(4), empty_hand())
+BENCH = Bench(cell("fr3", empty_hand()), np.eye(4))
 
 
 @pytest.fixture
@@ -34,7 +39,7 @@ def arm() -> Iterator[FrankaArm]:
         pytest.fail("say where the arm is: ADAPTSIM_TEST_FR3=172.16.0.2")
     with ExitStack() as stack:
         pedal = stack.enter_context(EnablePedal(port)) if port else None
-        yield stack.enter_context(open_franka("fr3", FrankaSettings(address), tool=empty_hand(), pedal=pedal))
+        yield stack.enter_context(open_franka(BENCH.cell, FrankaSettings(address), pedal=pedal))
 
 
 def test_it_reports_where_it_is_at_rest(arm: FrankaArm) -> None:
@@ -52,7 +57,7 @@ def test_a_guarded_motion_in_free_air_ends_in_no_contact(arm: FrankaArm) -> None
     assert tip_m[2] > ROOM_M, f"the fingertips are {1e3 * tip_m[2]:.0f} mm over z = 0: guide the arm up first"
     assert X_BF[2, 2] < -0.98, "the hand must point straight down: guide it there first"
     guard = BENCH.guard(FINGERTIPS, FORCE_N)
-    path = descent(before.q_rad, (Stage(WAY_M, SPEED_M_S),), guard, 0.0, "fr3")
+    path = descent(before.q_rad, (Stage(WAY_M, SPEED_M_S),), guard, 0.0, BENCH.cell.arm)
     with pytest.raises(NoContact, match="touched nothing; it is back at the start"):
         arm.execute_until_contact(path, guard)
     after = arm.state()

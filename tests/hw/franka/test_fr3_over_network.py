@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
 from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
@@ -22,7 +24,6 @@ from hw.franka import FrankaArm, FrankaSettings, Payload, open_franka
 from hw.franka.arm import franka
 from hw.franka.process import PlayerProcess
 from hw.joint_limits import LIMITS, derivatives
-from hw.limits import check_path
 from hw.types import Array, JointPath
 
 CHANGE_RAD = np.array([0.4, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4])
@@ -77,7 +78,7 @@ def test_what_is_commanded_is_the_path_sample_by_sample(server: Fr3Process) -> N
         np.testing.assert_allclose(played.q_commanded_rad[:n], path.q_rad, atol=2e-3)  # the arm hangs a little at first
         np.testing.assert_allclose(played.q_commanded_rad[500:n], path.q_rad[500:], atol=1e-12)
         np.testing.assert_allclose(got, played.q_commanded_rad[:-1], atol=1e-12)  # the last one ends the motion
-        assert check_path(JointPath(np.arange(len(got)) / 1000, got), "fr3").ok
+        assert cell("fr3").check(JointPath(np.arange(len(got)) / 1000, got)).ok
         np.testing.assert_allclose(played.q_measured_rad[-1], path.q_rad[-1], atol=2e-3)
 
 
@@ -161,7 +162,7 @@ def test_a_player_killed_half_way_is_a_fault_and_a_new_one_takes_over(server: Fr
         players.append(PlayerProcess("fr3", FrankaSettings(server.host), RELAXED))
         return players[-1]
 
-    with FrankaArm("fr3", FrankaSettings(server.host), start) as arm:
+    with FrankaArm(cell("fr3"), FrankaSettings(server.host), start) as arm:
         timer = server.at(0.6, lambda: os.kill(players[0].pid, signal.SIGKILL))
         with pytest.raises(ArmFault, match="killed by SIGKILL; the arm has stopped by itself"):
             arm.execute(path_from(READY_RAD))
@@ -179,7 +180,7 @@ def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_comput
         return players[-1]
 
     server.tell("strict 5")
-    with FrankaArm("fr3", FrankaSettings(server.host), start) as arm:
+    with FrankaArm(cell("fr3"), FrankaSettings(server.host), start) as arm:
         timer = server.at(0.6, lambda: pause(players[0].pid, 2.5))
         with pytest.raises(ArmFault, match=r"communication_constraints_violation\); the computer did not keep up"):
             arm.execute(path_from(READY_RAD))
@@ -255,11 +256,11 @@ def test_another_interface_version_names_the_row_and_the_line_to_install() -> No
 
 def test_nobody_there_is_a_message() -> None:
     with pytest.raises(DeviceUnavailable, match=r"fr3 at 127\.0\.0\.251 does not answer"):
-        franka("fr3", FrankaSettings("127.0.0.251"), RELAXED).__enter__()
+        franka(cell("fr3"), FrankaSettings("127.0.0.251"), RELAXED).__enter__()
 
 
 @pytest.mark.skipif(Path("/sys/kernel/realtime").exists(), reason="this computer has a real-time kernel")
 def test_without_a_real_time_kernel_a_real_arm_is_not_driven(server: Fr3Process) -> None:
     settings = FrankaSettings(server.host, Payload(0.2, np.array([0.0, 0.0, 0.1])))
     with pytest.raises(DeviceUnavailable, match=r"not a real-time one.*linux-image-rt-amd64"):
-        open_franka("fr3", settings).__enter__()
+        open_franka(cell("fr3"), settings).__enter__()

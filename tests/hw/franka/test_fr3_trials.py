@@ -18,7 +18,7 @@ from hw.franka import FrankaArm
 from hw.kinematics import forward
 from hw.types import Array, Execution, JointPath
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TRACKING_M = 0.03
@@ -30,14 +30,12 @@ def trial(name: str) -> tuple[tuple[JointPath, JointPath, JointPath], Array, Too
     """Approach, task and retreat of the middle action on the FR3; where the tool is in the flange; what it is."""
     task = get_task(name)
     assert task.plan is not None
-    tool = held(task.X_FT, task.keep_clear)
+    cell = cell_as_shipped(task, "fr3")
     motion = task.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
     return (
-        trial_paths(
-            motion, task.X_FT, "fr3", home(task.X_FT, "fr3", tool, task.home_pitch_rad), tool=tool, carries=task.carries
-        ),
+        trial_paths(motion, task.X_FT, cell, home(task.X_FT, cell, task.home_pitch_rad), carries=task.carries),
         task.X_FT,
-        tool,
+        cell.tool,
     )
 
 

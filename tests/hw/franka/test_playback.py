@@ -79,7 +79,7 @@ def test_a_stop_is_that_of_hw_braking_within_ten_milliseconds_and_the_limits(mod
     played = play(motion, stop_at_tick=at)
     begins = int(motion.stop_at[np.searchsorted(motion.stop_at, at + 1)])
     assert at < begins <= at + 11
-    expected = brake(path(), begins / 1000, model).q_rad
+    expected = brake(path(), begins / 1000, LIMITS[model]).q_rad
     np.testing.assert_allclose(played.q_commanded_rad[: len(expected)], expected, atol=1e-12)
     dq, ddq, dddq = derivatives(played.q_commanded_rad)
     q = np.concatenate([played.q_commanded_rad, np.repeat(played.q_commanded_rad[-1:], 3, axis=0)])

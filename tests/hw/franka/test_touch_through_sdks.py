@@ -12,6 +12,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1]))
+from cells import cell
 from fr3_process import HandPedal
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 from in_process import InProcess
@@ -55,7 +56,7 @@ def arm_of(sdk: FakeSdk, model: str, pedal: HandPedal | None = None) -> FrankaAr
     def start() -> InProcess:
         return InProcess(Connection(model, sdk, DRIVES[model], SETTINGS, realtime=True))
 
-    return FrankaArm(model, SETTINGS, start, tool=TOOL, pedal=pedal)
+    return FrankaArm(cell(model, TOOL), SETTINGS, start, pedal=pedal)
 
 
 def fake(model: str, **more: Any) -> FakeSdk:

@@ -11,6 +11,7 @@ import pytest
 
 from calib.touch import pivot
 from hw.errors import ArmFault, CameraError
+from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array, Frame, Intrinsics
 from perception.board import detect, draw, locate
@@ -23,11 +24,13 @@ from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing, World, load_world
 from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 from sim.panda.visits import postures
 from sim.tasks import get_task
 
 BOARD = Board()
 HELD = HeldBoard(draw(BOARD, 112), BOARD.size_m)
+CELL = cell_as_shipped(get_task("scooping"), "panda").holding(HELD.tool())
 NEAR_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
 
 
@@ -41,13 +44,13 @@ def q_rad() -> Array:
     X_CM = np.eye(4)
     X_CM[:3, :3] = cv2.Rodrigues(np.deg2rad(np.array([20.0, 15.0, 8.0])))[0]
     X_CM[:3, 3] = np.array([0.05, -0.12, 0.8]) - X_CM[:3, :3] @ np.array([*np.array(BOARD.size_m) / 2, 0])
-    (found,) = postures((default_X_BC() @ X_CM @ np.linalg.inv(HELD.X_FM))[None], "panda", NEAR_RAD, HELD.tool())
+    (found,) = postures((default_X_BC() @ X_CM @ np.linalg.inv(HELD.X_FM))[None], CELL, NEAR_RAD)
     assert found is not None
     return found
 
 
 def lab(the_world: World, seed: int = 0) -> CalibrationLab:
-    return CalibrationLab(get_task("scooping"), the_world, seed, HELD, home_q_rad=q_rad())
+    return CalibrationLab(get_task("scooping"), the_world, seed, HELD, CELL, home_q_rad=q_rad())
 
 
 @lru_cache
@@ -105,11 +108,11 @@ def test_hidden_joint_zeros_move_the_board_and_not_what_the_arm_says() -> None:
     assert np.linalg.norm(off - (seen.px - expected_px(seen.ids, camera, default_X_BC())), axis=1).min() > 0.3
 
 
-def test_the_same_lab_has_the_same_arm_and_nominal_calibration_with_and_without_board() -> None:
+def test_the_same_lab_has_the_same_arm_and_camera_with_and_without_board() -> None:
     the_world = world(joint_offset_mrad=1.0)
-    other = SimulatedLab(get_task("scooping"), the_world, 5)
+    other = SimulatedLab(get_task("scooping"), the_world, 5, CELL)
     assert lab(the_world, 5).truth()["joint_offset_rad"] == other.truth()["joint_zeros_rad"]
-    assert np.array_equal(lab(the_world, 5).nominal_calibration().X_BC, other.nominal_calibration().X_BC)
+    assert lab(the_world, 5).truth()["X_BC"] == other.truth()["X_BC"]
 
 
 def test_encoder_noise_belongs_to_the_posture() -> None:
@@ -148,12 +151,12 @@ def test_the_person_of_the_lab_touches_what_the_camera_sees() -> None:
 def test_the_arm_refuses_to_put_the_board_into_the_table() -> None:
     down = q_rad() + np.array([0, 0.9, 0, 0, 0, 0, 0])
     with lab(world()) as bench, pytest.raises(Exception, match="table"):
-        bench.arm.execute(move_path(q_rad(), down, "panda"))
+        bench.arm.execute(move_path(q_rad(), down, LIMITS["panda"]))
 
 
 def test_faults_come_at_their_motion_and_picture() -> None:
     there = q_rad() + np.array([0.05, 0, 0, 0, 0, 0, 0])
-    path = move_path(q_rad(), there, "panda")
+    path = move_path(q_rad(), there, LIMITS["panda"])
     with lab(replace(world(), faults=Faults(arm_reflex=(1,)))) as bench:
         with pytest.raises(ArmFault, match="reflex"):
             bench.arm.execute(path)

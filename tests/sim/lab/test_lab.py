@@ -12,14 +12,19 @@ import pytest
 from slider import HOME_RAD, TASK, Unmodelled
 
 from hw.errors import CameraError
+from hw.joint_limits import LIMITS
 from hw.types import Array, ContactWindow, Execution, Frame, JointPath
+from sim.lab.calibration import nominal_of
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance
+from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing, World
 from sim.panda.inverse import inverse
 from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 
+CELL = cell_as_shipped(TASK, "panda")
 XY_M = np.array([0.55, 0.0])
 PERIOD_S = 1 / 30
 
@@ -54,7 +59,7 @@ def run(lab: SimulatedLab, trial: int, attempt: int = 0) -> Trial:
     """One whole trial, as a session does it."""
     path = shove()
     lab.bench.place(XY_M, trial, attempt)
-    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], "panda"))
+    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
     lab.camera.start_recording()
     execution = lab.arm.execute(path)
     frames = tuple(lab.camera.stop_recording())
@@ -65,7 +70,7 @@ def run(lab: SimulatedLab, trial: int, attempt: int = 0) -> Trial:
 @pytest.fixture(scope="module")
 def shared() -> Iterator[SimulatedLab]:
     """For tests that place the object themselves, so none sees what another left."""
-    with SimulatedLab(TASK, world(), seed=7) as lab:
+    with SimulatedLab(TASK, world(), 7, CELL) as lab:
         yield lab
 
 
@@ -73,13 +78,13 @@ def test_a_trial_depends_on_seed_trial_and_attempt_alone(shared: SimulatedLab) -
     first, second = run(shared, 2), run(shared, 3)
     shared.bench.place(XY_M + 0.03, 1, 0)
     shared.camera.start_recording()  # and then the process dies; the next one starts from nothing
-    with SimulatedLab(TASK, world(), seed=7) as afresh:
+    with SimulatedLab(TASK, world(), 7, CELL) as afresh:
         again = run(afresh, 3)
     assert again.bytes_ == second.bytes_
     assert run(shared, 2).bytes_ == first.bytes_
     assert first.bytes_ != second.bytes_
     assert run(shared, 2, attempt=1).bytes_ != first.bytes_
-    with SimulatedLab(TASK, world(), seed=8) as other:
+    with SimulatedLab(TASK, world(), 8, CELL) as other:
         assert run(other, 2).bytes_ != first.bytes_
 
 
@@ -136,9 +141,9 @@ def test_a_free_motion_leaves_the_block_alone(shared: SimulatedLab) -> None:
     shared.bench.place(XY_M, 8, 0)
     before = shared.camera.snapshot()
     away = HOME_RAD + np.array([0.3, 0, 0, 0, 0, 0, 0])
-    shared.arm.execute(move_path(HOME_RAD, away, "panda"))
+    shared.arm.execute(move_path(HOME_RAD, away, LIMITS["panda"]))
     between = shared.camera.snapshot()
-    shared.arm.execute(move_path(away, HOME_RAD, "panda"))
+    shared.arm.execute(move_path(away, HOME_RAD, LIMITS["panda"]))
     after = shared.camera.snapshot()
     assert before.t_s < between.t_s < after.t_s
     assert (
@@ -169,7 +174,7 @@ def test_a_recording_must_have_been_started(shared: SimulatedLab) -> None:
 
 def test_frames_get_lost_where_the_world_says_so(shared: SimulatedLab) -> None:
     whole = run(shared, 12)
-    with SimulatedLab(TASK, world(Sensing(camera="small", frame_drop=0.3)), seed=7) as lossy:
+    with SimulatedLab(TASK, world(Sensing(camera="small", frame_drop=0.3)), 7, CELL) as lossy:
         kept = run(lossy, 12)
     times = [f.t_s for f in kept.frames]
     assert set(times) < {f.t_s for f in whole.frames}
@@ -178,7 +183,7 @@ def test_frames_get_lost_where_the_world_says_so(shared: SimulatedLab) -> None:
 
 def test_contact_declared_is_simulated_even_in_the_air(shared: SimulatedLab) -> None:
     shared.bench.place(XY_M, 13, 0)
-    path = move_path(HOME_RAD, HOME_RAD + 0.05, "panda")
+    path = move_path(HOME_RAD, HOME_RAD + 0.05, LIMITS["panda"])
     free = shared.arm.execute(path)
     np.testing.assert_array_equal(free.q_measured_rad, free.q_commanded_rad)
     shared.bench.place(XY_M, 13, 0)
@@ -227,15 +232,14 @@ def test_the_nominal_calibration_is_off_by_what_it_says() -> None:
     sensing = Sensing(extrinsic_error_mm=2.0, extrinsic_error_deg=0.2)
     shifts, turns = [], []
     for seed in range(200):
-        lab = SimulatedLab(TASK, world(sensing), seed)
-        nominal = lab.nominal_calibration()
+        nominal = nominal_of(world(sensing), seed)
         assert (nominal.sigma_mm, nominal.sigma_deg) == (2.0, 0.2)
-        error = np.linalg.inv(np.array(lab.truth()["X_BC"])) @ nominal.X_BC
+        error = np.linalg.inv(default_X_BC()) @ nominal.X_BC
         shifts.append(1e3 * np.linalg.norm(error[:3, 3]))
         turns.append(np.rad2deg(np.linalg.norm(cv2.Rodrigues(error[:3, :3])[0])))
     assert np.sqrt(np.mean(np.square(shifts))) == pytest.approx(2.0, rel=0.12)
     assert np.sqrt(np.mean(np.square(turns))) == pytest.approx(0.2, rel=0.12)
-    np.testing.assert_array_equal(lab.nominal_calibration().X_BC, lab.nominal_calibration().X_BC)
+    np.testing.assert_array_equal(nominal_of(world(sensing), seed).X_BC, nominal.X_BC)
 
 
 def test_streams_of_chance_are_all_different() -> None:
@@ -248,9 +252,9 @@ def test_streams_of_chance_are_all_different() -> None:
 
 def test_a_lab_needs_a_scene_and_its_own_world() -> None:
     with pytest.raises(ValueError, match="no lab"):
-        SimulatedLab(replace(TASK, build_scene=None), world(), 0)
+        SimulatedLab(replace(TASK, build_scene=None), world(), 0, CELL)
     with pytest.raises(ValueError, match="is of pushing, not of slider"):
-        SimulatedLab(TASK, replace(world(), task="pushing"), 0)
+        SimulatedLab(TASK, replace(world(), task="pushing"), 0, CELL)
 
 
 def test_trials_count_from_1(shared: SimulatedLab) -> None:

@@ -9,7 +9,7 @@ from perception.types import Outcome
 from sim.lab.cell import Cell
 from sim.lab.world import Faults, Sensing, World
 from sim.panda.planning import home, joint_path, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 BLADE_M = (0.10, 0.04)  # length, half width
@@ -28,7 +28,7 @@ def test_nominal_scoops_end_as_in_training() -> None:
         effects = task.unmodelled()
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
         motion = task.plan(context, action)
-        q_rad = joint_path(motion, task.X_FT, "panda", tool=held(task.X_FT, task.keep_clear)).q_rad
+        q_rad = joint_path(motion, task.X_FT, cell_as_shipped(task, "panda")).q_rad
         cell.reset(q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
         played = cell.simulate(motion.t_s, q_rad)
         times_s = task.observation.times_s
@@ -46,7 +46,8 @@ def test_nominal_scoops_end_as_in_training() -> None:
 @pytest.mark.slow
 def test_nominal_pushes_end_as_in_training() -> None:
     task = get_task("pushing")
-    q_home, tool, effects = home(task.X_FT), held(task.X_FT, task.keep_clear), task.unmodelled()
+    shipped, effects = cell_as_shipped(task, "panda"), task.unmodelled()
+    q_home = home(task.X_FT, shipped)
     rng = np.random.default_rng(0)
     agree, distance_mm = [], []
     for _ in range(20):
@@ -55,7 +56,7 @@ def test_nominal_pushes_end_as_in_training() -> None:
         )
         expected = task.simulate(parameters, context, action, nuisance)
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        path = trial_paths(task.plan(context, action), task.X_FT, "panda", q_home, tool=tool)[1]
+        path = trial_paths(task.plan(context, action), task.X_FT, shipped, q_home)[1]
         cell.reset(path.q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
         cell.simulate(path.t_s, path.q_rad)
         agree.append((cell.X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT))

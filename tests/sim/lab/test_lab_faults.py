@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from slider import HOME_RAD, TASK
-from test_lab import XY_M, run, shove, world
+from test_lab import CELL, XY_M, run, shove, world
 
 from hw.errors import ArmFault, CameraError, StoppedByPedal
+from hw.joint_limits import LIMITS
 from hw.types import JointPath
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing
@@ -15,13 +16,13 @@ from sim.panda.moves import move_path
 
 
 def lab_with(**faults: tuple[int, ...]) -> SimulatedLab:
-    return SimulatedLab(TASK, world(Sensing(camera="small"), Faults(**faults)), seed=3)
+    return SimulatedLab(TASK, world(Sensing(camera="small"), Faults(**faults)), 3, CELL)
 
 
 def until_task(lab: SimulatedLab, trial: int, attempt: int = 0) -> JointPath:
     path = shove()
     lab.bench.place(XY_M, trial, attempt)
-    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], "panda"))
+    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
     return path
 
 
@@ -36,7 +37,7 @@ def test_a_reflex_stops_the_task_path_of_its_trial() -> None:
         reached = np.abs(path.q_rad - q_rad).max(axis=1).argmin() / (len(path.t_s) - 1)
         assert 0.25 < reached < 0.65
         lab.arm.recover()
-        lab.arm.execute(move_path(q_rad, HOME_RAD, "panda"))
+        lab.arm.execute(move_path(q_rad, HOME_RAD, LIMITS["panda"]))
 
 
 def test_releasing_the_pedal_brakes_along_the_path() -> None:

@@ -11,6 +11,7 @@ import pytest
 from hw.collision import LEVEL, KeepOut
 from hw.contact import began
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 from sim.errors import NotExecutable, UnknownName
@@ -19,11 +20,13 @@ from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import FINGERTIPS, empty_hand
 from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 from sim.panda.touching import Bench, Probe, Stage, descent, stance
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-BENCH = Bench("panda", np.eye(4), empty_hand())
+CELL = cell_as_shipped(TASK, "panda").holding(empty_hand())
+BENCH = Bench(CELL, np.eye(4))
 XY_M = np.array([0.55, 0.1])
 PROBE = Probe("table", FINGERTIPS, XY_M, np.diag([1.0, -1.0, -1.0]))
 GUARD = BENCH.guard(FINGERTIPS, 4.0)
@@ -41,7 +44,7 @@ def world(mount: Mount = MOUNT, faults: Faults | None = None) -> World:
 
 
 def lab(of: World, things: tuple[KeepOut, ...] = ()) -> TouchLab:
-    return TouchLab(TASK, of, 3, home_q_rad=top_rad(), things=things)
+    return TouchLab(TASK, of, 3, CELL, home_q_rad=top_rad(), things=things)
 
 
 def height_m(q_rad: Array) -> float:
@@ -50,7 +53,7 @@ def height_m(q_rad: Array) -> float:
 
 
 def test_a_slow_touch_finds_the_true_table() -> None:
-    slow = descent(top_rad(), (Stage(0.0205, 0.015), Stage(0.010, 0.0025)), GUARD, 0.005, "panda")
+    slow = descent(top_rad(), (Stage(0.0205, 0.015), Stage(0.010, 0.0025)), GUARD, 0.005, CELL.arm)
     with lab(world()) as there:
         contact = there.arm.execute_until_contact(slow, GUARD)
         np.testing.assert_array_equal(there.arm.state().q_rad, top_rad())  # back where it began
@@ -63,7 +66,7 @@ def test_a_slow_touch_finds_the_true_table() -> None:
 
 
 def test_the_same_again_gives_the_same_and_another_touch_does_not() -> None:
-    fast = descent(top_rad(), DOWN, GUARD, 0.014, "panda")
+    fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
     with lab(world()) as one, lab(world()) as other:
         first, again = (there.arm.execute_until_contact(fast, GUARD) for there in (one, other))
         second = one.arm.execute_until_contact(fast, GUARD)
@@ -72,7 +75,7 @@ def test_the_same_again_gives_the_same_and_another_touch_does_not() -> None:
 
 
 def test_something_on_the_table_is_felt_early_and_nothing_not_at_all() -> None:
-    fast = descent(top_rad(), DOWN, GUARD, 0.014, "panda")
+    fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
     book = KeepOut("book", np.array([0.45, 0.0, 0.0]), np.array([0.65, 0.2, 0.012]))
     with lab(world(Mount()), (book,)) as there:
         assert height_m(there.arm.execute_until_contact(fast, GUARD).q_rad) == pytest.approx(0.012, abs=1e-3)
@@ -83,7 +86,7 @@ def test_something_on_the_table_is_felt_early_and_nothing_not_at_all() -> None:
 
 
 def test_faults_stop_it_and_need_recovery() -> None:
-    fast = descent(top_rad(), DOWN, GUARD, 0.014, "panda")
+    fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
     with lab(world(faults=Faults(arm_reflex=(1,), pedal_release=(2,)))) as there:
         with pytest.raises(ArmFault, match="reflex"):
             there.arm.execute_until_contact(fast, GUARD)
@@ -100,13 +103,13 @@ def test_faults_stop_it_and_need_recovery() -> None:
 
 def test_a_free_motion_into_the_table_is_a_fault() -> None:
     """The table stands 18 mm higher than the arm believes."""
-    low = descent(top_rad(), (Stage(0.012, 0.015),), GUARD, 0.0, "panda").q_rad[-1]
+    low = descent(top_rad(), (Stage(0.012, 0.015),), GUARD, 0.0, CELL.arm).q_rad[-1]
     with lab(world(Mount(table_height_mm=18.0))) as there, pytest.raises(ArmFault, match="hit the table"):
-        there.arm.execute(move_path(top_rad(), low, "panda", 0.2))
+        there.arm.execute(move_path(top_rad(), low, LIMITS["panda"], 0.2))
 
 
 def test_it_must_be_entered_and_contact_is_only_felt_out() -> None:
-    fast = descent(top_rad(), DOWN, GUARD, 0.014, "panda")
+    fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
     there = lab(world())
     with pytest.raises(DeviceUnavailable):
         there.arm.execute_until_contact(fast, GUARD)
@@ -117,7 +120,7 @@ def test_it_must_be_entered_and_contact_is_only_felt_out() -> None:
 def test_a_task_without_corners_has_no_touch_off() -> None:
     pushing = get_task("pushing")
     with pytest.raises(UnknownName, match="a touch-off is for scooping"):
-        TouchLab(pushing, load_world("wd", pushing), 0, home_q_rad=top_rad())
+        TouchLab(pushing, load_world("wd", pushing), 0, CELL, home_q_rad=top_rad())
 
 
 def test_a_place_out_of_reach_is_named() -> None:

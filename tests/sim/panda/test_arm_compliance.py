@@ -10,7 +10,7 @@ from hw.kinematics import jacobian
 from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD
 from sim.panda.model import add_panda
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks.scooping import TASK
 from sim.tasks.scooping.plan import VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.rollout import ARM
@@ -26,13 +26,13 @@ def arm_at_edge():
     add_panda(plant)
     plant.Finalize()
     context = plant.CreateDefaultContext()
-    tool = held(TASK.X_FT, TASK.keep_clear)
-    q_home_rad = home(TASK.X_FT, "panda", tool)
+    cell = cell_as_shipped(TASK, "panda")
+    q_home_rad = home(TASK.X_FT, cell)
     rng = np.random.default_rng(1)
     found = []
     for _ in range(3):
         motion = TASK.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
-        path = trial_paths(motion, TASK.X_FT, "panda", q_home_rad, tool=tool)[1]
+        path = trial_paths(motion, TASK.X_FT, cell, q_home_rad)[1]
         for t_s in TOUCHING_S:
             k = round(1000 * t_s)
             J = jacobian(path.q_rad[k], TASK.X_FT[:3, 3])[IN_PLANE]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from hw.kinematics import forward
-from hw.limits import check_path
 from hw.types import JointPath
 from perception.types import Outcome
 from sim.errors import NotExecutable
@@ -16,18 +15,17 @@ from sim.lab.cell import Cell
 from sim.lab.world import Faults, Sensing, World
 from sim.panda.carrying import GENTLE_M_S2, carry_path
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks.scooping import TASK
 
-TOOL = held(TASK.X_FT, TASK.keep_clear)
 ACTION = np.array([0.10, 0.05, 0.018])  # a gentle late scoop
 
 
 @cache
 def paths(model: str) -> tuple[JointPath, JointPath, JointPath]:
     motion = TASK.plan(TASK.reference_context, ACTION)
-    q_home = home(TASK.X_FT, model, TOOL, TASK.home_pitch_rad)
-    return trial_paths(motion, TASK.X_FT, model, q_home, tool=TOOL, carries=True)
+    cell = cell_as_shipped(TASK, model)
+    return trial_paths(motion, TASK.X_FT, cell, home(TASK.X_FT, cell, TASK.home_pitch_rad), carries=True)
 
 
 def lean_rad(path: JointPath) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +43,7 @@ def test_the_way_home_keeps_the_blade_tilted_back_and_level_across(model: str) -
     assert pitch.max() < max(ends) + 0.002
     assert np.abs(roll).max() < 0.002
     np.testing.assert_allclose(back.q_rad[0], task.q_rad[-1], atol=1e-9)
-    assert check_path(back, model, None, (), TOOL).ok
+    assert cell_as_shipped(TASK, model).check(back).ok
 
 
 def test_the_tool_travels_straight_and_never_speeds_up_by_more_than_a_round_piece_bears() -> None:
@@ -65,7 +63,7 @@ def test_an_arm_that_would_have_to_fold_otherwise_is_refused() -> None:
     flipped[1] = -q_to[1]
     far = np.array([flipped[0], flipped[1], flipped[2], -2.0, 0.5, 2.9, -0.5])
     with pytest.raises(NotExecutable):
-        carry_path(far, q_to, TASK.X_FT, "panda")
+        carry_path(far, q_to, TASK.X_FT, cell_as_shipped(TASK, "panda").arm)
 
 
 def test_an_olive_that_was_scooped_is_still_on_the_blade_at_home() -> None:
@@ -75,9 +73,10 @@ def test_an_olive_that_was_scooped_is_still_on_the_blade_at_home() -> None:
     expected = TASK.simulate(parameters, TASK.reference_context, action, nuisance)
     assert expected.outcome is Outcome.ON_BLADE
     cell = Cell(TASK, World("olive", TASK.name, "", parameters, nuisance, TASK.unmodelled(), Sensing(), Faults()))
-    q_home = home(TASK.X_FT, "panda", TOOL, TASK.home_pitch_rad)
+    shipped = cell_as_shipped(TASK, "panda")
+    q_home = home(TASK.X_FT, shipped, TASK.home_pitch_rad)
     motion = TASK.plan(TASK.reference_context, action)
-    _, path, back = trial_paths(motion, TASK.X_FT, "panda", q_home, tool=TOOL, carries=True)
+    _, path, back = trial_paths(motion, TASK.X_FT, shipped, q_home, carries=True)
     cell.reset(path.q_rad[0], TASK.rest_pose(TASK.reference_context, parameters, nuisance, None))
     for way in (path, back):
         cell.simulate(way.t_s, way.q_rad)

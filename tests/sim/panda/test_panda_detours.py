@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hw.collision import KeepOut, Table, camera_box, persons_side
-from hw.limits import check_path
+from hw.joint_limits import LIMITS
 from hw.types import Array, JointPath
+from hw.workcell import Workcell
 from sim.errors import NotExecutable
 from sim.panda.detours import free_path
 from sim.panda.moves import move_path
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-TOOL = held(TASK.X_FT, TASK.keep_clear)
+FREE = cell_as_shipped(TASK, "panda")
 LOW = np.array([-1.2, -1.0, -0.6, -2.7, -0.8, 1.0, -1.5])
 HIGH = np.array([1.2, 0.9, 0.6, -0.8, 0.8, 3.0, 2.0])
 
 
+def among(boxes: tuple[KeepOut, ...]) -> Workcell:
+    return replace(FREE, keep_out=boxes)
+
+
 def clear(q_rad: Array, boxes: tuple[KeepOut, ...]) -> bool:
     still = JointPath(np.array([0.0, 1e-3]), np.stack([q_rad, q_rad]))
-    return check_path(still, "panda", None, boxes, TOOL).ok
+    return among(boxes).check(still).ok
 
 
 def scene(rng: np.random.Generator) -> tuple[KeepOut, ...]:
@@ -38,7 +45,7 @@ def blocked(rng: np.random.Generator) -> tuple[Array, Array, tuple[KeepOut, ...]
     while True:
         boxes = scene(rng)
         ends = [q for q in rng.uniform(LOW, HIGH, (12, 7)) if clear(q, boxes)][:2]
-        if len(ends) == 2 and not check_path(move_path(*ends, "panda", 0.25), "panda", None, boxes, TOOL).ok:
+        if len(ends) == 2 and not among(boxes).check(move_path(*ends, LIMITS["panda"], 0.25)).ok:
             return ends[0], ends[1], boxes
 
 
@@ -47,11 +54,11 @@ def around(seeds: range) -> int:
     for seed in seeds:
         q_from, q_to, boxes = blocked(np.random.default_rng(seed))
         try:
-            path = free_path(q_from, q_to, "panda", TOOL, boxes)
+            path = free_path(q_from, q_to, among(boxes))
         except NotExecutable as error:
             assert "no way around" in str(error)
             continue
-        assert check_path(path, "panda", q_from, boxes, TOOL).ok
+        assert among(boxes).check(path, q_from).ok
         np.testing.assert_allclose(path.q_rad[-1], q_to)
         found += 1
     return found
@@ -68,7 +75,7 @@ def test_nearly_all_random_blocked_motions_go_around() -> None:
 
 def test_a_free_way_is_straight() -> None:
     q_from, q_to = (LOW + HIGH) / 2.0, (LOW + HIGH) / 2.0 + 0.2
-    path, direct = free_path(q_from, q_to, "panda", TOOL), move_path(q_from, q_to, "panda", 0.25)
+    path, direct = free_path(q_from, q_to, FREE), move_path(q_from, q_to, LIMITS["panda"], 0.25)
     np.testing.assert_array_equal(path.q_rad, direct.q_rad)
 
 
@@ -76,6 +83,6 @@ def test_what_stands_where_the_arm_shall_go_is_named() -> None:
     q_from, q_to = (LOW + HIGH) / 2.0, (LOW + HIGH) / 2.0 + 0.2
     wall = KeepOut("wall", np.array([0.3, -1.0, 0.0]), np.array([2.0, 1.0, 2.0]))
     with pytest.raises(NotExecutable, match=r"not clear where it starts: keep-out of .* and wall"):
-        free_path(q_from, q_to, "panda", TOOL, (wall,))
+        free_path(q_from, q_to, among((wall,)))
     with pytest.raises(NotExecutable, match="not clear"):
-        free_path(q_from, q_to, "panda", TOOL, (), Table(0.5))
+        free_path(q_from, q_to, FREE.over(Table(0.5)))

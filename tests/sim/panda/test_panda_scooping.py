@@ -5,10 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hw.limits import require
 from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
-from sim.panda.tool import held
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -16,10 +15,10 @@ TASK = get_task("scooping")
 
 def check(context: tuple[float, ...], action: tuple[float, ...], model: str) -> None:
     assert TASK.plan is not None
-    tool = held(TASK.X_FT, TASK.keep_clear)
+    cell = cell_as_shipped(TASK, model)
     motion = TASK.plan(np.array(context), np.array(action))
-    paths = trial_paths(motion, TASK.X_FT, model, home(TASK.X_FT, model), tool=tool)
-    reports = [require(path, model, path.q_rad[0], tool=tool) for path in paths]
+    paths = trial_paths(motion, TASK.X_FT, cell, home(TASK.X_FT, cell))
+    reports = [cell.require(path, path.q_rad[0]) for path in paths]
     assert reports[1].joint_ratio <= ALLOWED
 
 

@@ -1,0 +1,66 @@
+"""How a rigid body weighs: mass, centre of mass and inertia in one frame, and how bodies add up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.types import Array, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class Mass:
+    """The mass of a rigid body, in a frame that the owner names."""
+
+    kg: float
+    com_m: Array  # (3,) centre of mass
+    inertia_kg_m2: Array  # (3, 3) about the centre of mass
+
+    def __post_init__(self) -> None:
+        """Raises ValueError: a negative mass, or an inertia that no body has."""
+        if not self.kg >= 0.0:
+            raise ValueError(f"a mass of {self.kg:g} kg: it must be 0 or more")
+        object.__setattr__(self, "com_m", frozen_array(self.com_m, (3,), "centre of mass"))
+        inertia = frozen_array(self.inertia_kg_m2, (3, 3), "inertia")
+        if np.abs(inertia - inertia.T).max() > 1e-9 or np.linalg.eigvalsh(inertia).min() < -1e-12:
+            raise ValueError(f"inertia {inertia.tolist()} kg m²: it must be symmetric and not negative")
+        object.__setattr__(self, "inertia_kg_m2", inertia)
+
+    def placed(self, X: Array) -> Mass:
+        """The same body in another frame, in which its present frame stands at `X` (4, 4)."""
+        R = X[:3, :3]
+        inertia = R @ self.inertia_kg_m2 @ R.T
+        return Mass(self.kg, R @ self.com_m + X[:3, 3], (inertia + inertia.T) / 2.0)
+
+    def __add__(self, other: Mass) -> Mass:
+        """Both bodies as one, by the parallel axis theorem."""
+        kg = self.kg + other.kg
+        if kg == 0.0:
+            return self
+        com_m = (self.kg * self.com_m + other.kg * other.com_m) / kg
+        return Mass(kg, com_m, self._about(com_m) + other._about(com_m))
+
+    def _about(self, p_m: Array) -> Array:
+        off = self.com_m - p_m
+        return np.asarray(self.inertia_kg_m2 + self.kg * (off @ off * np.eye(3) - np.outer(off, off)))
+
+
+NOTHING = Mass(0.0, np.zeros(3), np.zeros((3, 3)))
+"""What an empty hand holds."""
+
+
+def box(kg: float, size_m: ArrayLike, centre_m: ArrayLike) -> Mass:
+    """An even box with edges `size_m` (3,) along the axes around `centre_m` (3,)."""
+    squares = np.square(np.asarray(size_m, dtype=np.float64))
+    return Mass(kg, np.asarray(centre_m), np.diag(kg / 12.0 * (squares.sum() - squares)))
+
+
+def bar(kg: float, start_m: ArrayLike, end_m: ArrayLike, edge_m: float) -> Mass:
+    """An even bar from `start_m` (3,) to `end_m` (3,), square across with that edge."""
+    start, end = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
+    length = float(np.linalg.norm(end - start))
+    along = np.outer(end - start, end - start) / length**2
+    across = kg / 12.0 * (length**2 + edge_m**2)
+    return Mass(kg, (start + end) / 2.0, across * (np.eye(3) - along) + kg / 6.0 * edge_m**2 * along)

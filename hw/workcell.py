@@ -1,0 +1,124 @@
+"""The one value that says where an arm may move, and the check of a motion against it.
+
+Two kinds of joint positions differ by the joint zeros: those that the arm reports and is commanded, and the true ones.
+Every `JointPath` holds reported joints. Joint limits count for these, because the arm itself enforces them there.
+Geometry counts for the true ones, because that is where the arm is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.braking import check_braking
+from hw.collision import KeepOut, Table, Tool
+from hw.errors import MotionRefused
+from hw.joint_limits import LIMITS, JointLimits
+from hw.kinematics import JOINTS
+from hw.limits import (
+    LimitReport,
+    contact_checks,
+    geometry_checks,
+    joint_checks,
+    refuse_beyond,
+    start_check,
+)
+from hw.types import Array, JointPath, frozen_array
+
+STOPS_AT_N = 80.0
+"""Where an arm stops by itself as it ships: the default of `hw.franka.settings`, and of the simulated lab."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """Which arm it is, and what it does not know of its own joints."""
+
+    limits: JointLimits  # of the joints that it reports
+    zeros_rad: Array  # (7,) true joints are those reported plus these
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "zeros_rad", frozen_array(self.zeros_rad, (JOINTS,), "joint zeros"))
+
+    @property
+    def name(self) -> str:
+        """ "panda" or "fr3"."""
+        return self.limits.model
+
+    def true_rad(self, q_rad: ArrayLike) -> Array:
+        """Reported joints (..., 7) -> the true ones."""
+        return np.asarray(np.asarray(q_rad, dtype=np.float64) + self.zeros_rad)
+
+    def reported_rad(self, q_rad: ArrayLike) -> Array:
+        """True joints (..., 7) -> what the arm reports there."""
+        return np.asarray(np.asarray(q_rad, dtype=np.float64) - self.zeros_rad)
+
+    def true(self, path: JointPath) -> JointPath:
+        """A path that the arm takes -> the same in true joints."""
+        return replace(path, q_rad=self.true_rad(path.q_rad))
+
+    def reported(self, path: JointPath) -> JointPath:
+        """A path in true joints -> as the arm takes it."""
+        return replace(path, q_rad=self.reported_rad(path.q_rad))
+
+    def in_true_joints(self) -> ArmModel:
+        """The same arm for somebody who plans in true joints: the limits move along, the zeros are gone."""
+        low_rad, high_rad = self.true_rad(self.limits.q_min_rad), self.true_rad(self.limits.q_max_rad)
+        return ArmModel(replace(self.limits, q_min_rad=low_rad, q_max_rad=high_rad), np.zeros(JOINTS))
+
+
+def arm_model(name: str, zeros_rad: ArrayLike) -> ArmModel:
+    """The arm "panda" or "fr3" with its joint zeros (7,). Raises ValueError for another name."""
+    if name not in LIMITS:
+        raise ValueError(f"{name!r} is no arm that is known: it is one of {', '.join(LIMITS)}")
+    return ArmModel(LIMITS[name], np.asarray(zeros_rad))
+
+
+@dataclass(frozen=True, eq=False)
+class Workcell:
+    """Everything that decides whether a motion is allowed: which arm, what it holds, what stands around it."""
+
+    arm: ArmModel
+    tool: Tool
+    table: Table  # where the table top is taken to be
+    keep_out: tuple[KeepOut, ...]
+    stops_at_N: float  # the contact force along any axis at which this arm stops by itself
+
+    def __post_init__(self) -> None:
+        if not self.stops_at_N > 0.0:
+            raise ValueError(f"the arm stops by itself at {self.stops_at_N:g} N: this must be above 0")
+
+    def check(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
+        """Everything that an arm refuses: joint limits, rest, start, self-collision, boxes, table, contact.
+
+        `q_now_rad` (7,) is where the arm reports to be now; without it the start is not checked.
+        """
+        start = [] if q_now_rad is None else [start_check(path, q_now_rad)]
+        geometry = geometry_checks(self.arm.true(path), self.tool, self.table, self.keep_out)
+        contact = contact_checks(path, self.tool, self.stops_at_N)
+        return LimitReport(self.arm.name, (*joint_checks(path, self.arm.limits), *start, *geometry, *contact))
+
+    def require(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
+        """`check`, and a stop along the path at any time. Raises MotionRefused with every broken limit."""
+        report = self.check(path, q_now_rad)
+        refuse_beyond(report)
+        stops = check_braking(path, self.arm.limits)
+        if not stops.ok:
+            late_s = float(stops.at_s[~np.isfinite(stops.duration_s)][0])
+            raise MotionRefused(
+                f"{self.arm.name}: no stop along the path from t = {late_s:.3f} s keeps the limits; slow it down"
+            )
+        return report
+
+    def holding(self, tool: Tool) -> Workcell:
+        """The same with another tool on the flange."""
+        return replace(self, tool=tool)
+
+    def over(self, table: Table) -> Workcell:
+        """The same with the table top elsewhere."""
+        return replace(self, table=table)
+
+    def in_true_joints(self) -> Workcell:
+        """The same for somebody who plans in true joints: a path passes here if its reported one passes `self`."""
+        return replace(self, arm=self.arm.in_true_joints())

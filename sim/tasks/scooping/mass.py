@@ -1,0 +1,19 @@
+"""The mass of the turner, in its frame T.
+
+The whole weighs what the example of a rig file says (docs/rig.md, `[tools.scooping.payload]`); of that the blade weighs
+what the scene gives it, and the rest is spread evenly along neck and handle.
+"""
+
+from __future__ import annotations
+
+from hw.mass import bar, box
+from sim.tasks.scooping.handle import HANDLE_M, NECK_M, ROOT_M, UP
+from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M
+from sim.tasks.scooping.scene import BLADE_MASS_KG
+
+TURNER_KG = 0.12
+_HANDLE_EDGE_M = 0.02
+
+TOOL_MASS = box(BLADE_MASS_KG, (BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M), (-BLADE_LENGTH_M / 2, 0.0, -EDGE_M / 2)) + bar(
+    TURNER_KG - BLADE_MASS_KG, ROOT_M, ROOT_M + (NECK_M + HANDLE_M) * UP, _HANDLE_EDGE_M
+)

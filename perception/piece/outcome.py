@@ -13,6 +13,8 @@ from perception.types import Outcome
 
 BLADE_LENGTH_M, BLADE_WIDTH_M = 0.10, 0.08
 """The blade's face in the tool frame T: x from -length to 0, |y| up to half the width, at z = 0."""
+BEHIND_M = 0.010
+"""So far behind the root of the blade a piece may be: there the neck of the tool holds it."""
 ABOVE_FACE_M = 0.001
 """The centre of what lies on the blade is at least so much above its face."""
 _LAST_S = 0.20  # the end is the median over the last frames of so much time
@@ -33,7 +35,7 @@ class Verdict:
 def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy) -> Verdict:
     """Outcome from centres (N, 3) and tool poses (N, 4, 4) at `t_s` (N,) since the start of a motion.
 
-    On the blade: over 1 mm above its face and inside of its outline. Lost: not seen in the last frames, or
+    On the blade: over 1 mm above its face and inside of its outline, or held by the neck behind it. Lost: not seen in the last frames, or
     below the table top. Else on the table. Near the boundary, or still moving, is flagged.
     """
     last = t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1]))
@@ -43,7 +45,7 @@ def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s
     centre = np.median(state_m[last], axis=0)
     if not seen.any() or centre[2] < -max(proxy.half_m):
         return Verdict(Outcome.LOST, end, ("out of sight at the end",))
-    inside_m = float(min(end[0] + BLADE_LENGTH_M, -end[0], BLADE_WIDTH_M / 2 - abs(end[1])))
+    inside_m = float(min(end[0] + BLADE_LENGTH_M + BEHIND_M, -end[0], BLADE_WIDTH_M / 2 - abs(end[1])))
     above_m = float(end[2] - ABOVE_FACE_M)
     on_blade = inside_m >= 0 and 0 <= above_m <= 2 * max(proxy.half_m) + 0.02
     flags = list(_doubts(inside_m, above_m, centre[2] - min(proxy.half_m), bool(on_blade)))

@@ -13,7 +13,7 @@ _FAR_COST = 0.2
 
 
 def succeeded(track: ObjectTrack) -> bool:
-    """The piece ended on the blade: over 1 mm above its face and inside its outline."""
+    """The piece ended on the blade: over 1 mm above its face and inside its outline, or held by the neck."""
     return track.outcome is Outcome.ON_BLADE
 
 

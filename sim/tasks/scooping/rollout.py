@@ -42,6 +42,9 @@ LATEST_S = DURATION_S + SETTLE_S
 STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
 """The flag of a piece that is judged while it moves."""
 
+BEHIND_M = 0.010
+"""So far behind the root of the blade a piece may be: there the neck holds it."""
+
 _ASIDE_M = 0.02
 
 
@@ -132,6 +135,6 @@ def _carried(motion: ToolMotion, from_s: float, to_s: Array, p_B_m: Array) -> Ar
 
 
 def _outcome(p_BO_m: Array, p_TO_m: Array) -> Outcome:
-    if p_TO_m[2] > 0.001 and -BLADE_LENGTH_M <= p_TO_m[0] <= 0.0 and abs(p_TO_m[1]) <= BLADE_WIDTH_M / 2:
+    if p_TO_m[2] > 0.001 and -BLADE_LENGTH_M - BEHIND_M <= p_TO_m[0] <= 0.0 and abs(p_TO_m[1]) <= BLADE_WIDTH_M / 2:
         return Outcome.ON_BLADE
     return Outcome.ON_TABLE if p_BO_m[2] > 0.0 else Outcome.LOST

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from fr3_process import Fr3Process, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -18,9 +17,6 @@ from sim.lab import READY_RAD, SimulatedLab
 from sim.panda.moves import move_path
 from sim.tasks import get_task
 from sim.world import Faults, load_world
-
-sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # shared with the tests of that arm
-from fr3_process import Fr3Process, arm_at, fr3
 
 AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
 from sink import READY, Sink
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused

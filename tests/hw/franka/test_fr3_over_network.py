@@ -13,8 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
 from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal

@@ -108,5 +108,6 @@ class Bench(Protocol):
 
         `attempt` counts the operator's redos of that trial, from 0. The object ends up near there;
         the camera says where. A simulated bench derives all its randomness from (seed, trial, attempt).
+        Raises ValueError for a trial under 1, an attempt under 0, or a place that is not two finite numbers.
         """
         ...

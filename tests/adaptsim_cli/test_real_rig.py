@@ -160,7 +160,7 @@ def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch:
 def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     typing(monkeypatch, "panda")
     bare, clock, screen = FakeArm(READY_RAD, FakeClock()), FakeClock(), quiet()
-    pedal = ToyPedal([False, False, False, True])
+    pedal = ToyPedal([False, False, False, True]).__enter__()
     with ConfirmedArm(bare, "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
         arm.execute(STILL)
         assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)

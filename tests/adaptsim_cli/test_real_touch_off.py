@@ -103,7 +103,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
 
 def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
     bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock()), FakeClock(), quiet()
-    pedal = ToyPedal([False, True])
+    pedal = ToyPedal([False, True]).__enter__()
     feeling = FakeGuardedArm(bare, TOOL, LEVEL)
     arm = ConfirmedArm(feeling, "panda", screen, pedal, table="empty", now_s=clock.now_s, pause=clock.sleep)
     with arm:

@@ -96,7 +96,9 @@ def board_lab() -> Scene:
     """The rendered camera of calibrations: it films motions alone, and connects together with its arm."""
     task, board = get_task("scooping"), Board()
     held = HeldBoard(draw(board, 112), board.size_m)
-    built = CalibrationLab(task, replace(_small(load_world("wd", task)), faults=Faults()), 0, held, home_q_rad=READY_RAD)
+    built = CalibrationLab(
+        task, replace(_small(load_world("wd", task)), faults=Faults()), 0, held, home_q_rad=READY_RAD
+    )
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
 
     def swing() -> None:

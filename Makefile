@@ -1,9 +1,9 @@
 # Everything a newcomer or CI needs; the tools live in .venv and nothing else is touched.
 #
 #   make demo    one scooping iteration in the simulated lab, ending in a report
-#   make test    the default tests (make test-slow: the long ones)
+#   make test    the default tests (make test-slow: the long ones; make test-lowest: with the oldest packages allowed)
 #
-# Variables: PYTHON (3.11 or 3.12), TORCH_INDEX (address of PyTorch's CPU wheel index, where pip finds no CPU wheel itself)
+# Variables: PYTHON (3.11, 3.12 or 3.13), TORCH_INDEX (address of PyTorch's CPU wheel index, where pip finds no CPU wheel itself)
 
 PYTHON ?= python3
 VENV   := .venv
@@ -12,14 +12,14 @@ STAMP  := $(VENV)/.installed
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow check format bench lock clean system
+.PHONY: setup demo test test-slow test-lowest check format bench lock clean system
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml requirements.lock
 	@$(MAKE) --no-print-directory system
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else f"adaptsim needs Python 3.11 or 3.12, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"adaptsim needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
 	$(if $(TORCH_INDEX),$(BIN)/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
 	$(BIN)/python -m pip install --quiet --requirement requirements.lock
@@ -48,6 +48,14 @@ test: $(STAMP)
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10
 
+# Every package that pyproject.toml names, at the lowest version that it allows.
+test-lowest:
+	rm -rf .venv-lowest && $(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet uv
+	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
+	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
+	.venv-lowest/bin/python -m pytest -n 2
+
 check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -65,9 +73,9 @@ bench: $(STAMP)
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet '.[dev]'
-	{ echo "# Exact versions of everything, for Python 3.11 and 3.12 on Linux x86-64. Made by make lock."; \
-	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed 's/+cpu$$//' ; } > requirements.lock
+	{ echo "# Exact versions of everything, for Python 3.11 to 3.13 on Linux x86-64. Made by make lock."; \
+	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed -e 's/+cpu$$//' -e "s/^pylibfranka==.*/&; python_version < '3.13'/" ; } > requirements.lock
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lock .venv-lowest build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

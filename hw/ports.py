@@ -75,21 +75,28 @@ class Hand(Protocol):
 
 
 class Camera(Protocol):
-    """A fixed RGB-D camera at 30 FPS."""
+    """A fixed RGB-D camera at 30 FPS. Leaving it ends a recording. Before entering, images raise DeviceUnavailable."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exc: object) -> None: ...
 
-    def model(self) -> CameraModel: ...
+    def model(self) -> CameraModel:
+        """The factory calibration, known once the camera was entered."""
+        ...
 
     def snapshot(self) -> Frame:
         """One frame, now. Raises CameraError."""
         ...
 
-    def start_recording(self) -> None: ...
+    def start_recording(self) -> None:
+        """Keep every frame from now on. Raises CameraError when a recording runs."""
+        ...
 
     def stop_recording(self) -> Sequence[Frame]:
-        """All frames since `start_recording`, in order of time. Raises CameraError."""
+        """All frames since `start_recording`, in order of time.
+
+        Raises CameraError when no recording runs, or too much of it was lost; the recording is over either way.
+        """
         ...
 
 
@@ -101,5 +108,6 @@ class Bench(Protocol):
 
         `attempt` counts the operator's redos of that trial, from 0. The object ends up near there;
         the camera says where. A simulated bench derives all its randomness from (seed, trial, attempt).
+        Raises ValueError for a trial under 1, an attempt under 0, or a place that is not two finite numbers.
         """
         ...

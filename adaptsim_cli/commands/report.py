@@ -15,7 +15,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page of a session: rewards, parameters, trajectories, camera frames.
 
-    Example: adaptsim report scooping-ood-1-adaptsim-0
+    Example: adaptsim report scooping-ood-1-adaptsim-seed0
     """
     from adaptsim_cli import config, console
     from adaptsim_cli.report import page

@@ -36,7 +36,7 @@ def list_sessions(as_json: _Json = False) -> None:
 def show(name: _Name, as_json: _Json = False) -> None:
     """Every completed trial and iteration of a session.
 
-    Example: adaptsim sessions show scooping-ood-1-adaptsim-0
+    Example: adaptsim sessions show scooping-ood-1-adaptsim-seed0
     """
     from adaptsim_cli import config, console, views
     from adaptsim_cli.session import store, summary
@@ -58,7 +58,7 @@ def redo(
 ) -> None:
     """Mark a trial bad: the next run-iteration does it again, and adapts again from what then counts.
 
-    Example: adaptsim sessions redo scooping-ood-1-adaptsim-0 3 --reason "the piece was touched"
+    Example: adaptsim sessions redo scooping-ood-1-adaptsim-seed0 3 --reason "the piece was touched"
     """
     from adaptsim_cli import config, console
     from adaptsim_cli.session import redoing, store

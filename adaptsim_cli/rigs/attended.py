@@ -20,6 +20,7 @@ from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from hw.errors import BalanceError
+from hw.placing import Placing
 from hw.ports import Arm
 from hw.types import Array
 from perception.types import Outcome
@@ -32,7 +33,8 @@ class Person:
     """`hw.ports.Bench`: a person, who has put the object down when the operator's question about it was answered."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        return
+        """See `hw.ports.Bench`."""
+        Placing(xy_m, trial, attempt)
 
 
 class Scales:

@@ -1,10 +1,10 @@
 """Scripted arm, hand, camera, bench and clock: no physics, no pictures of their own, no waiting."""
 
 from hw.fake.arm import FakeArm
-from hw.fake.bench import FakeBench, Placing
+from hw.fake.bench import FakeBench
 from hw.fake.camera import FakeCamera
 from hw.fake.clock import FakeClock
 from hw.fake.guarded import FakeGuardedArm
 from hw.fake.hand import FakeHand
 
-__all__ = ["FakeArm", "FakeBench", "FakeCamera", "FakeClock", "FakeGuardedArm", "FakeHand", "Placing"]
+__all__ = ["FakeArm", "FakeBench", "FakeCamera", "FakeClock", "FakeGuardedArm", "FakeHand"]

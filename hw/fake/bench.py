@@ -2,18 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from hw.types import Array, frozen_array
-
-
-@dataclass(frozen=True, eq=False)
-class Placing:
-    """One request."""
-
-    xy_m: Array  # (2,)
-    trial: int
-    attempt: int
+from hw.placing import Placing
+from hw.types import Array
 
 
 class FakeBench:
@@ -23,4 +13,5 @@ class FakeBench:
         self.placed: list[Placing] = []
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        self.placed.append(Placing(frozen_array(xy_m, (2,), "xy_m"), trial, attempt))
+        """See `hw.ports.Bench`."""
+        self.placed.append(Placing(xy_m, trial, attempt))

@@ -36,6 +36,8 @@ class FakeCamera:
 
     def start_recording(self) -> None:
         self._need_connection()
+        if self._running:
+            raise CameraError("the camera is recording already: call stop_recording first")
         self._running = True
 
     def stop_recording(self) -> Sequence[Frame]:

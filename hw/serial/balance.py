@@ -106,8 +106,9 @@ class Balance:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        if self._line is not None:
-            self._line.close()
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
 
     def mass_kg(self) -> float:
         """The stable mass on the pan. A balance that was unplugged is looked for again at the next call.
@@ -115,7 +116,7 @@ class Balance:
         Raises BalanceError (no number to be had, or unplugged), DeviceUnavailable (no answer).
         """
         if self._line is None:
-            raise DeviceUnavailable("the balance is not connected")
+            raise DeviceUnavailable("the balance is not connected: enter it with `with` first")
         try:
             if not self._line.is_open:
                 self._line = self._opened()

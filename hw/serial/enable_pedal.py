@@ -58,10 +58,12 @@ class EnablePedal:
 
     def enabled(self) -> bool:
         """Whether motion is allowed at this moment."""
-        return not self._lost and self._state.enabled(time.monotonic())
+        return not self._lost and not self._closing.is_set() and self._state.enabled(time.monotonic())
 
     def why_not(self) -> str:
         """What to tell the operator when it is not."""
+        if self._closing.is_set():
+            return "the pedal is not connected any more"
         return self._lost or self._state.why_not(time.monotonic())
 
     def _listen(self) -> None:

@@ -35,8 +35,8 @@ class Verdict:
 def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy) -> Verdict:
     """Outcome from centres (N, 3) and tool poses (N, 4, 4) at `t_s` (N,) since the start of a motion.
 
-    On the blade: over 1 mm above its face and inside of its outline, or held by the neck behind it. Lost: not seen in the last frames, or
-    below the table top. Else on the table. Near the boundary, or still moving, is flagged.
+    On the blade: over 1 mm above its face and inside of its outline, or held by the neck behind it. Lost: not seen in
+    the last frames, or below the table top. Else on the table. Near the boundary, or still moving, is flagged.
     """
     last = t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1]))
     in_tool = np.array([transform(inverse(X), p) for X, p in zip(X_BT[last], state_m[last], strict=True)])

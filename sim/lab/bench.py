@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hw.types import Array, frozen_array
+from hw.placing import Placing
+from hw.types import Array
 from sim.lab.room import Room
 
 
@@ -13,7 +14,6 @@ class LabBench:
         self._room = room
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.Bench`. Raises ValueError for a trial under 1 or an attempt under 0."""
-        if trial < 1 or attempt < 0:
-            raise ValueError(f"trial {trial}, attempt {attempt}: trials count from 1 and attempts from 0")
-        self._room.place(frozen_array(xy_m, (2,), "xy_m"), trial, attempt)
+        """See `hw.ports.Bench`."""
+        asked = Placing(xy_m, trial, attempt)
+        self._room.place(asked.xy_m, asked.trial, asked.attempt)

@@ -203,7 +203,7 @@ class _BoardCamera:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._state.connected = False
+        self._state.connected, self._state.shots = False, None
 
     def model(self) -> CameraModel:
         return kinect_model("small" if self._state.world.sensing.camera == "small" else "kinect")
@@ -218,6 +218,8 @@ class _BoardCamera:
 
     def start_recording(self) -> None:
         self._state.need_connection()
+        if self._state.shots is not None:
+            raise CameraError("the camera is recording already: call stop_recording first")
         self._state.shots = []
 
     def stop_recording(self) -> tuple[Frame, ...]:

@@ -32,6 +32,7 @@ class LabCamera:
 
     def __exit__(self, *exc: object) -> None:
         self._connected = False
+        self._room.recording_since_s, self._room.shots = None, []
 
     def model(self) -> CameraModel:
         return kinect_model("small" if self._room.world.sensing.camera == "small" else "kinect")
@@ -45,6 +46,8 @@ class LabCamera:
 
     def start_recording(self) -> None:
         self._need_connection()
+        if self._room.recording_since_s is not None:
+            raise CameraError("the camera is recording already: call stop_recording first")
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:

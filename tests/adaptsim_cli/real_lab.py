@@ -112,21 +112,24 @@ class Untouched:
 
 @dataclass
 class ToyPedal:
-    """`held` says for each look in turn whether it is pressed; the last stays."""
+    """`held` says for each look in turn whether it is pressed; the last stays. Not entered, it enables nothing."""
 
     held: list[bool] = field(default_factory=lambda: [True])
     port: str = ""
+    connected: bool = False
 
     def __enter__(self) -> Self:
+        self.connected = True
         return self
 
-    def __exit__(self, *exc: object) -> None: ...
+    def __exit__(self, *exc: object) -> None:
+        self.connected = False
 
     def enabled(self) -> bool:
-        return self.held.pop(0) if len(self.held) > 1 else self.held[0]
+        return self.connected and (self.held.pop(0) if len(self.held) > 1 else self.held[0])
 
     def why_not(self) -> str:
-        return "the pedal is released"
+        return "the pedal is released" if self.connected else "the pedal is not connected"
 
 
 @dataclass
@@ -134,13 +137,18 @@ class ToyBalance:
     """Gives the masses in turn; None is a pan that still moves."""
 
     masses_kg: list[float | None]
+    connected: bool = False
 
     def __enter__(self) -> Self:
+        self.connected = True
         return self
 
-    def __exit__(self, *exc: object) -> None: ...
+    def __exit__(self, *exc: object) -> None:
+        self.connected = False
 
     def mass_kg(self) -> float:
+        if not self.connected:
+            raise DeviceUnavailable("the balance is not connected: enter it with `with` first")
         mass = self.masses_kg.pop(0)
         if mass is None:
             raise BalanceError("the balance is not at rest")

@@ -1,16 +1,21 @@
-"""README and docs against the program: commands parse, links lead somewhere, pictures are there and small."""
+"""README, docs and `--help` against the program.
+
+Commands and examples parse and name what exists, links lead somewhere, pictures are there and small.
+"""
 
 from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 import typer
 
-from adaptsim_cli import app
+from adaptsim_cli import app, config
+from adaptsim_cli.session.conduct import default_name
 from sim.lab.world import list_worlds
 from sim.tasks import get_task
 
@@ -19,6 +24,7 @@ DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 GUIDE_PICTURES = sorted((ROOT / "docs/figures").glob("guide-*"))
 FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^(?:\$ )?(?:[A-Z][A-Z0-9_]*=\S* )*(adaptsim(?: .*)?)$")
+EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PLACEHOLDER = re.compile(r"[A-Z]+")
 NUMBERS = {"N", "TRIAL"}
@@ -53,6 +59,43 @@ def parse(line: str) -> dict[str, object]:
     return dict(node.make_context(node.name, words, parent=context.parent).params)
 
 
+def helps(node: typer.core.TyperGroup, name: str = "adaptsim") -> Iterator[tuple[str, str]]:
+    """(name, help) of every command at or under `node`, without its groups."""
+    for word, command in node.commands.items():
+        if isinstance(command, typer.core.TyperGroup):
+            if command.invoke_without_command:
+                yield f"{name} {word}", command.help or ""
+            yield from helps(command, f"{name} {word}")
+        else:
+            yield f"{name} {word}", command.help or ""
+
+
+HELPS = dict(helps(typer.main.get_command(app.app)))  # type: ignore[arg-type]
+EXAMPLES = [line for text in HELPS.values() for line in EXAMPLE.findall(text)]
+
+
+def world_missing(found: dict[str, object]) -> str:
+    """Why the world that these parameters name is none of their task's; empty when it is one, or a file."""
+    task, world = str(found.get("task") or "scooping"), str(found.get("world") or "wd")
+    if PLACEHOLDER.fullmatch(task) or PLACEHOLDER.fullmatch(world) or "/" in world or world.endswith(".toml"):
+        return ""
+    known = list_worlds(get_task(task))
+    return "" if world in known else f"no world {world} of {task}, known: {', '.join(known)}"
+
+
+def sessions_of_the_readme(home: Path) -> set[str]:
+    """The sessions that its commands begin, on a machine without settings."""
+    names = set[str]()
+    for line in commands((ROOT / "README.md").read_text(encoding="utf-8")):
+        if not line.startswith("adaptsim run-iteration"):
+            continue
+        found = parse(line)
+        flags = {key: value for key, value in found.items() if key in config.Config.__dataclass_fields__}
+        settings = config.load(flags, {"ADAPTSIM_HOME": str(home)}, home).config
+        names.add(str(found.get("session") or default_name(settings)))
+    return names
+
+
 def shown(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
@@ -66,14 +109,25 @@ def test_every_command_parses(document: Path) -> None:
         except typer.TyperException as error:
             wrong.append(f"{line}: {error.format_message()}")
             continue
-        task, world = str(found.get("task") or "scooping"), str(found.get("world") or "wd")
-        if PLACEHOLDER.fullmatch(task):
-            continue
-        if "/" not in world and not world.endswith(".toml") and not PLACEHOLDER.fullmatch(world):
-            known = list_worlds(get_task(task))
-            if world not in known:
-                wrong.append(f"{line}: no world {world} of {task}, known: {', '.join(known)}")
+        if missing := world_missing(found):
+            wrong.append(f"{line}: {missing}")
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("command", HELPS)
+def test_every_help_ends_with_one_example_of_its_own_command(command: str) -> None:
+    (example,) = EXAMPLE.findall(HELPS[command])
+    assert f"{example} ".startswith(f"{command} ")
+    assert HELPS[command].rstrip().endswith(example)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_example_of_help_parses_and_names_what_can_exist(example: str, tmp_path: Path) -> None:
+    found = parse(example)
+    assert not world_missing(found)
+    session = found.get("name" if example.startswith("adaptsim sessions") else "session")
+    if session is not None:
+        assert session in sessions_of_the_readme(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of the limits
 from cells import cell
 from real_lab import (
     READY_RAD,
@@ -164,7 +161,7 @@ def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch:
 def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     typing(monkeypatch, "panda")
     bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
-    pedal = ToyPedal([False, False, False, True])
+    pedal = ToyPedal([False, False, False, True]).__enter__()
     with ConfirmedArm(bare, "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
         arm.execute(STILL)
         assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)

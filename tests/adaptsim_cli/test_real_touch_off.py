@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
 from cells import cell
 from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 from real_lab import (
@@ -110,7 +107,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
 
 def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
     bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL)), FakeClock(), quiet()
-    pedal = ToyPedal([False, True])
+    pedal = ToyPedal([False, True]).__enter__()
     feeling = FakeGuardedArm(bare, LEVEL)
     arm = ConfirmedArm(feeling, "panda", screen, pedal, table="empty", now_s=clock.now_s, pause=clock.sleep)
     with arm:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from cells import cell
+from fr3_process import Fr3Process, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -20,11 +20,6 @@ from sim.lab.world import Faults, load_world
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of the limits
-sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # and of that arm
-from cells import cell
-from fr3_process import Fr3Process, arm_at, fr3
 
 AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
 

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
-sys.path.append(str(Path(__file__).parents[1] / "hw" / "franka"))  # and of that arm
 from cells import cell
 from fr3_process import Fr3Process, arm_at, fr3
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("hw/franka", "adaptsim_cli")]
 from fr3_process import Fr3Process, own_host
 from lab_session import WORLD, environment
 from real_lab import calibration

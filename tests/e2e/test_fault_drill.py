@@ -10,14 +10,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "adaptsim_cli"))
 from lab_session import digest
 from toy_rig import ToyLab, toy_parts
 

@@ -5,16 +5,12 @@ What is beyond a limit is judged by the maker's numbers as written here and by p
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cells import cell
-
-sys.path.append(str(Path(__file__).parent / "franka"))
 from sink import Sink
 
 from hw.errors import MotionRefused

@@ -3,84 +3,30 @@
 from __future__ import annotations
 
 import os
-import pty
 import threading
-import time
-import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
+from serial_lines import Box, Line, boxed, plugged_in, until
 
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.serial import balance as balances
 from hw.serial.balance import Balance, sbi_mass_kg, sics_mass_kg
 from hw.serial.enable_pedal import EnablePedal
-from hw.serial.pedal_protocol import PERIOD_S, crc8, line_for
-
-
-class Line:
-    """A serial line; the test holds the device's end."""
-
-    def __init__(self) -> None:
-        self.device, self._program = pty.openpty()
-        tty.setraw(self.device)
-        tty.setraw(self._program)
-        self.port = os.ttyname(self._program)
-
-    def unplug(self) -> None:
-        for end in (self.device, self._program):
-            if end >= 0:
-                os.close(end)
-        self.device = self._program = -1
-
-
-class Box(threading.Thread):
-    """The pedal's box: a line every 20 ms."""
-
-    def __init__(self, line: Line) -> None:
-        super().__init__(daemon=True)
-        self._line, self._ended = line, threading.Event()
-        self.pressed, self.silent = False, False
-        self.release_sent_s = 0.0
-
-    def run(self) -> None:
-        counter, was = 0, False
-        while not self._ended.wait(PERIOD_S):
-            pressed = self.pressed
-            if not self.silent:
-                os.write(self._line.device, line_for(counter, pressed))
-            if was and not pressed:
-                self.release_sent_s = time.monotonic()
-            was, counter = pressed, counter + 1
-
-    def stop(self) -> None:
-        self._ended.set()
-        self.join()
+from hw.serial.pedal_protocol import PERIOD_S, crc8
 
 
 @pytest.fixture
 def line() -> Iterator[Line]:
-    made = Line()
-    yield made
-    made.unplug()
+    with plugged_in() as made:
+        yield made
 
 
 @pytest.fixture
 def box(line: Line) -> Iterator[Box]:
-    made = Box(line)
-    made.start()
-    yield made
-    made.stop()
-
-
-def until(condition: Callable[[], bool], within_s: float = 2.0) -> float:
-    """Seconds until it holds. Fails when it does not come to hold."""
-    began = time.monotonic()
-    while not condition():
-        assert time.monotonic() - began < within_s, "it never came to hold"
-        threading.Event().wait(0.0005)
-    return time.monotonic() - began
+    with boxed(line) as made:
+        yield made
 
 
 def test_hold_to_run(line: Line, box: Box) -> None:
@@ -228,9 +174,9 @@ def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeyp
 def test_a_balance_that_takes_no_question_is_said(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(balances, "ASK_S", 0.05)
     with Balance(line.port, "mt-sics") as balance:
-        os.set_blocking(line._program, False)
+        os.set_blocking(line.program, False)
         with suppress(BlockingIOError):
             while True:  # until the line is full, as of a balance that holds its handshake
-                os.write(line._program, b"S\r\n")
+                os.write(line.program, b"S\r\n")
         with pytest.raises(BalanceError, match="cannot be asked"):
             balance.mass_kg()

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
 from sdk_fake import Q_RAD, FakeSdk, FrankaException, NetworkException
 
 from hw.franka.connection import Connection

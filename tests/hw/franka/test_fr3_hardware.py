@@ -8,15 +8,11 @@ fingertips at least 60 mm over the table, nobody in reach, a hand at the stop bu
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1]))
 from cells import cell
 
 from hw.errors import NoContact

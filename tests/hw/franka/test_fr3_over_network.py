@@ -13,9 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
-sys.path.append(str(Path(__file__).parents[1]))
 from cells import cell
 from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
-sys.path.append(str(Path(__file__).parents[1]))
 from fr3_process import Fr3Process, HandPedal, arm_at, fr3
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 

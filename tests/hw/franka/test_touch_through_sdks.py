@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent))
-sys.path.append(str(Path(__file__).parents[1]))
 from cells import cell
 from fr3_process import HandPedal
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down

@@ -1,0 +1,87 @@
+"""What every bench does: the fake one, the lab's, and a person's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from sim.world import load_world
+
+from adaptsim_cli.rigs.attended import Person
+from hw.fake import FakeBench
+from hw.ports import Bench
+from hw.types import Array
+from sim.lab import SimulatedLab
+from sim.tasks import get_task
+
+XY_M = np.array([0.68, 0.03])
+NEAR_M = 0.02
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A bench, and where the object came to lie; None where only a camera could say."""
+
+    bench: Bench
+    lies_m: Callable[[], Array] | None = None  # (2,) in the base frame
+
+
+def fake() -> Kind:
+    bench = FakeBench()
+    return Kind(bench, lambda: bench.placed[-1].xy_m)
+
+
+def lab() -> Kind:
+    task = get_task("scooping")
+    built = SimulatedLab(task, load_world("wd", task), seed=0)
+    return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
+
+
+KINDS = {"fake": fake, "lab": lab, "person": lambda: Kind(Person())}
+SEEN = ("fake", "lab")
+
+
+@pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize(("trial", "attempt"), [(0, 0), (-1, 0), (1, -1)])
+def test_trials_count_from_1_and_attempts_from_0(make: Callable[[], Kind], trial: int, attempt: int) -> None:
+    bench = make().bench
+    with pytest.raises(ValueError, match="trials count from 1 and attempts from 0"):
+        bench.place(XY_M, trial, attempt)
+    bench.place(XY_M, 1, 0)
+
+
+@pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize("xy_m", [np.zeros(3), np.zeros((1, 2)), np.array([np.nan, 0.0])])
+def test_a_place_is_two_finite_coordinates(make: Callable[[], Kind], xy_m: Array) -> None:
+    with pytest.raises(ValueError, match="xy_m"):
+        make().bench.place(xy_m, 1, 0)
+
+
+@pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
+def test_the_callers_array_stays_the_callers(make: Callable[[], Kind]) -> None:
+    kind, xy_m = make(), XY_M.copy()
+    kind.bench.place(xy_m, 1, 0)
+    np.testing.assert_array_equal(xy_m, XY_M)
+    before = None if kind.lies_m is None else kind.lies_m()
+    xy_m[:] = 0.0
+    if kind.lies_m is not None:
+        np.testing.assert_array_equal(kind.lies_m(), before)
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_the_object_lies_near_and_where_depends_on_trial_and_attempt_alone(name: str) -> None:
+    def placed(order: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:
+        kind, found = KINDS[name](), {}
+        assert kind.lies_m is not None
+        for trial, attempt in order:
+            kind.bench.place(XY_M, trial, attempt)
+            found[trial, attempt] = kind.lies_m()
+        return found
+
+    order = [(1, 0), (1, 1), (2, 0)]
+    forwards, backwards = placed(order), placed(order[::-1])
+    for key in order:
+        assert np.linalg.norm(forwards[key] - XY_M) < NEAR_M
+        np.testing.assert_array_equal(forwards[key], backwards[key])

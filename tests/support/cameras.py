@@ -1,0 +1,211 @@
+"""Every camera of the program before a scene that a test steers: simulated, recorded, driven over a stand-in, real."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Self, TypeVar
+
+import numpy as np
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames
+from perception.board_types import Board
+from sim.world import Faults, Sensing, World, load_world
+
+from hw.camera.k4a import KinectCamera, open_kinect
+from hw.camera.k4a_device import ColourSettings
+from hw.camera.replay import RecordedCamera, Take
+from hw.errors import CameraError
+from hw.fake import FakeCamera
+from hw.ports import Camera
+from hw.types import CameraModel, Frame, Intrinsics
+from perception.board import draw
+from sim.lab import READY_RAD, SimulatedLab
+from sim.lab.board import HeldBoard
+from sim.lab.calibrating import CalibrationLab
+from sim.panda.moves import move_path
+from sim.tasks import get_task
+
+Answer = TypeVar("Answer")
+RATE_HZ = 30.0
+MODEL = CameraModel(
+    "000123",
+    Intrinsics(8, 6, np.array([[10.0, 0, 4], [0, 10.0, 3], [0, 0, 1]])),
+    Intrinsics(4, 3, np.array([[5.0, 0, 2], [0, 5.0, 1], [0, 0, 1]])),
+    np.eye(4),
+)
+
+
+def _nothing() -> None:
+    return
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A camera, and what a test may do before it."""
+
+    camera: Camera
+    passes: Callable[[], None] = _nothing  # some time, with something to film
+    now_s: Callable[[], float] | None = None  # the arm's clock; None: the camera's frames are of another time
+    spoil: Callable[[], None] | None = None  # the recording that begins next fails; None: recordings never do
+    rate_hz: float = RATE_HZ
+
+
+def _blank(t_s: float) -> Frame:
+    return Frame(t_s, np.zeros((6, 8, 3), np.uint8), np.zeros((3, 4), np.uint16))
+
+
+def _film(start_s: float) -> tuple[Frame, ...]:
+    return tuple(_blank(start_s + i / RATE_HZ) for i in range(6))
+
+
+def fake() -> Scene:
+    spoilt: list[bool] = []
+
+    def recording(number: int) -> tuple[Frame, ...]:
+        if spoilt:
+            spoilt.clear()
+            raise CameraError("no frame within 1 s")
+        return _film(10.0 * number)
+
+    return Scene(FakeCamera(MODEL, _blank(1.0), recording), spoil=lambda: spoilt.append(True))
+
+
+def recorded() -> Scene:
+    return Scene(RecordedCamera(MODEL, [Take(_blank(t_s), _film(t_s)) for t_s in (10.0, 20.0, 30.0)]))
+
+
+def _small(world: World) -> World:
+    """With a camera of a quarter of the resolution, which fails in its second trial or picture."""
+    return replace(world, sensing=Sensing(camera="small"), faults=Faults(camera_timeout=(2,)))
+
+
+def lab() -> Scene:
+    """The rendered camera of trials. Nothing moves, so a recording shows the piece at rest."""
+    task = get_task("scooping")
+    built = SimulatedLab(task, _small(load_world("wd", task)), seed=0)
+    xy_m = np.array([0.68, 0.0])
+    built.bench.place(xy_m, trial=1, attempt=0)
+    arm = built.arm.__enter__()
+    return Scene(built.camera, now_s=lambda: arm.state().t_s, spoil=lambda: built.bench.place(xy_m, 2, 0))
+
+
+def board_lab() -> Scene:
+    """The rendered camera of calibrations: it films motions alone, and connects together with its arm."""
+    task, board = get_task("scooping"), Board()
+    held = HeldBoard(draw(board, 112), board.size_m)
+    built = CalibrationLab(
+        task, replace(_small(load_world("wd", task)), faults=Faults()), 0, held, home_q_rad=READY_RAD
+    )
+    away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
+
+    def swing() -> None:
+        q_rad = built.arm.state().q_rad
+        there_rad = away_rad if np.allclose(q_rad, READY_RAD) else READY_RAD
+        built.arm.execute(move_path(q_rad, there_rad, "panda"))
+
+    return Scene(built.camera, swing, lambda: built.arm.state().t_s, rate_hz=15.0)
+
+
+class StagedKinect:
+    """A `KinectCamera` on the stand-in of libk4a, and somebody who shows it captures whenever it waits for one."""
+
+    def __init__(self) -> None:
+        settings = ColourSettings()
+        self._library = _library()
+        self._camera = KinectCamera(
+            None,
+            settings,
+            latency_s=DELAY_S - 0.5e-6 * settings.exposure_us,
+            library=lambda: self._library,
+            now_s=self.now_s,
+        )
+        self._next_s = self.now_s()  # middle of the next exposure
+        self.loses = False  # every other capture of the next film
+
+    def now_s(self) -> float:
+        return self._library.clock.now_s()
+
+    def __enter__(self) -> Self:
+        started, self._library = self.now_s(), _library()
+        self._library.clock.advance_to(started)
+        self._next_s = started
+        with ThreadPoolExecutor(1) as pool:
+            entering = pool.submit(self._camera.__enter__)
+            self.show(20)
+            entering.result()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._library.end()
+        self._camera.__exit__()
+        assert not self._library.handles
+        assert not self._library.open
+
+    def model(self) -> CameraModel:
+        return self._camera.model()
+
+    def snapshot(self) -> Frame:
+        return self._while_shown(self._camera.snapshot)
+
+    def start_recording(self) -> None:
+        self._camera.start_recording()
+
+    def stop_recording(self) -> Sequence[Frame]:
+        return self._while_shown(self._camera.stop_recording)
+
+    def show(self, count: int) -> None:
+        shown = frames(self._next_s, count)
+        self._next_s += count * PERIOD_S
+        self._library.show(*(shown[::2] if self.loses else shown))
+
+    def film(self) -> None:
+        self.show(12)
+        self.loses = False
+
+    def spoil(self) -> None:
+        self.loses = True
+
+    def _while_shown(self, ask: Callable[[], Answer]) -> Answer:
+        """`ask`, and show captures once it has looked at the clock; none when it was refused before."""
+        asked = self._library.clock.asked
+        asked.clear()
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(ask)
+            answer.add_done_callback(lambda _: asked.set())
+            asked.wait()
+            if not answer.done():
+                self.show(3)
+            return answer.result()
+
+
+def _library() -> FakeK4a:
+    """A stand-in whose camera has the calibration that fits its images of 64 x 48 and 40 x 36."""
+    made = FakeK4a("A1")
+    raw = made.calibration
+    sizes = ((raw.color_camera_calibration, 64, 48), (raw.depth_camera_calibration, 40, 36))
+    for camera, width, height in sizes:
+        camera.resolution_width, camera.resolution_height = width, height
+        camera.intrinsics.parameters[:4] = [width / 2, height / 2, 60.0, 60.0]
+    for source in raw.extrinsics:
+        for pose in source:
+            pose.rotation[:] = np.eye(3).ravel().tolist()
+    return made
+
+
+def kinect() -> Scene:
+    staged = StagedKinect()
+    return Scene(staged, staged.film, staged.now_s, staged.spoil)
+
+
+def real_kinect() -> Scene:
+    """The camera that is plugged in, or the one with the serial number in ADAPTSIM_TEST_CAMERA."""
+    camera = open_kinect(os.environ.get("ADAPTSIM_TEST_CAMERA"))
+
+    def pictures() -> None:
+        for _ in range(10):
+            camera.snapshot()
+
+    return Scene(camera, pictures, time.monotonic)

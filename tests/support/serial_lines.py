@@ -1,0 +1,95 @@
+"""Serial lines without devices: a pseudo-terminal, the pedal's box and a balance at its other end."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from hw.serial.pedal_protocol import PERIOD_S, line_for
+
+PATIENCE_S = 10.0
+
+
+class Line:
+    """A serial line; the test holds the device's end."""
+
+    def __init__(self) -> None:
+        self.device, self.program = pty.openpty()
+        tty.setraw(self.device)
+        tty.setraw(self.program)
+        self.port = os.ttyname(self.program)
+
+    def unplug(self) -> None:
+        for end in (self.device, self.program):
+            if end >= 0:
+                os.close(end)
+        self.device = self.program = -1
+
+
+@contextmanager
+def plugged_in() -> Iterator[Line]:
+    line = Line()
+    try:
+        yield line
+    finally:
+        line.unplug()
+
+
+class Box(threading.Thread):
+    """The pedal's box: a line every 20 ms."""
+
+    def __init__(self, line: Line) -> None:
+        super().__init__(daemon=True)
+        self._line, self._ended = line, threading.Event()
+        self.pressed, self.silent = False, False
+
+    def run(self) -> None:
+        counter = 0
+        while not self._ended.wait(PERIOD_S):
+            if not self.silent:
+                os.write(self._line.device, line_for(counter, self.pressed))
+            counter += 1
+
+    def stop(self) -> None:
+        self._ended.set()
+        self.join()
+
+
+@contextmanager
+def boxed(line: Line) -> Iterator[Box]:
+    box = Box(line)
+    box.start()
+    try:
+        yield box
+    finally:
+        box.stop()
+
+
+@contextmanager
+def answering(line: Line, answers: Sequence[bytes]) -> Iterator[list[bytes]]:
+    """A balance that gives these answers in turn, one to each question. Yields the questions that it was asked."""
+    asked: list[bytes] = []
+
+    def answer() -> None:
+        for text in answers:
+            asked.append(os.read(line.device, 16))
+            os.write(line.device, text)
+
+    device = threading.Thread(target=answer, daemon=True)
+    device.start()
+    yield asked
+    device.join(PATIENCE_S)
+    assert not device.is_alive(), f"{len(asked)} of {len(answers)} questions were asked"
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Return when it holds. Fails when it does not come to hold: the other end is a thread of its own."""
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < PATIENCE_S, "it never came to hold"
+        threading.Event().wait(0.0005)

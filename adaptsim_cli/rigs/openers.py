@@ -40,6 +40,8 @@ class RealArm(GuardedArm, Protocol):
 
 
 class OpenArm(Protocol):
+    """Makes the arm of a rig, not connected; it refuses what comes near `keep_out` or `table`."""
+
     def __call__(
         self,
         model: str,
@@ -53,6 +55,8 @@ class OpenArm(Protocol):
 
 
 class OpenCamera(Protocol):
+    """Makes the camera of a rig, not connected; `infrared` asks for that image in every frame."""
+
     def __call__(self, part: CameraPart, *, infrared: bool) -> Camera: ...
 
 

@@ -1,0 +1,1 @@
+"""Methods that adaptation is compared with."""

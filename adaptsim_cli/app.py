@@ -72,6 +72,7 @@ def options(
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
+    """Options that come before every command."""
     if debug:
         os.environ["ADAPTSIM_DEBUG"] = "1"
 
@@ -96,6 +97,7 @@ def main() -> None:
 
 
 def documented_errors() -> tuple[type[BaseException], ...]:
+    """The errors that `run` turns into a message and an exit code; any other is a defect."""
     return tuple(kind for kind, _ in _codes())
 
 

@@ -32,12 +32,14 @@ def number(value: float) -> str:
 
 
 def values(space: Space, point: Array) -> str:
+    """A point of a space in words: every dimension with its value and unit."""
     return ", ".join(
         f"{d.name} {number(v)}{' ' + d.unit if d.unit else ''}" for d, v in zip(space.dimensions, point, strict=True)
     )
 
 
 def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
+    """The head of an iteration: hardware, task, number and session."""
     where = f"iteration {iteration + 1} of session {facts.name}"
     return Group(badge(facts.hw, hardware), Text(task.title[:1].upper() + task.title[1:], style="bold"), Text(where))
 
@@ -50,6 +52,7 @@ def badge(hw: str, hardware: str) -> Text:
 
 
 def checks(found: Sequence[Check]) -> RenderableType:
+    """The checklist before a session, one row a check."""
     table = _table()
     for check in found:
         table.add_row(Text("ok", "green") if check.ok else Text("FAILED", "bold red"), check.name, check.detail)
@@ -57,6 +60,7 @@ def checks(found: Sequence[Check]) -> RenderableType:
 
 
 def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> RenderableType:
+    """The head of a trial: number, attempt and particle."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     head = Text.assemble(
         (f"Trial {stage.key.number}", "bold"),
@@ -72,6 +76,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
 
 
 def proposal(task: Task, made: Proposal) -> RenderableType:
+    """The proposed action, and its expected outcome."""
     expected = made.prediction
     lines = (
         *_where(task, made.context),
@@ -92,6 +97,7 @@ def _where(task: Task, context: Array) -> tuple[str, ...]:
 
 
 def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
+    """The result of a trial beside its prediction."""
     style = "green" if record.reward > 0 else "yellow"
     result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
@@ -159,6 +165,7 @@ def rows(head: Sequence[str], body: Iterable[Sequence[str]], right: Sequence[int
 
 
 def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+    """The table of `sessions list`."""
     body = [
         (
             str(s["session"]),
@@ -174,6 +181,7 @@ def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
 
 
 def session(shown: Mapping[str, Any]) -> RenderableType:
+    """The tables of `sessions show`."""
     facts = shown["facts"]
     head = Text.assemble((facts["name"], "bold"), f"   {facts['task']}, {facts['hw']}, world {facts['world']}, ")
     head.append(f"method {facts['method']}, seed {facts['seed']}")

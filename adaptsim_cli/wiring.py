@@ -128,6 +128,7 @@ def _sha256(array: Array) -> str:
 
 
 def versions() -> dict[str, str]:
+    """The versions of Python and of the packages that results depend on."""
     found = {name: importlib.metadata.version(name) for name in _VERSIONED}
     return {"python": platform.python_version(), **found}
 

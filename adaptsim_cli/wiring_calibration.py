@@ -49,6 +49,7 @@ def calibration_key(config: Config) -> str:
 
 
 def calibrations(config: Config, places: Places) -> CalibrationStore:
+    """The calibrations kept for the rig or world of these settings."""
     return CalibrationStore(places.calibrations / calibration_key(config))
 
 
@@ -177,6 +178,7 @@ def ways(cell: Workcell, home_rad: Array) -> Ways:
 
 
 def camera_box(X_BC: Array) -> tuple[KeepOut, ...]:
+    """The box around a camera at `X_BC` (4, 4), into which the arm never goes."""
     return (collision.camera_box(X_BC),)
 
 

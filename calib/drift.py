@@ -47,6 +47,7 @@ class Known:
 
 
 def known(solution: Solution) -> Known:
+    """The part of a solution that a later check compares with."""
     offsets = np.zeros(0) if solution.joints is None else solution.joints.offsets_rad
     return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
 

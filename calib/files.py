@@ -73,6 +73,7 @@ def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None 
 
 
 def setup_file(record: SetupRecord) -> bytes:
+    """The bytes of setup.toml."""
     return tomli_w.dumps(record.model_dump(exclude_none=True)).encode()
 
 
@@ -88,6 +89,7 @@ def as_setup(record: SetupRecord) -> Setup:
 
 
 def depth_intrinsics(record: SetupRecord) -> Intrinsics | None:
+    """The depth camera's pinhole model; None where the setup has none."""
     return record.depth.intrinsics() if record.depth else None
 
 

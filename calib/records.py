@@ -24,6 +24,8 @@ Matrix = tuple[Numbers, ...]
 
 
 class Record(BaseModel):
+    """Base of everything that a calibration stores: frozen, finite, and unknown keys are an error."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 

@@ -37,6 +37,8 @@ class ViewOutcome(Record):
 
 
 class CheckRecord(Record):
+    """One check or gate as stored."""
+
     name: str
     verdict: str
     message: str
@@ -57,6 +59,8 @@ class CheckRecord(Record):
 
 
 class OffsetsRecord(Record):
+    """The joint offsets as estimated, and whether the calibration uses them."""
+
     adopted: bool
     reason: str
     offsets_rad: Numbers
@@ -65,6 +69,8 @@ class OffsetsRecord(Record):
 
 
 class UncertaintyRecord(Record):
+    """How far off the camera's pose may be; 95 % of calibrations are better than the values named so."""
+
     sigma_mm: float
     sigma_deg: float
     position_95_mm: float
@@ -77,6 +83,8 @@ class UncertaintyRecord(Record):
 
 
 class MethodRecord(Record):
+    """How far a closed-form method lies from the solution."""
+
     name: str
     from_solution_mm: float
     from_solution_deg: float

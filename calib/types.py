@@ -226,6 +226,8 @@ class Solution:
 
 
 class Verdict(StrEnum):
+    """What a check says about a calibration."""
+
     GOOD = "good"
     SUSPECT = "suspect"  # said aloud, does not forbid
     BAD = "bad"  # forbids

@@ -108,4 +108,5 @@ def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactW
 
 
 def joint_spline(path: JointPath) -> CubicSpline:
+    """The path between its samples: a cubic spline in rad over seconds, at rest at both ends."""
     return CubicSpline(path.t_s, path.q_rad, bc_type="clamped")

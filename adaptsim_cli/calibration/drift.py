@@ -45,6 +45,7 @@ def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: 
 
 
 def as_json(found: Drift) -> dict[str, Any]:
+    """The comparison for `calibrate check --json`; `X_BC_now` is 4 x 4, in metres."""
     return {
         "moved": found.moved,
         "rms_px": found.rms_px,

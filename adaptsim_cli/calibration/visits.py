@@ -26,6 +26,8 @@ GUIDED = 20
 
 
 class Arrival(Enum):
+    """How a visit to one place ended."""
+
     THERE = "at the place, at rest as far as known"
     LEFT_OUT = "this place cannot be had, the next may"
     ENOUGH = "no more places: the operator has enough"

@@ -7,6 +7,8 @@ from enum import Enum
 
 
 class Verdict(Enum):
+    """How bad a finding is: MISSING alone keeps an iteration from running."""
+
     OK = "ok"
     ADVICE = "advice"  # it works, but better not like this
     MISSING = "missing"  # an iteration cannot run
@@ -25,16 +27,20 @@ class Finding:
 
 
 def ok(group: str, name: str, detail: str) -> Finding:
+    """All is well; nothing to mend."""
     return Finding(group, name, Verdict.OK, detail)
 
 
 def advice(group: str, name: str, detail: str, fix: str) -> Finding:
+    """It works, not recommended; `fix` is recommended."""
     return Finding(group, name, Verdict.ADVICE, detail, fix)
 
 
 def missing(group: str, name: str, detail: str, fix: str) -> Finding:
+    """An iteration cannot run before `fix` is done."""
     return Finding(group, name, Verdict.MISSING, detail, fix)
 
 
 def skipped(group: str, name: str, why: str) -> Finding:
+    """Not looked at; `why` says the reason."""
     return Finding(group, name, Verdict.SKIPPED, why)

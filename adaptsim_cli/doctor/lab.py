@@ -62,6 +62,7 @@ def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], .
 
 
 def no_pedal() -> Finding:
+    """The advice for a rig file without a pedal."""
     fix = "docs/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
     return advice(DEVICES, "pedal", "the rig file names none: only the arm's own stop button ends a motion", fix)
 

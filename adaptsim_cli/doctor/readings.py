@@ -19,6 +19,7 @@ _TRIES, _PATIENCE_S, _DESK_PORT = 20, 0.5, 443
 
 
 def installed(package: str) -> str | None:
+    """The version of an installed package; None where it is not installed."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -26,6 +27,7 @@ def installed(package: str) -> str | None:
 
 
 def loads(library: str) -> bool:
+    """Whether the dynamic linker finds and loads a library of this name."""
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -114,6 +116,8 @@ class Limits:
 
 
 def limits() -> Limits:
+    """The soft limits of this process; infinity where there is none."""
+
     def soft(kind: int) -> float:
         value = resource.getrlimit(kind)[0]
         return float("inf") if value == resource.RLIM_INFINITY else float(value)
@@ -136,6 +140,7 @@ class Port:
 
 
 def port(path: Path) -> Port:
+    """The serial port at `path`, looked at but not opened."""
     if not path.exists():
         return Port(False, False, "dialout")
     owner = path.stat().st_gid

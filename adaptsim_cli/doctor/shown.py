@@ -44,6 +44,7 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
 
 
 def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
+    """The checklist for `doctor --json`."""
     checks = [
         {"group": f.group, "name": f.name, "verdict": f.verdict.value, "detail": f.detail, "fix": f.fix} for f in found
     ]

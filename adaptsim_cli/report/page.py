@@ -42,6 +42,8 @@ class Shot:
 
 @dataclass(frozen=True)
 class TrialView:
+    """One trial as the page shows it."""
+
     record: TrialRecord
     strip: tuple[Shot, ...]
     overlay: str  # data URL, "" where there is none
@@ -62,6 +64,8 @@ class TrialView:
 
 @dataclass(frozen=True)
 class IterationView:
+    """One iteration as the page shows it; `result` is None while it runs."""
+
     number: int  # from 1
     particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
     trials: tuple[TrialView, ...]

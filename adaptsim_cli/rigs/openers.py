@@ -41,10 +41,14 @@ class RealArm(GuardedArm, Protocol):
 
 
 class OpenArm(Protocol):
+    """Makes the arm of a rig, not connected; it refuses what `cell` does not allow."""
+
     def __call__(self, cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None) -> RealArm: ...
 
 
 class OpenCamera(Protocol):
+    """Makes the camera of a rig, not connected; `infrared` asks for that image in every frame."""
+
     def __call__(self, part: CameraPart, *, infrared: bool) -> Camera: ...
 
 

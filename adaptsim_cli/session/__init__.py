@@ -1,0 +1,1 @@
+"""A session: what is asked, done and stored for every trial and iteration."""

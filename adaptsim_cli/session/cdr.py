@@ -88,19 +88,23 @@ class Writer:
 
 
 def compressed_image(t_ns: int, frame: str, layout: str, content: bytes) -> bytes:
+    """A ROS 2 CompressedImage; `layout` is its format, such as "jpeg"."""
     return Writer().header(t_ns, frame).string(layout).blob(content).message()
 
 
 def joint_state(t_ns: int, names: Sequence[str], position: Sequence[float]) -> bytes:
+    """A ROS 2 JointState of positions in rad, without velocities and efforts."""
     writer = Writer().header(t_ns, "").strings(names).doubles(position, counted=True)
     return writer.count(0).count(0).message()
 
 
 def point(t_ns: int, frame: str, xyz: Sequence[float]) -> bytes:
+    """A ROS 2 PointStamped; `xyz` in metres in `frame`."""
     return Writer().header(t_ns, frame).doubles(xyz, counted=False).message()
 
 
 def transform(t_ns: int, parent: str, child: str, xyz: Sequence[float], xyzw: Sequence[float]) -> bytes:
+    """A ROS 2 TFMessage with one pose of `child` in `parent`: metres and a unit quaternion."""
     writer = Writer().count(1).header(t_ns, parent).string(child)
     return writer.doubles(xyz, counted=False).doubles(xyzw, counted=False).message()
 

@@ -46,6 +46,8 @@ class InSimulation:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedReady:
+    """A simulated target with its context set, ready to plan."""
+
     target: InSimulation
     drawn: Array
     overlay: None = None
@@ -60,6 +62,8 @@ class SimulatedReady:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPlan:
+    """A simulated trial that waits to be executed."""
+
     target: InSimulation
     context: Array
     action: Array
@@ -82,6 +86,8 @@ class SimulatedPlan:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTrial:
+    """A simulated trial that was executed; nothing stops one."""
+
     trajectory: ObjectTrack
     stopped: None = None
 
@@ -91,6 +97,8 @@ class SimulatedTrial:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedReplay:
+    """A stored simulated trial, read again."""
+
     trajectory: ObjectTrack
     looking: str = "Reading the trajectory"
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
+    """One line of the checklist before a session."""
+
     name: str
     ok: bool
     detail: str  # what was found, and where not ok what to do

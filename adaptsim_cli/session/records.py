@@ -24,6 +24,8 @@ Samples = tuple[Row, ...]
 
 
 class Record(BaseModel):
+    """Base of everything that a session stores: frozen, and unknown keys are an error."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -38,12 +40,14 @@ class DimensionRecord(Record):
 
 
 def as_records(space: Space) -> tuple[DimensionRecord, ...]:
+    """The dimensions of a space, in order."""
     return tuple(
         DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale) for d in space.dimensions
     )
 
 
 def as_space(dimensions: tuple[DimensionRecord, ...]) -> Space:
+    """The space that `as_records` wrote down."""
     return Space(tuple(Dimension(d.name, d.unit, d.low, d.high, d.scale) for d in dimensions))
 
 
@@ -175,6 +179,8 @@ class RigFacts(Record):
 
 
 class BestRecord(Record):
+    """The particle with the highest mean reward so far, and the 95 % interval of that mean."""
+
     params: dict[str, float]
     mean_reward: float
     trials: int
@@ -209,6 +215,7 @@ def to_json(record: Record) -> bytes:
 
 
 def to_toml(record: Record) -> bytes:
+    """A record as the bytes of a TOML file."""
     return tomli_w.dumps(record.model_dump(mode="json")).encode()
 
 
@@ -241,10 +248,12 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def corrupt(path: Path, why: str) -> SessionError:
+    """The error for a damaged file, with the way out."""
     return SessionError(
         f"{path} is corrupt or incomplete ({why}). Restore it from a copy, or start another session with --session"
     )
 
 
 def as_row(array: Array) -> Row:
+    """An array of any shape as one flat row of floats."""
     return tuple(float(x) for x in np.asarray(array).ravel())

@@ -53,6 +53,7 @@ def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord]
 
 
 def named(names: Sequence[str], values: Row | np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, float]:
+    """Values by the names of their dimensions. Raises ValueError where their numbers differ."""
     return dict(zip(names, (float(v) for v in values), strict=True))
 
 

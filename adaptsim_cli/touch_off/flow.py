@@ -180,6 +180,7 @@ def _feel(
 
 
 def take_tool(rig: TouchRig, operator: Operator) -> None:
+    """Let the operator put the tool between the fingers, and grasp it. Raises TouchOffFailed, HandError."""
     rig.hand.move(_OPEN_M)
     operator.hand_over(rig)
     rig.tool_there(True)

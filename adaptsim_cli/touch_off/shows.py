@@ -38,6 +38,7 @@ def touched(number: int, of: int, name: str, heights_m: Sequence[float], expecte
 
 
 def pressing(force_N: float) -> RenderableType:
+    """The line before the tool is pressed on the table."""
     return Text(f"  Slip check: pressing with {force_N:.0f} N, then touching again")
 
 

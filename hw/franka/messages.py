@@ -25,6 +25,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class Connect:
+    """Ask the player to connect to the arm."""
+
     model: str
     settings: FrankaSettings
     timing: Timing
@@ -32,22 +34,26 @@ class Connect:
 
 @dataclass(frozen=True)
 class Read:
-    pass
+    """Ask for the arm's present state."""
 
 
 @dataclass(frozen=True)
 class Play:
+    """Ask for a motion, to its end or to a touch."""
+
     motion: Motion
     guard: Guard | None = None  # brake at a touch
 
 
 @dataclass(frozen=True)
 class Recover:
-    pass
+    """Ask to clear a fault; nothing moves."""
 
 
 @dataclass(frozen=True)
 class Carry:
+    """Tell the arm what its hand holds."""
+
     payload: Payload
 
 

@@ -128,6 +128,7 @@ def connect(request: Connect) -> Driver:
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:
+    """Serve one program until it hangs up; the arguments are file descriptors and a time in seconds."""
     with Connection(int(connection_fd)) as program:
         serve(program, Listener(int(pipe_fd), float(silence_s)), connect)
 

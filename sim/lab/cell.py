@@ -201,5 +201,6 @@ def make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> 
 
 
 def hold(q_rad: Array) -> PiecewisePolynomial:
+    """A trajectory that stays at `q_rad` (7,)."""
     held: PiecewisePolynomial = PiecewisePolynomial.ZeroOrderHold([0.0, 1.0], np.column_stack([q_rad, q_rad]))
     return held

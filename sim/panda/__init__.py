@@ -1,0 +1,1 @@
+"""Our Panda: model, inverse kinematics and planning."""

@@ -100,6 +100,7 @@ class Episodes:
 
 
 def joined(parts: Sequence[Episodes]) -> Episodes:
+    """All episodes as one, in the order of the parts."""
     return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
 
 

@@ -78,6 +78,7 @@ class Rollouts:
 
 
 def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
+    """All rollouts as one, in the order of the parts."""
     rows = list(parts)
     return Rollouts(*(np.concatenate([getattr(r, f.name) for r in rows]) for f in fields(Rollouts)))
 

@@ -27,6 +27,7 @@ def columns_digest(columns: dict[str, Any]) -> str:
 
 
 def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
+    """Write one shard, whole or not at all, with a digest that `read_rollouts` checks."""
     columns = {name: getattr(requests, name) for name in _REQUEST_FIELDS}
     columns |= {name: getattr(results, name) for name in _RESULT_FIELDS}
     digest = np.frombuffer(bytes.fromhex(columns_digest(columns)), dtype=np.uint8)

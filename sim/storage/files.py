@@ -33,6 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_toml(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a TOML file that is there whole or not at all. Raises OSError."""
     with whole_file(path) as temporary:
         temporary.write_text(tomli_w.dumps(content), encoding="utf-8")
 
@@ -43,6 +44,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def sha256(path: Path) -> str:
+    """The hex digest of a file's content. Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -14,6 +14,7 @@ from sim.storage.files import whole_file
 
 
 def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    """Write a safetensors file that is there whole or not at all. Raises OSError."""
     with whole_file(path) as temporary:
         save_file({name: t.detach().contiguous() for name, t in tensors.items()}, temporary)
 

@@ -16,6 +16,7 @@ _FOOD = (0.55, 0.13, 0.03)
 
 
 def piece_visual(body: str, piece: Piece) -> Visual:
+    """The piece in the colour of food, fixed to `body`."""
     return Visual(body, piece.vertices_m, piece.triangles, _FOOD)
 
 

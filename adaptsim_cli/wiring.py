@@ -18,9 +18,7 @@ import numpy as np
 from adaptsim_cli.config import Config, Resolved, places
 from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.durable import make_folder
 from adaptsim_cli.session.in_simulation import InSimulation
-from adaptsim_cli.session.locking import locked
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (
     Parts,
@@ -31,6 +29,8 @@ from adaptsim_cli.session.parts import (
     TrainedPolicy,
 )
 from adaptsim_cli.session.target import Target
+from adaptsim_cli.storage.durable import make_folder
+from adaptsim_cli.storage.locking import locked
 from adaptsim_cli.trackers import tracker_of
 from adaptsim_cli.wiring_calibration import calibration_of
 from adaptsim_cli.wiring_checkpoints import checkpoint_of, own_checkpoints, task_of

@@ -21,7 +21,7 @@ from adaptsim_cli.console import Screen
 from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report import calibration as report
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from perception.board.types import Board

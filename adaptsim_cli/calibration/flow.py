@@ -19,8 +19,8 @@ from adaptsim_cli.calibration.visits import Arrival, Visits
 from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.report import calibration as report
-from adaptsim_cli.session import durable
 from adaptsim_cli.session.preflight import Check, failures
+from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews

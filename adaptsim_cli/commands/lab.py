@@ -57,7 +57,7 @@ def show(
     if png is not None:
         import cv2
 
-        from adaptsim_cli.session import durable
+        from adaptsim_cli.storage import durable
 
         durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
         screen.plain(f"Written: {png}")

@@ -37,7 +37,7 @@ def preview(
     else:
         screen.show(planned.table())
     if html is not None:
-        from adaptsim_cli.session import durable
+        from adaptsim_cli.storage import durable
 
         durable.replace_file(html, planned.page().html().encode())
         screen.plain(f"Written: {html}")

@@ -15,7 +15,7 @@ from adaptsim_cli.rigs.found import Found, look
 from adaptsim_cli.rigs.interview import ARMS, Ask, interview
 from adaptsim_cli.rigs.reading import tasks_with_tools
 from adaptsim_cli.rigs.template import template
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 
 
 @dataclass(frozen=True)

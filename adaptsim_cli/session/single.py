@@ -16,13 +16,13 @@ from adaptsim_cli import console, values
 from adaptsim_cli.config import Config
 from adaptsim_cli.console import Attended, Screen, Unattended
 from adaptsim_cli.errors import PreflightFailed, UsageError
-from adaptsim_cli.session import durable
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Planned, Ready, Target
+from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError

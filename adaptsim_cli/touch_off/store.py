@@ -16,7 +16,7 @@ import numpy as np
 
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.errors import PreflightFailed, SessionError
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 from adaptsim_cli.wiring_calibration import calibration_key
 from calib.errors import ViewFolderError
 from calib.records import Record, read

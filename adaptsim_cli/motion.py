@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli import values
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen import values
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -61,7 +61,7 @@ class PlannedMotion:
         from rich.console import Group
         from rich.text import Text
 
-        from adaptsim_cli import views
+        from adaptsim_cli.screen import views
 
         approach, task, back = self.reports
         head = Text.assemble((f"{self.arm}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion")

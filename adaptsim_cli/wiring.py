@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptsim_cli.config import Config, Resolved, places
-from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import (

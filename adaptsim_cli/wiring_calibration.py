@@ -123,10 +123,10 @@ def _real(
     config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None
 ) -> Iterator[CalibrationRig]:
     """Without an earlier calibration nothing is planned: the arm is guided by hand."""
-    from adaptsim_cli.console import Screen, require_terminal
     from adaptsim_cli.mounted import weighed
     from adaptsim_cli.rigs.openers import real_devices
     from adaptsim_cli.rigs.opening import enter_arm, open_arm
+    from adaptsim_cli.screen.console import Screen, require_terminal
     from hw.kinematics import forward
 
     rig, held, devices = rig_of(config), _held(board), openers or real_devices()

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import Unattended
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp

@@ -10,17 +10,18 @@ from typing import Any
 
 from rich.text import Text
 
-from adaptsim_cli import console, views, wiring, wiring_calibration
+from adaptsim_cli import wiring, wiring_calibration
 from adaptsim_cli.calibration import drift, flow, printing, shows
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import solve_folder
 from adaptsim_cli.calibration.store import REPORT
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Screen
-from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report import calibration as report
+from adaptsim_cli.screen import console, views
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.storage import durable
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration

@@ -17,7 +17,8 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
     Example: adaptsim checkpoints list
     """
-    from adaptsim_cli import console, views, wiring
+    from adaptsim_cli import wiring
+    from adaptsim_cli.screen import console, views
 
     found = wiring.list_checkpoints()
     screen = console.Screen(as_json=as_json)
@@ -50,8 +51,9 @@ def verify(
 
     Example: adaptsim checkpoints verify --task scooping
     """
-    from adaptsim_cli import config, console, views, wiring_checkpoints
+    from adaptsim_cli import config, wiring_checkpoints
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console, views
     from sim.errors import CheckpointError
 
     if quick and rollouts is not None:

@@ -52,8 +52,9 @@ def pretrain(
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """
-    from adaptsim_cli import config, console, wiring, wiring_checkpoints, wiring_verification
+    from adaptsim_cli import config, wiring, wiring_checkpoints, wiring_verification
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console
 
     if docs is not None and not report:
         raise UsageError("--docs says where the report goes: add --report")

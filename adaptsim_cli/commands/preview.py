@@ -25,7 +25,8 @@ def preview(
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
-    from adaptsim_cli import config, console, motion
+    from adaptsim_cli import config, motion
+    from adaptsim_cli.screen import console
 
     resolved = config.load({"task": task, "hw": hw})
     screen = console.Screen(as_json=as_json)

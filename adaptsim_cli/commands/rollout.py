@@ -30,7 +30,8 @@ def rollout(
     from math import dist
     from tempfile import TemporaryDirectory
 
-    from adaptsim_cli import config, console, wiring
+    from adaptsim_cli import config, wiring
+    from adaptsim_cli.screen import console
     from adaptsim_cli.session import single
     from sim.tasks import get_task
 

@@ -18,7 +18,8 @@ def list_sessions(as_json: _Json = False) -> None:
 
     Example: adaptsim sessions list
     """
-    from adaptsim_cli import config, console, views
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import store, summary
 
     root = config.load().places.sessions
@@ -38,7 +39,8 @@ def show(name: _Name, as_json: _Json = False) -> None:
 
     Example: adaptsim sessions show scooping-ood-1-adaptsim-0
     """
-    from adaptsim_cli import config, console, views
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import store, summary
 
     shown = summary.details(store.SessionStore.open(config.load().places.sessions, name))
@@ -60,7 +62,8 @@ def redo(
 
     Example: adaptsim sessions redo scooping-ood-1-adaptsim-0 3 --reason "the piece was touched"
     """
-    from adaptsim_cli import config, console
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
     from adaptsim_cli.session import redoing, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)

@@ -8,15 +8,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import Any, Protocol, runtime_checkable
 
-from adaptsim_cli import console
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.console import Screen
 from adaptsim_cli.mounted import mounted
 from adaptsim_cli.rigs.attended import AttendedRig, Person, Scales, offer_recovery
 from adaptsim_cli.rigs.confirmed import ConfirmedArm
 from adaptsim_cli.rigs.description import RigDescription
 from adaptsim_cli.rigs.openers import Openers
 from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Rig
 from adaptsim_cli.session.records import RigFacts

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptsim_cli import console
 from adaptsim_cli.config import Config, Resolved
-from adaptsim_cli.console import Attended, Screen, Unattended
-from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Attended, Screen, Unattended
+from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures, preflight

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts, TrainedPolicy
 from adaptsim_cli.session.records import (

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli import console, values
 from adaptsim_cli.config import Config
-from adaptsim_cli.console import Attended, Screen, Unattended
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.screen import console, values
+from adaptsim_cli.screen.console import Attended, Screen, Unattended
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import failures

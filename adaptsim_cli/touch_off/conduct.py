@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from adaptsim_cli import console, wiring
+from adaptsim_cli import wiring
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off import flow, shows
 from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed

@@ -7,13 +7,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from adaptsim_cli import console
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.console import Screen
 from adaptsim_cli.mounted import weighed
 from adaptsim_cli.rigs.description import TablePart
 from adaptsim_cli.rigs.opening import enter_arm, open_arm
 from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.joining import plan_of, touch_rig
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from adaptsim_cli.wiring_calibration import calibration_key, calibration_of

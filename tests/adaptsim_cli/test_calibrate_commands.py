@@ -150,7 +150,7 @@ def test_a_real_arm_needs_its_driver_and_a_calibration(place: Path, capfd: pytes
 def test_an_operator_who_is_asked_once_may_stop(
     bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adaptsim_cli.console.require_terminal", lambda: None)
+    monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda: None)
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     assert app.run(["calibrate", "--world", "wd"]) == 7
     assert bench.motions == 0

@@ -32,13 +32,13 @@ from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app, config, wiring, wiring_calibration
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Attended
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.mounted import mounted
 from adaptsim_cli.rigs.attended import AT_HOME_RAD, AttendedRig, Scales
 from adaptsim_cli.rigs.confirmed import ConfirmedArm
 from adaptsim_cli.rigs.opening import open_real
 from adaptsim_cli.rigs.reading import read
+from adaptsim_cli.screen.console import Attended
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
 from calib.errors import CalibrationMissing

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from adaptsim_cli import config
 from adaptsim_cli.app import app
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off

@@ -18,8 +18,8 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from adaptsim_cli import views
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen import views
 from adaptsim_cli.session.operator import Accept, Judged, Overrule, Proposal, Redo, Review
 from perception.types import Outcome
 

@@ -21,7 +21,7 @@ def show(as_json: _Json = False) -> None:
     from dataclasses import asdict
 
     from adaptsim_cli import config
-    from adaptsim_cli.rigs import reading
+    from adaptsim_cli.devices.rig_file import reading
     from adaptsim_cli.screen import console, views
 
     resolved = config.load()
@@ -75,7 +75,7 @@ def init(
     Example: adaptsim config init --arm fr3
     """
     from adaptsim_cli import config
-    from adaptsim_cli.rigs import writing
+    from adaptsim_cli.devices.rig_file import writing
     from adaptsim_cli.screen import console
 
     screen = console.Screen(as_json=as_json)

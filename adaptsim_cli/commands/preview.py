@@ -25,8 +25,9 @@ def preview(
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
-    from adaptsim_cli import config, motion
+    from adaptsim_cli import config
     from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import motion
 
     resolved = config.load({"task": task, "hw": hw})
     screen = console.Screen(as_json=as_json)

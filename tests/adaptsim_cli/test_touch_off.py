@@ -23,7 +23,8 @@ from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
-from adaptsim_cli.touch_off.store import record, touch_off_of, touch_offs
+from adaptsim_cli.touch_off.store import record
+from adaptsim_cli.wiring.touch_off import touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array

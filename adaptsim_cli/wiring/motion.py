@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from adaptsim_cli.config import Resolved
-    from adaptsim_cli.rigs.description import RigDescription
+    from adaptsim_cli.devices.rig_file.description import RigDescription
     from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
@@ -105,9 +105,9 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     """
     import numpy as np
 
-    from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.touch_off.store import touch_off_of
-    from adaptsim_cli.wiring_calibration import camera_box, current_calibration
+    from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.wiring.calibration import camera_box, current_calibration
+    from adaptsim_cli.wiring.touch_off import touch_off_of
     from hw.joint_limits import LIMITS
     from hw.workcell import arm_model
 
@@ -132,7 +132,7 @@ def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[s
     """
     import numpy as np
 
-    from adaptsim_cli.mounted import mounted
+    from adaptsim_cli.devices.mounted import mounted
     from sim.tasks import get_task
 
     task = get_task(task_name)

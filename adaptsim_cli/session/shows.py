@@ -1,0 +1,155 @@
+"""What a person reads during a session and of one, as rich renderables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from adaptsim_cli.screen import views
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.stages import RunTrial
+from hw.types import Array
+from sim.adaptation.method import Particle
+from sim.tasks.task import Task
+from sim.types import Dimension, Space
+
+
+def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
+    where = f"iteration {iteration + 1} of session {facts.name}"
+    return Group(
+        views.badge(facts.hw, hardware), Text(task.title[:1].upper() + task.title[1:], style="bold"), Text(where)
+    )
+
+
+def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> RenderableType:
+    again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
+    head = Text.assemble(
+        (f"Trial {stage.key.number}", "bold"),
+        f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
+    )
+    why = (
+        f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
+        if len(particle.samples) == 1
+        else f"The task policy was trained for {len(particle.samples)} parameter sets over their ranges, "
+        f"mean {views.values(task.parameters, particle.mean)}"
+    )
+    return Group(Text(""), head, views.indent(Text(why, style="dim")))
+
+
+def proposal(task: Task, made: Proposal) -> RenderableType:
+    expected = made.prediction
+    lines = (
+        *_where(task, made.context),
+        f"Action   {views.values(task.action, made.action)}",
+        f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
+        made.told,
+    )
+    return views.indent(Group(*map(Text, lines)))
+
+
+def _where(task: Task, context: Array) -> tuple[str, ...]:
+    if not len(task.context):
+        return ()
+    if task.goal_m is None:
+        return (f"Found at {views.values(task.context, context)}",)
+    x_m, y_m = task.goal_m(context)
+    return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
+
+
+def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
+    style = "green" if record.reward > 0 else "yellow"
+    result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
+    result.append(f" (expected {record.predicted_reward:.2f})", "dim")
+    if record.goal_m is not None:
+        off_m = np.linalg.norm(np.subtract(record.track.state[-1][:2], record.goal_m))
+        result.append(f", {1e3 * off_m:.0f} mm from the goal")
+    if manual:
+        result.append("  outcome set by the operator", "magenta")
+    flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
+    return views.indent(Group(result, *flags))
+
+
+def adapted(
+    task: Task, before: Sequence[Particle], after: Sequence[Particle], result: ResultRecord, width: int
+) -> RenderableType:
+    """Parameter, before, after, per particle; one table a particle where the terminal is narrow."""
+    means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
+    if width < 30 + 24 * len(means):
+        tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
+    else:
+        tables = [_changes(task.parameters, means, first=0)]
+    best = result.best
+    estimate = Text.assemble(
+        "Best so far: ",
+        (f"reward {best.mean_reward:.2f}", "bold"),
+        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
+        ", ".join(f"{name} {views.number(value)}" for name, value in best.params.items()),
+    )
+    spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"
+    return Group(
+        Text(""), Text("What changed", style="bold"), *(views.indent(table) for table in tables),
+        estimate, Text(result.verdict), Text(spent, style="dim"),
+    )  # fmt: skip
+
+
+def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("parameter")
+    for index in range(len(means)):
+        table.add_column(f"particle {first + index + 1}", justify="right")
+        table.add_column("", justify="left")
+    for row, dimension in enumerate(space.dimensions):
+        cells: list[RenderableType] = [Text(dimension.label)]
+        for now, then in means:
+            cells += _change(dimension, now[row], then[row])
+        table.add_row(*cells)
+    return table
+
+
+def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
+    if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
+        return Text(views.number(now), style="dim"), Text("=", style="dim")
+    style = "green" if then > now else "blue"
+    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
+
+
+def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+    body = [
+        (
+            str(s["session"]),
+            str(s["hw"]),
+            str(s["iterations"]),
+            str(s["trials"]),
+            "–" if s["mean_reward"] is None else f"{s['mean_reward']:.2f}",
+            str(s["created"])[:16].replace("T", " "),
+        )
+        for s in found
+    ]
+    return views.rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
+
+
+def session(shown: Mapping[str, Any]) -> RenderableType:
+    facts = shown["facts"]
+    head = Text.assemble((facts["name"], "bold"), f"   {facts['task']}, {facts['hw']}, world {facts['world']}, ")
+    head.append(f"method {facts['method']}, seed {facts['seed']}")
+    body = [
+        (
+            str(t["id"]),
+            str(t["iteration"] + 1),
+            str(t["particle"] + 1),
+            str(t["outcome"]).replace("_", " ") + (" (operator)" if t["overruled_from"] else ""),
+            f"{t['reward']:.2f}",
+            f"{t['predicted_reward']:.2f}",
+        )
+        for t in shown["trials"]
+    ]
+    table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
+    last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
+    return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *last)

@@ -1,0 +1,13 @@
+"""The versions that are kept with everything stored."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+
+_VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
+
+
+def versions() -> dict[str, str]:
+    found = {name: importlib.metadata.version(name) for name in _VERSIONED}
+    return {"python": platform.python_version(), **found}

@@ -155,6 +155,6 @@ def _explain(error: BaseException) -> int:
 
 
 def _say(message: str) -> None:
-    from adaptsim_cli import console
+    from adaptsim_cli.screen import console
 
     console.error(message)

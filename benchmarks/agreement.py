@@ -29,7 +29,7 @@ import numpy as np
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.stages import TrialKey
-from adaptsim_cli.wiring import lab_as_shipped
+from adaptsim_cli.wiring.session import lab_as_shipped
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError

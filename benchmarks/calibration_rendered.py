@@ -26,9 +26,9 @@ from rich.console import Console
 from adaptsim_cli.calibration import flow, solving, visits
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import CalibrationStore
-from adaptsim_cli.console import Screen
-from adaptsim_cli.trackers import tracker_of
-from adaptsim_cli.wiring_calibration import BOARD_HOME_RAD, camera_box, ways
+from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.wiring.calibration import BOARD_HOME_RAD, camera_box, ways
 from calib.errors import CalibrationRejected
 from calib.geometry import angle_deg, distance_mm
 from calib.saved import SavedCalibration

@@ -25,7 +25,7 @@ import numpy as np
 from kept import Kept
 from tracked.pushing import GONE, TASK, DepthEye, Push, Result, judged
 
-from adaptsim_cli.trackers import tracker_of
+from adaptsim_cli.devices.trackers import tracker_of
 from calib.simulated import Quality, Truth, random_poses, seen
 from calib.solve import solve
 from calib.types import Mounting, Setup

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import Unattended
 from adaptsim_cli.touch_off.flow import touch_off
+from adaptsim_cli.touch_off.joining import touch_rig
 from adaptsim_cli.touch_off.parts import Grasp
-from adaptsim_cli.touch_off.rigs import touch_rig
 from adaptsim_cli.touch_off.solving import Result
 from hw.types import Array
 from sim.lab.cell import Cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from adaptsim_cli.session.preflight import Check
+from adaptsim_cli.screen.checks import Check
 from hw.types import Array, CameraModel, Frame, Intrinsics
 from perception.board.types import Board, Corners
 

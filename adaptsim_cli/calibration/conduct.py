@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,21 +11,28 @@ from typing import Any
 
 from rich.text import Text
 
-from adaptsim_cli import console, views, wiring, wiring_calibration
 from adaptsim_cli.calibration import drift, flow, printing, shows
+from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import solve_folder
-from adaptsim_cli.calibration.store import REPORT
+from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
-from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Screen
-from adaptsim_cli.continuing import how_to_continue
+from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.report import calibration as report
-from adaptsim_cli.session import durable
+from adaptsim_cli.screen import console, views
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.storage import durable
+from adaptsim_cli.storage.versions import versions
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from perception.board.types import Board
+
+OpenRig = Callable[[Config, Board, SavedCalibration | None], AbstractContextManager[CalibrationRig]]
+"""(settings, the board in the gripper, an earlier calibration) -> the devices, connected."""
+
+Stores = Callable[[Config, Places], CalibrationStore]
+"""Settings -> the calibrations of the rig."""
 
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""
@@ -41,38 +49,39 @@ class Request:
     as_json: bool
 
 
-def calibrate(resolved: Resolved, request: Request) -> None:
+def calibrate(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
     """The whole calibration. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
-    store = wiring_calibration.calibrations(config, resolved.places)
+    store = stores(config, resolved.places)
     board = _board(resolved, screen, request)
     with (
         store.locked(),
         _continued("adaptsim calibrate"),
-        wiring_calibration.open_calibration_rig(config, board, store.current()) as rig,
+        open_rig(config, board, store.current()) as rig,
     ):
         with screen.busy("Choosing where to hold the board"):
             visits = _visits(rig, screen, request)
         screen.show(shows.explanation(rig, None if request.guide else request.views))
-        options = flow.Options(request.fresh, _unattended(resolved, request), _now(), wiring.versions())
+        options = flow.Options(request.fresh, _unattended(resolved, request), _now(), versions())
         solved, folder = flow.calibrate(rig, store, visits, screen, options)
     if request.as_json:
         screen.data(summary(solved.record) | {"folder": str(folder)})
 
 
-def check(resolved: Resolved, request: Request) -> None:
+def check(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
     """Three views against the calibration in use. Raises CalibrationMissing where there is none."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
-    known = wiring_calibration.current_calibration(config, resolved.places)
+    store = stores(config, resolved.places)
+    known = store.current()
     if known is None:
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
     board = known.board.board()
     with (
-        wiring_calibration.calibrations(config, resolved.places).locked(),
+        store.locked(),
         _continued("adaptsim calibrate check"),
-        wiring_calibration.open_calibration_rig(config, board, known) as rig,
+        open_rig(config, board, known) as rig,
     ):
         screen.show(views.badge(rig.name, rig.title))
         with screen.busy("Choosing where to hold the board"):
@@ -87,7 +96,7 @@ def solve(folder: Path, out: Path | None, *, as_json: bool) -> None:
     """Views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board and solving"):
-        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=wiring.versions())
+        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
     screen.show(shows.calibration(solved.record))

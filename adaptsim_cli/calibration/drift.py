@@ -9,7 +9,7 @@ import numpy as np
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.taking import ViewRefused, look
 from adaptsim_cli.calibration.visits import Arrival, Visits
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from calib import files
 from calib.drift import MIN_VIEWS, Known, drift
 from calib.saved import SavedCalibration

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adaptsim_cli.calibration import camera_check, overlay, shows, touching
+from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.motion_record import record_motion
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.calibration.taking import Look, ViewRefused, look
 from adaptsim_cli.calibration.visits import Arrival, Visits
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.report import calibration as report
-from adaptsim_cli.session import durable
-from adaptsim_cli.session.preflight import Check, failures
+from adaptsim_cli.screen.checks import Check, failures
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews

@@ -8,7 +8,7 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import Series
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import PerceptionError
 from sim.errors import NotExecutable

@@ -11,7 +11,7 @@ import numpy as np
 import tomli_w
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 from calib.records import BoardRecord, Record, read
 from perception.board.types import Board
 

@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from adaptsim_cli import views
 from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.screen import views
 from calib.coverage import Coverage
 from calib.saved import SavedCalibration
 from perception.board.types import BoardPose

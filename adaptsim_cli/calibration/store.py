@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import durable
-from adaptsim_cli.session.locking import locked
+from adaptsim_cli.storage import durable
+from adaptsim_cli.storage.locking import locked
 from calib import files
 from calib.errors import ViewFolderError
 from calib.records import SetupRecord, read

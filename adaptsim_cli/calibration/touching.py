@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import Series
 from adaptsim_cli.calibration.taking import ViewRefused, at_rest, look
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.screen.console import Screen
 from calib import files
 from calib.touch import LIMIT_SCATTER_M, MIN_TOUCHES, pivot
 from hw.types import Array

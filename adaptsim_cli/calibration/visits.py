@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.session.clear import clear_to_move
+from adaptsim_cli.screen.clear import clear_to_move
+from adaptsim_cli.screen.console import Screen
 from calib import poses
 from calib.coverage import Coverage
 from hw.types import Array

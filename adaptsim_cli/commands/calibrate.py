@@ -41,9 +41,11 @@ def calibrate(
         return
     from adaptsim_cli import config
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.wiring import calibration as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    conduct.calibrate(resolved, conduct.Request(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json))
+    request = conduct.Request(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
+    conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
 
 
 @app.command()
@@ -85,11 +87,11 @@ def check(
     """
     from adaptsim_cli import config
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.wiring import calibration as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    conduct.check(
-        resolved, conduct.Request(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
-    )
+    request = conduct.Request(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
+    conduct.check(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
 
 
 @app.command()

@@ -17,9 +17,10 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
     Example: adaptsim checkpoints list
     """
-    from adaptsim_cli import console, views, wiring
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring import checkpoints
 
-    found = wiring.list_checkpoints()
+    found = checkpoints.list_checkpoints()
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(found)
@@ -50,20 +51,22 @@ def verify(
 
     Example: adaptsim checkpoints verify --task scooping
     """
-    from adaptsim_cli import config, console, views, wiring_checkpoints
+    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring import checkpoints
     from sim.errors import CheckpointError
 
     if quick and rollouts is not None:
         raise UsageError("--quick and --rollouts contradict each other: give one of them")
     flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
     settings = config.load(flags).config
-    wanted = rollouts if rollouts is not None else wiring_checkpoints.ROLLOUTS
+    wanted = rollouts if rollouts is not None else checkpoints.ROLLOUTS
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = wiring_checkpoints.reevaluate(
+        found = checkpoints.reevaluate(
             settings,
-            wiring_checkpoints.QUICK if quick else wanted,
+            checkpoints.QUICK if quick else wanted,
             lambda done, total: progress("rollouts", done, total),
         )
     screen.plain(f"{found['folder']} is intact: task {found['task']}, sha256 {found['sha256'][:12]}")

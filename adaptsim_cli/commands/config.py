@@ -20,8 +20,9 @@ def show(as_json: _Json = False) -> None:
     """
     from dataclasses import asdict
 
-    from adaptsim_cli import config, console, views
-    from adaptsim_cli.rigs import reading
+    from adaptsim_cli import config
+    from adaptsim_cli.devices.rig_file import reading
+    from adaptsim_cli.screen import console, views
 
     resolved = config.load()
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in asdict(resolved.config).items()}
@@ -47,7 +48,8 @@ def path(as_json: _Json = False) -> None:
     """
     from dataclasses import asdict
 
-    from adaptsim_cli import config, console
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
 
     where = {name: str(place) for name, place in asdict(config.places()).items()}
     screen = console.Screen(as_json=as_json)
@@ -72,8 +74,9 @@ def init(
 
     Example: adaptsim config init --arm fr3
     """
-    from adaptsim_cli import config, console
-    from adaptsim_cli.rigs import writing
+    from adaptsim_cli import config
+    from adaptsim_cli.devices.rig_file import writing
+    from adaptsim_cli.screen import console
 
     screen = console.Screen(as_json=as_json)
     request = writing.Request(project=project, arm=arm, overwrite=overwrite, yes=yes)

@@ -19,8 +19,9 @@ def doctor(
 
     Example: adaptsim doctor --hw fr3
     """
-    from adaptsim_cli import config, console
+    from adaptsim_cli import config
     from adaptsim_cli.doctor import examination, shown
+    from adaptsim_cli.screen import console
 
     resolved = config.load({"task": task, "world": world, "hw": hw})
     screen = console.Screen(as_json=as_json)

@@ -25,8 +25,9 @@ def show(
 
     Example: adaptsim lab show --task scooping --world ood-1 --json
     """
-    from adaptsim_cli import config, console, views
+    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console, views
     from sim.lab.simulated import SimulatedLab
     from sim.lab.world import load_world
     from sim.panda.tool import cell_as_shipped
@@ -57,7 +58,7 @@ def show(
     if png is not None:
         import cv2
 
-        from adaptsim_cli.session import durable
+        from adaptsim_cli.storage import durable
 
         durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
         screen.plain(f"Written: {png}")
@@ -69,7 +70,8 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
 
     Example: adaptsim lab list --task scooping
     """
-    from adaptsim_cli import config, console, views
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console, views
     from sim.lab.world import list_worlds, load_world
     from sim.tasks import get_task
 

@@ -52,24 +52,26 @@ def pretrain(
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """
-    from adaptsim_cli import config, console, wiring, wiring_checkpoints, wiring_verification
+    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import checkpoints, pretraining, verification
 
     if docs is not None and not report:
         raise UsageError("--docs says where the report goes: add --report")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress, wiring.open_executor(resolved.config, executor, scheduler) as crew:
-        if report and out is not None and wiring_verification.is_finished(out):
+    with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
+        if report and out is not None and verification.is_finished(out):
             folder = out / "checkpoint"
         else:
-            folder = wiring.pretrain(
-                resolved, out, budget, targets, wiring.Sizes(rollouts, denser, steps, judged), crew, progress
+            folder = pretraining.pretrain(
+                resolved, out, budget, targets, pretraining.Sizes(rollouts, denser, steps, judged), crew, progress
             )
         document = None
         if report:
-            of = wiring_checkpoints.task_of(resolved.config)
-            document = wiring_verification.write_report(of, folder.parent, docs, crew, progress)
+            of = checkpoints.task_of(resolved.config)
+            document = verification.write_report(of, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""
@@ -78,4 +80,6 @@ def pretrain(
         screen.plain(f"Report: {document}")
     if as_json:
         told = {"report": str(document)} if document else {}
-        screen.data({**told, "checkpoint": str(folder), "card": wiring.checkpoint_card(resolved.config.task, folder)})
+        screen.data(
+            {**told, "checkpoint": str(folder), "card": checkpoints.checkpoint_card(resolved.config.task, folder)}
+        )

@@ -25,7 +25,9 @@ def preview(
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
-    from adaptsim_cli import config, console, motion
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import motion
 
     resolved = config.load({"task": task, "hw": hw})
     screen = console.Screen(as_json=as_json)
@@ -37,7 +39,7 @@ def preview(
     else:
         screen.show(planned.table())
     if html is not None:
-        from adaptsim_cli.session import durable
+        from adaptsim_cli.storage import durable
 
         durable.replace_file(html, planned.page().html().encode())
         screen.plain(f"Written: {html}")

@@ -17,8 +17,9 @@ def report(
 
     Example: adaptsim report scooping-ood-1-adaptsim-seed0
     """
-    from adaptsim_cli import config, console
+    from adaptsim_cli import config
     from adaptsim_cli.report import page
+    from adaptsim_cli.screen import console
     from adaptsim_cli.session import store
 
     root = config.load().places.sessions

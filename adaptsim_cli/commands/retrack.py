@@ -18,9 +18,10 @@ def retrack(
 
     Example: adaptsim retrack scooping-ood-1-adaptsim-seed0 --trial 2
     """
-    from adaptsim_cli import config, console, views
+    from adaptsim_cli import config
+    from adaptsim_cli.devices.trackers import tracker_of
+    from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import retracking, store
-    from adaptsim_cli.trackers import tracker_of
     from sim.tasks import get_task
 
     opened = store.SessionStore.open(config.load().places.sessions, session)

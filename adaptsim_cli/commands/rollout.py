@@ -30,8 +30,10 @@ def rollout(
     from math import dist
     from tempfile import TemporaryDirectory
 
-    from adaptsim_cli import config, console, wiring
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
     from adaptsim_cli.session import single
+    from adaptsim_cli.wiring import session as wiring
     from sim.tasks import get_task
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})

@@ -28,9 +28,10 @@ def run_iteration(
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
-    from adaptsim_cli import config, wiring
+    from adaptsim_cli import config
     from adaptsim_cli.report import page
     from adaptsim_cli.session import conduct
+    from adaptsim_cli.wiring import session as wiring
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     resolved = config.load(flags)

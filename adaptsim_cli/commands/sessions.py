@@ -18,8 +18,9 @@ def list_sessions(as_json: _Json = False) -> None:
 
     Example: adaptsim sessions list
     """
-    from adaptsim_cli import config, console, views
-    from adaptsim_cli.session import store, summary
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import shows, store, summary
 
     root = config.load().places.sessions
     found = [summary.overview(store.SessionStore.open(root, name)) for name in store.names(root)]
@@ -27,7 +28,7 @@ def list_sessions(as_json: _Json = False) -> None:
     if as_json:
         screen.data(found)
     elif found:
-        screen.show(views.sessions(found))
+        screen.show(shows.sessions(found))
     else:
         screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
 
@@ -38,15 +39,16 @@ def show(name: _Name, as_json: _Json = False) -> None:
 
     Example: adaptsim sessions show scooping-ood-1-adaptsim-seed0
     """
-    from adaptsim_cli import config, console, views
-    from adaptsim_cli.session import store, summary
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import shows, store, summary
 
     shown = summary.details(store.SessionStore.open(config.load().places.sessions, name))
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(shown)
     else:
-        screen.show(views.session(shown))
+        screen.show(shows.session(shown))
 
 
 @app.command()
@@ -60,7 +62,8 @@ def redo(
 
     Example: adaptsim sessions redo scooping-ood-1-adaptsim-seed0 3 --reason "the piece was touched"
     """
-    from adaptsim_cli import config, console
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
     from adaptsim_cli.session import redoing, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)

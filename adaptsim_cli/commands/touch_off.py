@@ -30,7 +30,8 @@ def touch_off(
     from adaptsim_cli import config
     from adaptsim_cli.touch_off import conduct
     from adaptsim_cli.touch_off.parts import Grasp
+    from adaptsim_cli.wiring import touch_off as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
     request = conduct.Request(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
-    conduct.touch_off(resolved, request)
+    conduct.touch_off(resolved, request, wiring.open_touch_rig, wiring.touch_offs)

@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
-from adaptsim_cli import wiring_calibration
 from adaptsim_cli.config import Config, Places, Resolved
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.found import serial_ports
+from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 from adaptsim_cli.doctor import lab, machine, program, readings
 from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped
 from adaptsim_cli.errors import PreflightFailed, SessionError, UsageError
-from adaptsim_cli.rigs.description import RigDescription
-from adaptsim_cli.rigs.found import serial_ports
-from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
+from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.errors import CalibrationError
 from hw.errors import BalanceError, DeviceUnavailable, MotionRefused
 from sim.errors import SimError
@@ -80,7 +80,7 @@ def _machine(config: Config, places: Places) -> Iterator[Finding]:
 
 
 def _task(config: Config) -> Iterator[Finding]:
-    from adaptsim_cli.wiring_checkpoints import checkpoint_of
+    from adaptsim_cli.wiring.checkpoints import checkpoint_of
     from sim.lab.world import load_world
     from sim.tasks import get_task
 
@@ -157,7 +157,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
 
 def _motion(resolved: Resolved) -> Finding:
     """Whether the task can be done in the lab's workcell, as a session has it: the middle action at the reference."""
-    from adaptsim_cli.motion import lab_of, planned
+    from adaptsim_cli.wiring.motion import lab_of, planned
 
     task = resolved.config.task
 

@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from adaptsim_cli.config import Config
-from adaptsim_cli.console import Screen
 from adaptsim_cli.doctor.finding import Finding, Verdict
 from adaptsim_cli.errors import PreflightFailed
+from adaptsim_cli.screen.console import Screen
 
 _MARKS = {
     Verdict.OK: ("✓", "green"),

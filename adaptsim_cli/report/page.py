@@ -13,7 +13,6 @@ import numpy as np
 
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.session import durable
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -26,6 +25,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.storage import durable
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 MEASURED = ("rollouts", "tracking", "adaptation", "training")

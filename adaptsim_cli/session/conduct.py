@@ -11,16 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptsim_cli import console
 from adaptsim_cli.config import Config, Resolved
-from adaptsim_cli.console import Attended, Screen, Unattended
-from adaptsim_cli.continuing import how_to_continue
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.checks import failures
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
+from adaptsim_cli.session.attended import Attended, Unattended
+from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.preflight import failures, preflight
+from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Facts, Start, as_records, as_row
-from adaptsim_cli.session.runner import Session, run_iteration
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 
@@ -165,7 +168,7 @@ def _ready(session: Session, config: Config) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.particles, facts.trials)
-    screen.session(session.parts.task, facts, stage.iteration, session.parts.target.title)
+    screen.show(shows.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
     if existing.completed:
         count = len(existing.completed)
         screen.note(f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session begins afresh.")

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import TrackRecord, read, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence

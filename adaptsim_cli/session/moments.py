@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from adaptsim_cli.session.parts import Image
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import KeyMoment
+from adaptsim_cli.session.rig import Image
 from hw.types import Array, CameraModel, ContactWindow, Frame
 
 _HEIGHT_PX = 320

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
-from adaptsim_cli.session.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.parts import Paths, Planner, Rig, Tracker, TrackRequest
-from adaptsim_cli.session.preflight import Check, rig_checks
+from adaptsim_cli.session.preflight import rig_checks
 from adaptsim_cli.session.records import RigFacts, to_json
+from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Evidence
 from hw.errors import ArmFault, HardwareError

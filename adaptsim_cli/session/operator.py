@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.session.parts import Prediction
+from adaptsim_cli.session.policy import Prediction
 from adaptsim_cli.session.stages import RunTrial
 from hw.types import Array
 from perception.types import Outcome

@@ -3,28 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from adaptsim_cli.session.parts import Rig
+from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.rig import Rig
+from adaptsim_cli.session.target import Target
 from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
-
-if TYPE_CHECKING:
-    from adaptsim_cli.session.target import Target
-
-
-@dataclass(frozen=True)
-class Check:
-    """One line of the checklist before a session."""
-
-    name: str
-    ok: bool
-    detail: str  # what was found, and where not ok what to do
 
 
 def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Check, ...]:
@@ -39,11 +26,6 @@ def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> t
 def rig_checks(rig: Rig) -> tuple[Check, ...]:
     """Calibration, arm and camera."""
     return (calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC)), _arm(rig), _camera(rig))
-
-
-def failures(checks: Sequence[Check]) -> str:
-    """The failing checks in one message."""
-    return "; ".join(f"{check.name}: {check.detail}" for check in checks if not check.ok)
 
 
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Check:

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import cdr, recording
 from adaptsim_cli.session.on_rig import joints
-from adaptsim_cli.session.parts import Tracker, TrackRequest
 from adaptsim_cli.session.records import TrialRecord, corrupt
+from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.camera.replay import RecordedCamera, Take

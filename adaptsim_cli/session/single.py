@@ -12,17 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli import console, values
 from adaptsim_cli.config import Config
-from adaptsim_cli.console import Attended, Screen, Unattended
 from adaptsim_cli.errors import PreflightFailed, UsageError
-from adaptsim_cli.session import durable
+from adaptsim_cli.screen import console, values
+from adaptsim_cli.screen.checks import failures
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session import shows
+from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.preflight import failures
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Planned, Ready, Target
+from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -81,7 +83,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     overlay = None if ready.overlay is None else _shown(ready.overlay)
     expected = policy.predict(ready.context)
     proposal = Proposal(_STAGE, mean, drawn, ready.context, action, expected, planned.told, planned.announced, overlay)
-    screen.proposal(task, proposal)
+    screen.show(shows.proposal(task, proposal))
     operator.approve(proposal, target.is_real)
     _move(planned, folder, screen)
     with screen.busy("Reading the recording"):

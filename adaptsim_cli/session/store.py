@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session import durable, records
-from adaptsim_cli.session.locking import locked
+from adaptsim_cli.session import records
 from adaptsim_cli.session.records import Facts, MotionRecord, Note, ResultRecord, Start, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
+from adaptsim_cli.storage import durable
+from adaptsim_cli.storage.locking import locked
 
 _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")

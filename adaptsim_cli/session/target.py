@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import KeyMoment
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from hw.errors import ArmFault

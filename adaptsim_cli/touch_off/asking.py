@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.session.clear import clear_to_move
+from adaptsim_cli.screen.clear import clear_to_move
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import TouchRig
 
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run without it, at a terminal"

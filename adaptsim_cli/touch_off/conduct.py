@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from adaptsim_cli import console, wiring
-from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Screen
+from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.touch_off import flow, shows
 from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
-from adaptsim_cli.touch_off.parts import Grasp
-from adaptsim_cli.touch_off.rigs import open_touch_rig
-from adaptsim_cli.touch_off.store import SavedTouchOff, record, touch_offs
+from adaptsim_cli.touch_off.parts import Grasp, TouchRig
+from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore, record
 from hw.errors import HandError, HardwareError
+
+OpenRig = Callable[[Config, Places, Grasp], AbstractContextManager[TouchRig]]
+Stores = Callable[[Config, Places], TouchOffStore]
+"""Settings -> the touch-offs of the rig."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class Request:
     as_json: bool
 
 
-def touch_off(resolved: Resolved, request: Request) -> None:
+def touch_off(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
     """The whole touch-off. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     if config.hw != "fake" and request.yes:
@@ -38,11 +42,11 @@ def touch_off(resolved: Resolved, request: Request) -> None:
     if not request.yes:
         console.require_terminal()
     operator = Unattended() if request.yes else Attended(screen)
-    store = touch_offs(config, resolved.places)
-    with _how_to_continue(), open_touch_rig(config, resolved.places, request.grasp) as rig:
+    store = stores(config, resolved.places)
+    with _how_to_continue(), open_rig(config, resolved.places, request.grasp) as rig:
         screen.show(shows.explanation(rig))
         found = flow.touch_off(rig, operator, screen)
-        saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), wiring.versions())
+        saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), versions())
     folder = store.save(saved)
     screen.plain(f"In use from now on: {folder}")
     if request.as_json:

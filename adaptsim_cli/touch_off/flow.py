@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off import shows
 from adaptsim_cli.touch_off.asking import Operator
 from adaptsim_cli.touch_off.errors import TouchOffFailed

@@ -10,24 +10,16 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from adaptsim_cli.config import Config, Places
-from adaptsim_cli.errors import PreflightFailed, SessionError
-from adaptsim_cli.session import durable
-from adaptsim_cli.wiring_calibration import calibration_key
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.storage import durable
+from adaptsim_cli.touch_off.flow import Found
+from adaptsim_cli.touch_off.parts import TouchRig
+from adaptsim_cli.touch_off.solving import Estimate, Touched
 from calib.errors import ViewFolderError
 from calib.records import Record, read
 from hw.collision import Table
-from hw.types import Array
 from sim.panda.correction import ToolCorrection
-
-if TYPE_CHECKING:
-    from adaptsim_cli.touch_off.flow import Found
-    from adaptsim_cli.touch_off.parts import TouchRig
-    from adaptsim_cli.touch_off.solving import Estimate, Touched
 
 FILE, PREFIX = "touch-off.json", "touch-off-"
 FORMAT = 1
@@ -130,10 +122,6 @@ def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) 
     )
 
 
-ZEROS_RAD = 2e-4
-"""Joint offsets that differ by more are others: 0.13 mm at the edge of a tool that a shoulder holds 0.65 m away."""
-
-
 @dataclass(frozen=True)
 class TouchOffStore:
     """All touch-offs of one rig."""
@@ -164,28 +152,3 @@ class TouchOffStore:
     def _numbered(self) -> list[Path]:
         pattern = re.compile(re.escape(PREFIX) + r"\d{4,}")
         return sorted(path for path in self.folder.glob(f"{PREFIX}*") if pattern.fullmatch(path.name))
-
-
-def touch_offs(config: Config, places: Places) -> TouchOffStore:
-    """Those of this rig: of the simulated lab one a task, world and seed, else one an arm and task."""
-    key = calibration_key(config)
-    return TouchOffStore(places.data / "touch-offs" / (key if config.hw == "fake" else f"{key}-{config.task}"))
-
-
-def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouchOff | None:
-    """The latest of this rig, None where there is none. `zeros_rad` (7,) are the joint offsets that count now.
-
-    Raises SessionError where it cannot be read, PreflightFailed where it was made with other joint offsets.
-    """
-    known = touch_offs(config, places).current()
-    if known is None:
-        return None
-    apart_rad = np.abs(zeros_rad - np.array(known.joint_zeros_rad))
-    if apart_rad.max() > ZEROS_RAD:
-        joint, apart_mrad = int(apart_rad.argmax()) + 1, 1e3 * float(apart_rad.max())
-        raise PreflightFailed(
-            f"the touch-off of {known.created} was made with another calibration: joint {joint} is {apart_mrad:.2f} "
-            "mrad off what it was then, so the tool may be too high or in the table. Nothing has moved. Touch off "
-            f"again: adaptsim touch-off --task {config.task} --hw {config.hw}"
-        )
-    return known

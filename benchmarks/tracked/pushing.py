@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from adaptsim_cli.session.parts import Tracker, TrackRequest
-from adaptsim_cli.trackers import BOTTLE_AREA, tracker_of
+from adaptsim_cli.devices.trackers import BOTTLE_AREA, tracker_of
+from adaptsim_cli.session.rig import Tracker, TrackRequest
 from hw.kinematics import FLANGE, forward, link_poses
 from hw.types import Array, CameraModel, Execution, Frame
 from perception.errors import PerceptionError

@@ -23,11 +23,9 @@ def whole_file(path: Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
+        flush_file(temporary)
         temporary.chmod(0o644)
-        temporary.replace(path)
-        _sync_folder(path.parent)
+        publish(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -49,10 +47,22 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _sync_folder(folder: Path) -> None:
-    """A rename is on disk only once its folder is."""
-    handle = os.open(folder, os.O_RDONLY)
+def publish(temporary: Path, path: Path) -> None:
+    """Give a file or folder whose content is on the disk its name, in one step that a power cut cannot divide."""
+    os.rename(temporary, path)  # noqa: PTH104 - the atomic step, named as the system call that it is
+    flush_folder(path.parent)
+
+
+def flush_file(path: Path) -> None:
+    """Returns when the content of `path` is on the disk."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def flush_folder(path: Path) -> None:
+    """Returns when the names in `path` are on the disk: a rename is there only once its folder is."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        os.fsync(handle)
+        os.fsync(descriptor)
     finally:
-        os.close(handle)
+        os.close(descriptor)

@@ -215,7 +215,7 @@ class Task:
     """What the tool weighs, in its frame T, without the hand."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
-    tracker: str = ""  # the key of the tracker in adaptsim_cli.trackers
+    tracker: str = ""  # the key of the tracker in adaptsim_cli.devices.trackers
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""

@@ -20,7 +20,7 @@ from rich.console import Console
 from adaptsim_cli.calibration import flow, visits
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.calibration.store import CalibrationStore
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
 from calib import poses
 from hw.errors import CameraError
 from hw.kinematics import forward

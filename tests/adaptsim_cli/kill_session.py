@@ -19,8 +19,9 @@ import numpy as np
 from rich.console import Console
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli import config, console
+from adaptsim_cli import config
 from adaptsim_cli.report import page
+from adaptsim_cli.screen import console
 from adaptsim_cli.session import conduct
 from adaptsim_cli.session.store import SessionStore
 

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adaptsim_cli import console, wiring_calibration
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Screen
-from adaptsim_cli.rigs.openers import Openers
+from adaptsim_cli.devices.openers import Openers
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.records import BoardRecord
 from calib.saved import SavedCalibration, UncertaintyRecord
 from hw.collision import Table

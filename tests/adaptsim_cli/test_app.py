@@ -12,8 +12,9 @@ import pytest
 from toy_rig import ToyLab, opener
 from toy_session import NAME, no_space, run
 
-from adaptsim_cli import app, wiring
+from adaptsim_cli import app
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.wiring import session as wiring
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable

@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from board_rig import COUNT, X_BC, ToyBench, places, quiet, rig, run, said
 
-from adaptsim_cli import app, config, wiring_calibration
+from adaptsim_cli import app, config
 from adaptsim_cli.calibration import conduct, drift, printing
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.preflight import calibration_check
+from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
@@ -150,7 +151,7 @@ def test_a_real_arm_needs_its_driver_and_a_calibration(place: Path, capfd: pytes
 def test_an_operator_who_is_asked_once_may_stop(
     bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("adaptsim_cli.console.require_terminal", lambda: None)
+    monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda: None)
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     assert app.run(["calibrate", "--world", "wd"]) == 7
     assert bench.motions == 0

@@ -13,7 +13,7 @@ from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, stor
 
 from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
 from hw.errors import ArmFault, CameraError
 from perception.board.types import Board

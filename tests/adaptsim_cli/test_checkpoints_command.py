@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli import app, config
-from adaptsim_cli.wiring_checkpoints import task_of
+from adaptsim_cli.wiring.checkpoints import task_of
 from sim.adaptation.checkpoint import CARD, SHIPPED, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.storage.files import read_toml, write_toml

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from adaptsim_cli import app, console
+from adaptsim_cli import app
+from adaptsim_cli.devices.rig_file import writing
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.found import Found, serial_ports
+from adaptsim_cli.devices.rig_file.interview import interview
+from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.rigs import writing
-from adaptsim_cli.rigs.description import RigDescription
-from adaptsim_cli.rigs.found import Found, serial_ports
-from adaptsim_cli.rigs.interview import interview
-from adaptsim_cli.rigs.reading import read
+from adaptsim_cli.screen import console
 
 ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb-FTDI_FT232R-if00"
 BOTH = Found((ARDUINO, FTDI), ("000123",))

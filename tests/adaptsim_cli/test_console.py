@@ -10,12 +10,13 @@ from rich.console import Console
 from toy_rig import ToyLab, opener
 from toy_session import attended, resolved
 
-from adaptsim_cli import console
-from adaptsim_cli.console import Attended, Screen
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.report import page
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
-from adaptsim_cli.session.runner import run_iteration
+from adaptsim_cli.session.attended import Attended
+from adaptsim_cli.session.flow import run_iteration
 from perception.types import Outcome
 
 

@@ -12,8 +12,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from adaptsim_cli.mounted import MountedTask, mounted, mounted_as_shipped
-from adaptsim_cli.rigs.description import PersonPart
+from adaptsim_cli.devices.mounted import MountedTask, mounted, mounted_as_shipped
+from adaptsim_cli.devices.rig_file.description import PersonPart
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
 from sim.errors import NotExecutable

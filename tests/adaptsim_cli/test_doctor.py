@@ -18,13 +18,13 @@ from real_lab import RIG, calibrated, calibration, write_rig
 from rich.console import Console
 
 from adaptsim_cli import app, config
-from adaptsim_cli.console import Screen
+from adaptsim_cli.devices.rig_file.description import BalancePart, PedalPart, RigDescription
+from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import examination, lab, machine, program, readings, shown
 from adaptsim_cli.doctor.finding import Finding, Verdict, ok
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.rigs.description import BalancePart, PedalPart, RigDescription
-from adaptsim_cli.rigs.reading import read
+from adaptsim_cli.screen.console import Screen
 from hw.camera.probe import FoundDevice, ProbeReport
 from hw.errors import DeviceUnavailable
 from hw.serial.pedal_protocol import PERIOD_S, line_for

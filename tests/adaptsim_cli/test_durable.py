@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli.errors import DiskFull, SessionError
-from adaptsim_cli.session import durable
+from adaptsim_cli.storage import durable
 
 
 def full_disk(_: int) -> None:

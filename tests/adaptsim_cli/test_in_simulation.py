@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptsim_cli import app, config, wiring
+from adaptsim_cli import app, config
 from adaptsim_cli.report import page
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.wiring import session as wiring
 from sim.tasks.pendulum.solver import rewards
 
 NAME = "pendulum-ood-1-adaptsim-seed0"

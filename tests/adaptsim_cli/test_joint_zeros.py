@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from adaptsim_cli.mounted import MountedTask, mounted
-from adaptsim_cli.session.parts import Paths
+from adaptsim_cli.devices.mounted import MountedTask, mounted
+from adaptsim_cli.session.rig import Paths
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward

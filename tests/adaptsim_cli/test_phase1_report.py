@@ -12,8 +12,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from adaptsim_cli import app, wiring_verification
+from adaptsim_cli import app
 from adaptsim_cli.report import phase1
+from adaptsim_cli.wiring import verification as wiring_verification
 from sim.adaptation.prospects import ProspectSettings
 from sim.pretraining.evaluation import EvaluationSettings
 from sim.pretraining.meta_training import MetaSettings

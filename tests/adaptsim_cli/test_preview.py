@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptsim_cli import app, values
+from adaptsim_cli import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.motion import Lab, planned
+from adaptsim_cli.screen import values
+from adaptsim_cli.wiring.motion import Lab, planned
 from hw.workcell import arm_model
 from sim.tasks import get_task
 

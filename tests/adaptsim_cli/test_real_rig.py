@@ -27,17 +27,19 @@ from real_lab import (
 )
 from toy_rig import ToyLab, toy_parts
 
-from adaptsim_cli import app, config, wiring, wiring_calibration
+from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.console import Attended
+from adaptsim_cli.devices.attended import AT_HOME_RAD, AttendedRig, Scales
+from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.mounted import mounted
+from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.mounted import mounted
-from adaptsim_cli.rigs.attended import AT_HOME_RAD, AttendedRig, Scales
-from adaptsim_cli.rigs.confirmed import ConfirmedArm
-from adaptsim_cli.rigs.opening import open_real
-from adaptsim_cli.rigs.reading import read
+from adaptsim_cli.session.attended import Attended
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.wiring import calibration as wiring_calibration
+from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.wiring.session import open_real
 from calib.errors import CalibrationMissing
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -99,7 +101,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", devices.openers)
+        monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", devices.openers)
         assert app.run(run) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed

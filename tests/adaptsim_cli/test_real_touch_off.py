@@ -25,16 +25,17 @@ from real_lab import (
 )
 from touch_rig import few
 
-from adaptsim_cli import app, config, wiring_calibration
+from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
+from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.rigs.confirmed import ConfirmedArm
-from adaptsim_cli.rigs.opening import open_real
 from adaptsim_cli.touch_off.asking import Attended
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
-from adaptsim_cli.touch_off.real import open_real_touch_rig
-from adaptsim_cli.touch_off.store import record, touch_offs
+from adaptsim_cli.touch_off.store import record
+from adaptsim_cli.wiring import calibration as wiring_calibration
+from adaptsim_cli.wiring.session import open_real
+from adaptsim_cli.wiring.touch_off import open_real_touch_rig, touch_offs
 from calib.errors import CalibrationMissing
 from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
@@ -199,12 +200,12 @@ def test_the_command_refuses_yes_and_names_a_missing_driver(
     place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     calibrated(resolved(place))
-    monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", Untouched)
+    monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", Untouched)
     assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
     assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.rigs.openers.real_devices", devices.openers)
+        monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", devices.openers)
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed

@@ -15,11 +15,11 @@ from toy_session import NAME, ScriptedOperator, attended, run, unattended
 
 from adaptsim_cli.errors import SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
+from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Judged, Redo, Review
-from adaptsim_cli.session.parts import Tracker, TrackRequest
 from adaptsim_cli.session.redoing import redo
-from adaptsim_cli.session.runner import Session, run_iteration
+from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import ArmFault, CameraError

@@ -9,8 +9,8 @@ from toy_session import ScriptedOperator, attended, run
 
 from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
+from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Overrule, Redo
-from adaptsim_cli.session.runner import run_iteration
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 

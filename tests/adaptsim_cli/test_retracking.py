@@ -16,11 +16,12 @@ from toy_rig import TASK, ToyLab
 from toy_session import run
 
 import sim.tasks
-from adaptsim_cli import app, trackers
+from adaptsim_cli import app
+from adaptsim_cli.devices import trackers
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, retracking
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Tracker, TrackRequest
+from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.store import SessionStore
 from hw.types import CameraModel, Execution, Frame
 from perception.errors import ObjectNotFound, TrackingFailed

@@ -12,11 +12,11 @@ import pytest
 from real_lab import RIG, write_rig
 
 from adaptsim_cli import config
+from adaptsim_cli.devices.mounted import mounted
+from adaptsim_cli.devices.rig_file.description import RigDescription, ToolPart
+from adaptsim_cli.devices.rig_file.reading import described, flat, read, rig_of, tasks_with_tools
+from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.mounted import mounted
-from adaptsim_cli.rigs.description import RigDescription, ToolPart
-from adaptsim_cli.rigs.reading import described, flat, read, rig_of, tasks_with_tools
-from adaptsim_cli.rigs.template import template
 from hw.camera.k4a_device import ColourSettings
 from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward

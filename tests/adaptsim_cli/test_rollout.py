@@ -11,7 +11,8 @@ import pytest
 import toy_rig
 from toy_rig import TASK, ToyLab, opener
 
-from adaptsim_cli import app, wiring
+from adaptsim_cli import app
+from adaptsim_cli.wiring import session as wiring
 from hw.errors import MotionRefused
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable

@@ -16,14 +16,15 @@ from typer.testing import CliRunner
 
 from adaptsim_cli import config
 from adaptsim_cli.app import app
-from adaptsim_cli.console import Screen
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import Attended, Unattended
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
-from adaptsim_cli.touch_off.store import record, touch_off_of, touch_offs
+from adaptsim_cli.touch_off.store import record
+from adaptsim_cli.wiring.touch_off import touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adaptsim_cli.trackers import TRACKERS, tracker_of
+from adaptsim_cli.devices.trackers import TRACKERS, tracker_of
 from perception.types import Outcome
 from sim.errors import UnknownName
 from sim.tasks import get_task

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.wiring_solvers import solver_of
+from adaptsim_cli.wiring.solvers import solver_of
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.errors import UnknownName

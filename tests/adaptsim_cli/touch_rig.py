@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from adaptsim_cli.touch_off.joining import touch_rig
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
-from adaptsim_cli.touch_off.rigs import touch_rig
 from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab

@@ -16,7 +16,9 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Paths, Planner, Prediction, Provenance, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.parts import Parts, Provenance
+from adaptsim_cli.session.policy import Prediction
+from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
 from perception.errors import ObjectNotFound

@@ -13,11 +13,12 @@ from rich.console import Console
 from toy_rig import ToyLab, opener, toy_parts
 
 from adaptsim_cli import config
-from adaptsim_cli.console import Screen, Unattended
 from adaptsim_cli.report import page
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
+from adaptsim_cli.session.attended import Unattended
+from adaptsim_cli.session.flow import Session
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Proposal, Review
-from adaptsim_cli.session.runner import Session
 from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.store import SessionStore
 

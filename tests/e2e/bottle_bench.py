@@ -13,9 +13,11 @@ from typing import Self
 import numpy as np
 
 from adaptsim_cli.config import Config
+from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Planner, Prediction, Provenance, Rig, TrainedPolicy
-from adaptsim_cli.trackers import tracker_of
+from adaptsim_cli.session.parts import Parts, Provenance
+from adaptsim_cli.session.policy import Prediction, TrainedPolicy
+from adaptsim_cli.session.rig import Planner, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeBench, FakeClock

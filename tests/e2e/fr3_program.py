@@ -18,7 +18,8 @@ from dataclasses import replace
 from typing import Any, Self
 
 from adaptsim_cli import app
-from adaptsim_cli.rigs import openers, opening
+from adaptsim_cli.devices import openers
+from adaptsim_cli.wiring import session as wiring
 from hw.around import AroundArm
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
@@ -134,7 +135,7 @@ def main(cue_fd: str, world: str, *arguments: str) -> int:
     devices = replace(openers.real_devices(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
     openers.real_devices = lambda: devices
     pedal_protocol.SILENCE_S = SILENCE_S
-    opening.Person = lambda: Placing(shown)
+    wiring.Person = lambda: Placing(shown)
     return app.run(arguments)
 
 

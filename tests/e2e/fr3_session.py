@@ -27,7 +27,8 @@ from fr3_process import Fr3Process, own_host
 from lab_session import WORLD, environment
 from real_lab import calibration
 
-from adaptsim_cli import config, wiring_calibration
+from adaptsim_cli import config
+from adaptsim_cli.wiring import calibration as wiring_calibration
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 from hw.types import Array
 from sim.panda.planning import home

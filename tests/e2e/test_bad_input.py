@@ -15,7 +15,8 @@ import pytest
 from bottle_bench import MARK, BottleBench, Scene
 from lab_session import environment
 
-from adaptsim_cli import app, wiring
+from adaptsim_cli import app
+from adaptsim_cli.wiring import session as wiring
 from hw.collision import KeepOut
 
 SESSION = ["run-iteration", "--task", "pushing", "--session", "s", "--yes", "--json"]

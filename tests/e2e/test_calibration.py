@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from adaptsim_cli import app
-from adaptsim_cli.trackers import tracker_of
+from adaptsim_cli.devices.trackers import tracker_of
 from hw.types import Array
 from sim.lab.calibration import nominal_of
 from sim.lab.kinect import default_X_BC

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptsim_cli.mounted import mounted_as_shipped
-from adaptsim_cli.session.durable import write_folder
+from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Rig
+from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.stages import TrialKey
-from adaptsim_cli.trackers import tracker_of
+from adaptsim_cli.storage.durable import write_folder
 from calib.types import HandEye
 from hw.types import Array
 from perception.types import Outcome

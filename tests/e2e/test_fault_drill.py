@@ -18,9 +18,10 @@ import pytest
 from lab_session import digest
 from toy_rig import ToyLab, toy_parts
 
-from adaptsim_cli import app, wiring
+from adaptsim_cli import app
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.wiring import session as wiring
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 
 SESSION = ["run-iteration", "--task", "toy", "--session", "s", "--yes", "--json"]

@@ -16,8 +16,8 @@ from sim.errors import NotExecutable
 from sim.panda.correction import ToolCorrection
 
 if TYPE_CHECKING:
-    from adaptsim_cli.rigs.description import RigDescription, TablePart, ToolPart
-    from adaptsim_cli.session.parts import Paths, Planner
+    from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart, ToolPart
+    from adaptsim_cli.session.rig import Paths, Planner
     from sim.tasks.task import Task
     from sim.types import ToolMotion
 
@@ -49,7 +49,7 @@ class MountedTask:
 
     def planner(self) -> Planner:
         """What a session asks. It remembers plans: a policy, its prediction and the trial ask for the same motion."""
-        from adaptsim_cli.session.parts import Planner
+        from adaptsim_cli.session.rig import Planner
         from hw.kinematics import forward
 
         planned: dict[tuple[object, ...], Paths] = {}

@@ -1,62 +1,32 @@
-"""What is shown, as rich renderables; pure, so that `console` alone touches the terminal."""
+"""What a person reads during a session and of one, as rich renderables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from rich import box
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptsim_cli.screen import views
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.stages import RunTrial
 from hw.types import Array
+from sim.adaptation.method import Particle
+from sim.tasks.task import Task
 from sim.types import Dimension, Space
-
-if TYPE_CHECKING:
-    from adaptsim_cli.session.operator import Proposal
-    from adaptsim_cli.session.preflight import Check
-    from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-    from adaptsim_cli.session.stages import RunTrial
-    from sim.adaptation.method import Particle
-    from sim.tasks.task import Task
-
-
-def number(value: float) -> str:
-    """Three significant digits, plain where that reads well."""
-    if value == 0 or 1e-3 <= abs(value) < 1e4:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
-    return f"{value:.2e}"
-
-
-def values(space: Space, point: Array) -> str:
-    """A point of a space in words: every dimension with its value and unit."""
-    return ", ".join(
-        f"{d.name} {number(v)}{' ' + d.unit if d.unit else ''}" for d, v in zip(space.dimensions, point, strict=True)
-    )
 
 
 def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
     """The head of an iteration: hardware, task, number and session."""
     where = f"iteration {iteration + 1} of session {facts.name}"
-    return Group(badge(facts.hw, hardware), Text(task.title[:1].upper() + task.title[1:], style="bold"), Text(where))
-
-
-def badge(hw: str, hardware: str) -> Text:
-    """Which hardware moves; on every screen."""
-    if hw == "fake":
-        return Text.assemble((" SIMULATED ", "black on cyan"), f" {hardware}: no real robot moves")
-    return Text.assemble((" REAL ROBOT ", "white on red"), f" {hardware}: keep clear of the arm")
-
-
-def checks(found: Sequence[Check]) -> RenderableType:
-    """The checklist before a session, one row a check."""
-    table = _table()
-    for check in found:
-        table.add_row(Text("ok", "green") if check.ok else Text("FAILED", "bold red"), check.name, check.detail)
-    return _indent(table)
+    return Group(
+        views.badge(facts.hw, hardware), Text(task.title[:1].upper() + task.title[1:], style="bold"), Text(where)
+    )
 
 
 def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> RenderableType:
@@ -67,12 +37,12 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
         f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
     )
     why = (
-        f"The task policy was trained for {values(task.parameters, particle.mean)}"
+        f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
         if len(particle.samples) == 1
         else f"The task policy was trained for {len(particle.samples)} parameter sets over their ranges, "
-        f"mean {values(task.parameters, particle.mean)}"
+        f"mean {views.values(task.parameters, particle.mean)}"
     )
-    return Group(Text(""), head, _indent(Text(why, style="dim")))
+    return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
 
 def proposal(task: Task, made: Proposal) -> RenderableType:
@@ -80,18 +50,18 @@ def proposal(task: Task, made: Proposal) -> RenderableType:
     expected = made.prediction
     lines = (
         *_where(task, made.context),
-        f"Action   {values(task.action, made.action)}",
+        f"Action   {views.values(task.action, made.action)}",
         f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
         made.told,
     )
-    return _indent(Group(*map(Text, lines)))
+    return views.indent(Group(*map(Text, lines)))
 
 
 def _where(task: Task, context: Array) -> tuple[str, ...]:
     if not len(task.context):
         return ()
     if task.goal_m is None:
-        return (f"Found at {values(task.context, context)}",)
+        return (f"Found at {views.values(task.context, context)}",)
     x_m, y_m = task.goal_m(context)
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
@@ -107,7 +77,7 @@ def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
     if manual:
         result.append("  outcome set by the operator", "magenta")
     flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
-    return _indent(Group(result, *flags))
+    return views.indent(Group(result, *flags))
 
 
 def adapted(
@@ -124,11 +94,11 @@ def adapted(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
-        ", ".join(f"{name} {number(value)}" for name, value in best.params.items()),
+        ", ".join(f"{name} {views.number(value)}" for name, value in best.params.items()),
     )
     spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"
     return Group(
-        Text(""), Text("What changed", style="bold"), *(_indent(table) for table in tables),
+        Text(""), Text("What changed", style="bold"), *(views.indent(table) for table in tables),
         estimate, Text(result.verdict), Text(spent, style="dim"),
     )  # fmt: skip
 
@@ -149,19 +119,9 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(number(now), style="dim"), Text("=", style="dim")
+        return Text(views.number(now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(number(now)), Text(f"{'↑' if then > now else '↓'} {number(then)}", style=style)
-
-
-def rows(head: Sequence[str], body: Iterable[Sequence[str]], right: Sequence[int] = ()) -> Table:
-    """A plain table: `right` names the columns with numbers."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for index, name in enumerate(head):
-        table.add_column(name, justify="right" if index in right else "left", overflow="fold")
-    for cells in body:
-        table.add_row(*(Text(cell) for cell in cells))
-    return table
+    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
 
 
 def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
@@ -177,7 +137,7 @@ def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
         )
         for s in found
     ]
-    return rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
+    return views.rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
 
 
 def session(shown: Mapping[str, Any]) -> RenderableType:
@@ -196,14 +156,6 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
         )
         for t in shown["trials"]
     ]
-    table = rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
+    table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
     last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
     return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *last)
-
-
-def _table() -> Table:
-    return Table(box=None, show_header=False, pad_edge=False)
-
-
-def _indent(what: RenderableType) -> Padding:
-    return Padding(what, (0, 0, 0, 2), expand=False)

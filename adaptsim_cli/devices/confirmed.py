@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.devices.openers import Pedal, RealArm
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.rigs.openers import Pedal, RealArm
+from adaptsim_cli.screen.console import Screen
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused

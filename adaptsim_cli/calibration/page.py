@@ -9,9 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adaptsim_cli.calibration import overlay
+from adaptsim_cli.calibration import figures, overlay
 from adaptsim_cli.calibration.solving import Solved
-from adaptsim_cli.report import calibration_figures as figures
 from calib.saved import SavedCalibration
 from perception.board import locate
 from perception.errors import BoardNotFound
@@ -25,14 +24,15 @@ def render(solved: Solved) -> str:
 
     record = solved.record
     used = frozenset(view.name for view in record.views if view.used)
-    folder = resources.files("adaptsim_cli.report")
+    template_file = resources.files("adaptsim_cli.calibration") / "page.html.j2"
+    style_file = resources.files("adaptsim_cli.report") / "style.css"
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string((folder / "calibration.html.j2").read_text(encoding="utf-8"))
+    template = environment.from_string(template_file.read_text(encoding="utf-8"))
     X = np.array(record.X_AC)
     fixed = record.mounting == "fixed"
     return template.render(
         record=record,
-        style=(folder / "style.css").read_text(encoding="utf-8"),
+        style=style_file.read_text(encoding="utf-8"),
         verdict=_verdict(record),
         used=len(used),
         not_seen=solved.not_seen,

@@ -6,16 +6,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from adaptsim_cli import config, console
+from adaptsim_cli import config
 from adaptsim_cli.config import Places
-from adaptsim_cli.console import Screen
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.found import Found, look
+from adaptsim_cli.devices.rig_file.interview import ARMS, Ask, interview
+from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
+from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.rigs.description import RigDescription
-from adaptsim_cli.rigs.found import Found, look
-from adaptsim_cli.rigs.interview import ARMS, Ask, interview
-from adaptsim_cli.rigs.reading import tasks_with_tools
-from adaptsim_cli.rigs.template import template
-from adaptsim_cli.session import durable
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.storage import durable
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ parent folder flushed. What a killed process leaves behind carries the dot and i
 from __future__ import annotations
 
 import errno
-import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from adaptsim_cli.errors import DiskFull, SessionError
+from sim.storage.files import flush_file, flush_folder, publish
 
 
 def write_file(path: Path, content: bytes) -> None:
@@ -22,7 +22,7 @@ def write_file(path: Path, content: bytes) -> None:
         _refuse_existing(path)
         temporary = path.with_name(f".{path.name}.writing")
         _write(temporary, content)
-        _publish(temporary, path)
+        publish(temporary, path)
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -30,7 +30,7 @@ def replace_file(path: Path, content: bytes) -> None:
     with explained(path):
         temporary = path.with_name(f".{path.name}.writing")
         _write(temporary, content)
-        _publish(temporary, path)
+        publish(temporary, path)
 
 
 def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
@@ -43,8 +43,8 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
         temporary.mkdir(parents=True)
         for name, content in files.items():
             _write(temporary / name, content)
-        _flush_folder(temporary)
-        _publish(temporary, path)
+        flush_folder(temporary)
+        publish(temporary, path)
 
 
 def complete_folder(path: Path, derived: Mapping[str, bytes], name: str, record: bytes) -> None:
@@ -63,27 +63,12 @@ def make_folder(path: Path) -> None:
         with explained(path):
             make_folder(path.parent)
             path.mkdir(exist_ok=True)
-            _flush_folder(path.parent)
-
-
-def _publish(temporary: Path, path: Path) -> None:
-    os.rename(temporary, path)  # noqa: PTH104 - the atomic step, named as the system call that it is
-    _flush_folder(path.parent)
+            flush_folder(path.parent)
 
 
 def _write(path: Path, content: bytes) -> None:
-    with path.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _flush_folder(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    path.write_bytes(content)
+    flush_file(path)
 
 
 def _refuse_existing(path: Path) -> None:

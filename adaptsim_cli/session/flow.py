@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session import shows
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
-from adaptsim_cli.session.parts import Parts, TrainedPolicy
+from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.policy import TrainedPolicy
 from adaptsim_cli.session.records import (
     BestRecord,
     MotionRecord,
@@ -148,7 +150,7 @@ def _look(session: Session, stage: RunTrial) -> None:
         record = _trial_record(session, stage, motion, evidence, track, tracked)
         timing_s = {**motion.timing_s, "tracking": tracked_s, "storing": time.perf_counter() - began}
         store.save_trial(record.model_copy(update={"timing_s": timing_s}), evidence.files)
-    session.screen.trial_done(record, manual=not isinstance(review, Accept))
+    session.screen.show(shows.trial_done(record, manual=not isinstance(review, Accept)))
 
 
 def adapt(session: Session, stage: Adapt) -> None:
@@ -197,7 +199,7 @@ def show(session: Session, stage: Show) -> dict[str, Any]:
     store, screen = session.store, session.screen
     if (result := store.result(stage.iteration)) is not None:
         before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
-        screen.adapted(session.parts.task, before, after, result)
+        screen.show(shows.adapted(session.parts.task, before, after, result, screen.width))
     return store.summary(stage.iteration)
 
 
@@ -219,7 +221,7 @@ def _set_up(session: Session, stage: RunTrial) -> Ready:
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    session.screen.trial(task, session.store.facts, stage, particle)
+    session.screen.show(shows.trial(task, session.store.facts, stage, particle))
     return parts.target.set_up(drawn, stage.key, session.operator)
 
 
@@ -233,7 +235,7 @@ def _propose(session: Session, stage: RunTrial, policy: TrainedPolicy, ready: Re
     proposal = Proposal(
         stage, particle.mean, ready.drawn, ready.context, action, expected, planned.told, planned.announced, overlay
     )
-    session.screen.proposal(session.parts.task, proposal)
+    session.screen.show(shows.proposal(session.parts.task, proposal))
     return proposal, planned
 
 

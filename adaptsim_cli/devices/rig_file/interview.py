@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
+from adaptsim_cli.devices.rig_file.description import PersonPart, RigDescription
+from adaptsim_cli.devices.rig_file.found import Found
+from adaptsim_cli.devices.rig_file.reached import reached
+from adaptsim_cli.devices.rig_file.reading import described
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.rigs.description import PersonPart, RigDescription
-from adaptsim_cli.rigs.found import Found
-from adaptsim_cli.rigs.reached import reached
-from adaptsim_cli.rigs.reading import described
 from hw.collision import Side
 
 Ask = Callable[[str, str], str]

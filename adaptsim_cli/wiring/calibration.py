@@ -15,7 +15,7 @@ import numpy as np
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.calibration.store import CalibrationStore
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.rigs.reading import BOARD, rig_of
+from adaptsim_cli.devices.rig_file.reading import BOARD, rig_of
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
@@ -26,7 +26,7 @@ from hw.workcell import STOPS_AT_N, Workcell, arm_model
 from perception.board.types import Board
 
 if TYPE_CHECKING:
-    from adaptsim_cli.rigs.openers import Openers
+    from adaptsim_cli.devices.openers import Openers
     from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
@@ -124,10 +124,10 @@ def _real(
     config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None
 ) -> Iterator[CalibrationRig]:
     """Without an earlier calibration nothing is planned: the arm is guided by hand."""
-    from adaptsim_cli.console import Screen, require_terminal
-    from adaptsim_cli.mounted import weighed
-    from adaptsim_cli.rigs.openers import real_devices
-    from adaptsim_cli.rigs.opening import enter_arm, open_arm
+    from adaptsim_cli.devices.mounted import weighed
+    from adaptsim_cli.devices.openers import real_devices
+    from adaptsim_cli.devices.opening import enter_arm, open_arm
+    from adaptsim_cli.screen.console import Screen, require_terminal
     from hw.kinematics import forward
 
     rig, held, devices = rig_of(config), _held(board), openers or real_devices()

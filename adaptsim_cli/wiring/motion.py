@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli import values
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen import values
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from adaptsim_cli.config import Resolved
-    from adaptsim_cli.rigs.description import RigDescription
+    from adaptsim_cli.devices.rig_file.description import RigDescription
     from hw.collision import KeepOut
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
@@ -61,7 +61,7 @@ class PlannedMotion:
         from rich.console import Group
         from rich.text import Text
 
-        from adaptsim_cli import views
+        from adaptsim_cli.screen import views
 
         approach, task, back = self.reports
         head = Text.assemble((f"{self.arm}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion")
@@ -105,9 +105,9 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     """
     import numpy as np
 
-    from adaptsim_cli.rigs.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.touch_off.store import touch_off_of
-    from adaptsim_cli.wiring_calibration import camera_box, current_calibration
+    from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.wiring.calibration import camera_box, current_calibration
+    from adaptsim_cli.wiring.touch_off import touch_off_of
     from hw.joint_limits import LIMITS
     from hw.workcell import arm_model
 
@@ -132,7 +132,7 @@ def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[s
     """
     import numpy as np
 
-    from adaptsim_cli.mounted import mounted
+    from adaptsim_cli.devices.mounted import mounted
     from sim.tasks import get_task
 
     task = get_task(task_name)

@@ -10,8 +10,8 @@ from typing import Any, get_args
 import annotated_types
 from pydantic.fields import FieldInfo
 
-from adaptsim_cli.rigs.description import KeepOutPart, RigDescription
-from adaptsim_cli.rigs.reading import fields_of
+from adaptsim_cli.devices.rig_file.description import KeepOutPart, RigDescription
+from adaptsim_cli.devices.rig_file.reading import fields_of
 
 _HEAD = """\
 # One lab with a real arm, for adaptsim (docs/rig.md). Lengths are in metres, angles in rad, in the arm's base frame:

@@ -1,7 +1,8 @@
-"""Which checkpoint the settings mean, and whether its card holds."""
+"""Which checkpoint the settings mean, which there are, and whether a card holds."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -93,3 +94,29 @@ def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], Non
             for f in figures
         ],
     }
+
+
+def list_checkpoints() -> list[dict[str, str]]:
+    """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
+    from sim.adaptation.checkpoint import list_checkpoints, read_card
+    from sim.errors import CheckpointError
+
+    def row(name: str, folder: Path) -> dict[str, str]:
+        try:
+            card = read_card(folder, "any task")
+        except CheckpointError as error:
+            card = {"task": "?", "created": f"cannot be read: {error}"}
+        return {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
+
+    named = [(name, folder) for _, name, folder in list_checkpoints()]
+    named += [(folder.parent.name, folder) for folder in own_checkpoints()]
+    return [row(name, folder) for name, folder in named]
+
+
+def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
+    """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
+    from sim.adaptation.checkpoint import read_card
+
+    text = json.dumps(read_card(folder, task), default=str)
+    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
+    return card

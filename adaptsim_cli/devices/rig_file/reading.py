@@ -16,8 +16,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from adaptsim_cli.config import Config
+from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.rigs.description import RigDescription
 
 BOARD = "board"
 """[tools.board]: the calibration board in the gripper, for its payload."""

@@ -29,7 +29,7 @@ def write_report(
     not of this task, RolloutError.
     """
     from adaptsim_cli.report import phase1
-    from adaptsim_cli.session.durable import make_folder
+    from adaptsim_cli.storage.durable import make_folder
     from sim.pretraining.verification.verify import VerificationSettings, load_pretrained, verify
 
     made = load_pretrained(task, folder.absolute())

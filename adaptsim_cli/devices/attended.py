@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptsim_cli.console import Screen
+from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.openers import Balance
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.mounted import MountedTask
-from adaptsim_cli.rigs.confirmed import ConfirmedArm
-from adaptsim_cli.rigs.openers import Balance
-from adaptsim_cli.session.clear import clear_to_move
+from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.clear import clear_to_move
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.on_rig import Found, OnRig, RigReplay
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.preflight import Check
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from hw.errors import BalanceError

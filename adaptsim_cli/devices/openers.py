@@ -11,7 +11,7 @@ from hw.ports import Camera, GuardedArm, Hand
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
-    from adaptsim_cli.rigs.description import BalancePart, CameraPart
+    from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
     from hw.franka.settings import FrankaSettings, Payload
 
 

@@ -1,42 +1,43 @@
-"""The one place that joins real parts: settings -> devices, tracker, planner and learner of one session."""
+"""Joins the parts of a session: settings -> devices, tracker, planner and learner."""
 
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
-import json
-import platform
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from adaptsim_cli.config import Config, Resolved, places
-from adaptsim_cli.continuing import how_to_continue
+from adaptsim_cli.config import Config, Places, places
+from adaptsim_cli.devices.attended import AttendedRig, Person, Scales
+from adaptsim_cli.devices.mounted import mounted
+from adaptsim_cli.devices.openers import Openers
+from adaptsim_cli.devices.opening import open_arm
+from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.durable import make_folder
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.in_simulation import InSimulation
-from adaptsim_cli.session.locking import locked
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import (
-    Parts,
-    Planner,
-    Prediction,
-    Provenance,
-    Rig,
-    TrainedPolicy,
-)
+from adaptsim_cli.session.parts import Parts, Provenance
+from adaptsim_cli.session.policy import Prediction, TrainedPolicy
+from adaptsim_cli.session.records import RigFacts
+from adaptsim_cli.session.rig import Planner, Rig
 from adaptsim_cli.session.target import Target
-from adaptsim_cli.trackers import tracker_of
-from adaptsim_cli.wiring_calibration import calibration_of
-from adaptsim_cli.wiring_checkpoints import checkpoint_of, own_checkpoints, task_of
+from adaptsim_cli.storage.versions import versions
+from adaptsim_cli.wiring.calibration import calibration_of
+from adaptsim_cli.wiring.checkpoints import checkpoint_of
+from adaptsim_cli.wiring.touch_off import touch_off_of
 from calib.types import HandEye
+from hw.collision import camera_box
 from hw.errors import MotionRefused
 from hw.types import Array
+from hw.workcell import arm_model
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
@@ -44,13 +45,10 @@ from sim.solvers.solver import Executable, SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.mounted import MountedTask
-    from adaptsim_cli.rigs.openers import Openers
+    from adaptsim_cli.devices.mounted import MountedTask
+    from adaptsim_cli.devices.openers import Openers
     from sim.lab.simulated import SimulatedLab
     from sim.lab.world import World
-    from sim.pretraining.pipeline import PretrainBudget
-
-_VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
 
 @contextmanager
@@ -61,7 +59,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from adaptsim_cli.wiring_solvers import solver_of
+    from adaptsim_cli.wiring.solvers import solver_of
     from sim.adaptation.methods import make_method
 
     checkpoint = checkpoint_of(config)
@@ -92,8 +90,7 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
     if task.plan is None:
         yield task, _simulated(config, task), None, None
     elif config.hw != "fake":
-        from adaptsim_cli.rigs.openers import real_devices
-        from adaptsim_cli.rigs.opening import open_real
+        from adaptsim_cli.devices.openers import real_devices
 
         with open_real(config, places(), task, openers or real_devices()) as real:
             on_rig = real.on_rig
@@ -127,16 +124,8 @@ def _sha256(array: Array) -> str:
     return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
-def versions() -> dict[str, str]:
-    """The versions of Python and of the packages that results depend on."""
-    found = {name: importlib.metadata.version(name) for name in _VERSIONED}
-    return {"python": platform.python_version(), **found}
-
-
 @contextmanager
 def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
-    from adaptsim_cli.mounted import mounted
-    from adaptsim_cli.touch_off.store import touch_off_of
     from hw.workcell import arm_model
     from sim.lab.simulated import SimulatedLab
     from sim.lab.world import load_world
@@ -153,7 +142,7 @@ def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
 @contextmanager
 def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
     """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
-    from adaptsim_cli.mounted import mounted_as_shipped
+    from adaptsim_cli.devices.mounted import mounted_as_shipped
     from sim.lab.simulated import SimulatedLab
 
     there = mounted_as_shipped(task, "panda")
@@ -234,117 +223,45 @@ def _executable(task: Task, planner: Planner) -> Executable:
     return executable
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """What is asked for instead of the budget's; None: the budget's."""
+@runtime_checkable
+class _Telling(Protocol):
+    """A camera that says how it was set and how its last recording went."""
 
-    rollouts: int | None = None  # of the dataset, evenly over the space
-    denser: int | None = None  # and where the outcome is uncertain
-    steps: int | None = None  # adaptation steps that the Q-policy learns from
-    judged: int | None = None  # unseen targets of the evaluation
-
-    def of(self, budget: PretrainBudget) -> PretrainBudget:
-        """The budget with these sizes."""
-        return replace(
-            budget,
-            rollouts=_either(self.rollouts, budget.rollouts),
-            denser=_either(self.denser, budget.denser),
-            meta=replace(budget.meta, steps=_either(self.steps, budget.meta.steps)),
-            evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
-        )
-
-    @property
-    def label(self) -> str:
-        """Part of a folder's name; empty where nothing was asked for."""
-        asked = zip(
-            ("", "denser", "steps", "judged"), (self.rollouts, self.denser, self.steps, self.judged), strict=True
-        )
-        return "-".join(f"{what}{size}" for what, size in asked if size is not None)
+    def facts(self) -> dict[str, Any]: ...
 
 
-def _either(asked: int | None, usual: int) -> int:
-    return usual if asked is None else asked
+@contextmanager
+def open_real(config: Config, places: Places, task: Task, openers: Openers) -> Iterator[AttendedRig]:
+    """The devices of the rig file, connected, the arm last. Nothing moves.
 
-
-def pretrain(
-    resolved: Resolved,
-    out: Path | None,
-    budget: str,
-    targets: str,
-    sizes: Sizes,
-    executor: Executor,
-    progress: Callable[[str, int, int], None],
-) -> Path:
-    """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
-
-    Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
+    Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal),
+    SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the
+    tool cannot be held), DeviceUnavailable, CameraError.
     """
-    from adaptsim_cli.wiring_solvers import SOLVERS
-    from sim.pretraining.meta_training import TARGETS
-    from sim.pretraining.pipeline import PretrainBudget, pretrain
+    rig = rig_of(config, tasks_with_tools())
+    console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
+    eye, zeros_rad = calibration_of(config, places, None)
+    known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
+    correction = None if known is None else known.correction()
+    lab = mounted(task, arm_model(rig.arm.model, zeros_rad), rig, (camera_box(eye.X_BC),), correction)
+    screen = Screen(as_json=True)  # questions never mix with data
+    if known is not None:
+        screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
+    with ExitStack() as stack:
+        arm = open_arm(rig, lab.task.name, lab.cell, openers, screen, stack)
+        camera = stack.enter_context(openers.camera(rig.camera, infrared=False))
+        scales = None
+        if rig.balance is not None:
+            scales = Scales(stack.enter_context(openers.balance(rig.balance)), screen)
+        stack.enter_context(arm)
 
-    budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
-    if budget not in budgets:
-        raise UsageError(f"--budget {budget}: it is one of {', '.join(budgets)}")
-    config = resolved.config
-    solver = config.solver or SOLVERS[0]
-    if solver not in SOLVERS:
-        raise UsageError(f"--solver {solver}: it is one of {', '.join(SOLVERS)}")
-    kind = next((known for known in TARGETS if known == targets), None)
-    if kind is None:
-        raise UsageError(f"--targets {targets}: it is one of {', '.join(TARGETS)}")
-    task, chosen = task_of(config), sizes.of(budgets[budget]().on_targets(kind))
-    unusual = (
-        Path(config.object).stem,
-        solver if solver != SOLVERS[0] else "",
-        targets if targets != TARGETS[0] else "",
-        budget,
-        sizes.label,
-    )
-    parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
-    folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
-    make_folder(folder)
-    with (
-        locked(folder, f"another pretraining is at work in {folder}: wait for it, or give another --out"),
-        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
-    ):
-        return pretrain(task, folder, chosen, config.seed, executor, progress, solver)
+        def facts() -> RigFacts:
+            said = camera.facts() if isinstance(camera, _Telling) else None
+            return (scales.facts if scales else RigFacts()).model_copy(update={"camera": said})
 
-
-def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
-    """Where simulations run: processes of this machine, or a Dask cluster. Raises UsageError, ClusterUnavailable."""
-    from sim.rollouts.executors import dask_cluster, process_pool
-
-    if kind == "processes" and not scheduler:
-        return process_pool(config.workers or None)
-    if kind == "dask" and scheduler:
-        return dask_cluster(scheduler)
-    if kind not in ("processes", "dask"):
-        raise UsageError(f"--executor {kind}: it is one of processes, dask")
-    raise UsageError("--executor dask and --scheduler ADDRESS belong together")
-
-
-def list_checkpoints() -> list[dict[str, str]]:
-    """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
-    from sim.adaptation.checkpoint import list_checkpoints, read_card
-    from sim.errors import CheckpointError
-
-    def row(name: str, folder: Path) -> dict[str, str]:
-        try:
-            card = read_card(folder, "any task")
-        except CheckpointError as error:
-            card = {"task": "?", "created": f"cannot be read: {error}"}
-        return {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
-
-    named = [(name, folder) for _, name, folder in list_checkpoints()]
-    named += [(folder.parent.name, folder) for folder in own_checkpoints()]
-    return [row(name, folder) for name, folder in named]
-
-
-def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
-    """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
-    from sim.adaptation.checkpoint import read_card
-
-    text = json.dumps(read_card(folder, task), default=str)
-    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
-    return card
+        title = f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
+        over_table = replace(eye, X_BC=lab.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in the frame W
+        days = config.calibration_days
+        devices = Rig(config.hw, title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
+        on_rig = OnRig(lab.task, devices, tracker_of(lab.task), lab.planner(), facts)
+        yield AttendedRig(on_rig, arm, lab, screen, scales)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from adaptsim_cli.rigs.reading import tasks_with_tools
+from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from hw.collision import KeepOut
 
 

@@ -1,0 +1,45 @@
+"""What the sequence of a session asks of what learns; `wiring` fills it in, tests bring their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.method import Best, Iteration, Particle
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What training expects of an action at a context."""
+
+    reward: float
+    low: float  # of the emulator's ensemble, two standard deviations
+    high: float
+
+
+class TrainedPolicy(Protocol):
+    """A task policy that can say what it expects."""
+
+    def __call__(self, context: Array) -> Array: ...
+
+    def predict(self, context: Array) -> Prediction: ...
+
+
+class Learner(Protocol):
+    """A method of adaptation together with the training of its task policies."""
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...
+
+    def train(self, particle: Particle) -> TrainedPolicy:
+        """Its task policy; for the same particle the same one."""
+        ...
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]: ...
+
+    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
+        """The best parameters so far, and what the data say of the session in one sentence."""
+        ...

@@ -19,6 +19,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from adaptsim_cli.errors import UsageError
 
 Hardware = Literal["fake", "panda", "fr3"]
+SIMULATED: Hardware = "fake"
+
+
+def is_simulated(hw: str) -> bool:
+    """Whether hardware of this name is the simulated lab's. Nobody else compares names to find out."""
+    return hw == SIMULATED
+
 
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE = "rig.toml"
@@ -65,6 +72,11 @@ class Config:
     workers: int
     min_free_mb: int
     calibration_days: int
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether everything happens in the simulated lab: no real robot moves."""
+        return is_simulated(self.hw)
 
 
 @dataclass(frozen=True)

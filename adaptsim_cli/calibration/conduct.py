@@ -166,7 +166,7 @@ def _board(resolved: Resolved, screen: Screen, request: Request) -> Board:
     """The board in use, its size measured where somebody is there to ask."""
     known = printing.known(resolved.places.data)
     if known is None:
-        if resolved.config.hw != "fake":
+        if not resolved.config.is_simulated:
             raise UsageError("there is no board yet: adaptsim calibrate board prints one and remembers it")
         return Board()
     if known.measured or request.yes:
@@ -191,7 +191,7 @@ def _visits(rig: CalibrationRig, screen: Screen, request: Request) -> Visits:
 
 
 def _unattended(resolved: Resolved, request: Request) -> bool:
-    return resolved.config.hw == "fake" and request.yes and not request.guide
+    return resolved.config.is_simulated and request.yes and not request.guide
 
 
 def _need_terminal(resolved: Resolved, request: Request) -> None:

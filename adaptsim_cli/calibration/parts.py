@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from adaptsim_cli.config import is_simulated
 from hw.ports import Arm, Camera
 from hw.types import Array, JointPath
 from perception.board.types import Board
@@ -64,7 +65,7 @@ class CalibrationRig:
 
     @property
     def is_real(self) -> bool:
-        return self.name != "fake"
+        return not is_simulated(self.name)
 
     def temperatures_C(self) -> dict[str, float]:
         """Of those of "arm" and "camera" that tell it now."""

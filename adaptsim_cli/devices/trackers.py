@@ -60,10 +60,12 @@ def _bottle(task: Task) -> Tracker:
     from hw.collision import ARM, HAND, segments
     from hw.kinematics import link_poses
     from perception import bottle
-    from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M, goal_m
     from sim.tasks.tool_mesh import tool_mesh
 
-    body = bottle.Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
+    standing, goal_m = task.standing, task.goal_m
+    if standing is None or goal_m is None:
+        raise ValueError(f"{task.name}: an object that stands on a mark and has a goal needs `standing` and `goal_m`")
+    mark_m, body = standing.mark_m, bottle.Cylinder(standing.radius_m, standing.height_m)
     tool = bottle.ToolMask(*tool_mesh(task))
     capsules = (*ARM, *HAND)
     radii_m = np.array([capsule.radius_m for capsule in capsules])
@@ -85,12 +87,12 @@ def _bottle(task: Task) -> Tracker:
         )
 
     return Tracker(
-        find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, START_M),
+        find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, mark_m),
         overlay=lambda frame, model, X_BC, found, drawn: bottle.overlay(
-            frame, model, X_BC, found, body, START_M, goal_m(drawn)
+            frame, model, X_BC, found, body, mark_m, goal_m(drawn)
         ),
         track=track,
-        placement=lambda drawn: np.array(START_M),
+        placement=lambda drawn: np.array(mark_m),
         context=lambda drawn, detection: np.asarray(drawn),
         outcomes=(Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST),
     )

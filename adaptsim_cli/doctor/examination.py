@@ -31,7 +31,7 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     config, places = resolved.config, resolved.places
     yield from _program(config)
     yield from _machine(config, places)
-    if config.hw == "fake":
+    if config.is_simulated:
         yield ok(lab.DEVICES, "arm, camera, bench", "the simulated lab has its own")
         yield from lab.not_needed(("driver", "rig file", "real-time kernel", "network", "pedal", "balance", "camera"))
         yield from _task(config)
@@ -63,7 +63,7 @@ def _program(config: Config) -> Iterator[Finding]:
     yield program.python(platform.python_version(), about["Requires-Python"])
     yield program.packages(importlib.metadata.requires("adaptsim") or (), readings.installed)
     yield program.libraries(readings.loads)
-    if config.hw != "fake":
+    if not config.is_simulated:
         yield program.driver(config.hw, readings.installed)
 
 
@@ -71,7 +71,7 @@ def _machine(config: Config, places: Places) -> Iterator[Finding]:
     folder = readings.existing(places.data)
     yield machine.disk(str(folder), shutil.disk_usage(folder).free // 1_000_000, config.min_free_mb)
     yield machine.disk_speed(str(folder), readings.write_speed(folder))
-    if config.hw != "fake":
+    if not config.is_simulated:
         from hw.franka.realtime import kernel_is_real_time
 
         yield machine.realtime_kernel(os.uname().release, kernel_is_real_time())
@@ -95,7 +95,7 @@ def _task(config: Config) -> Iterator[Finding]:
     yield lab.attempt(
         "checkpoint", checkpoint, wrong, f"adaptsim pretrain --task {config.task}, or leave checkpoint out"
     )
-    if config.hw == "fake":
+    if config.is_simulated:
         yield lab.attempt("world", world, wrong, f"adaptsim lab list --task {config.task}")
 
 

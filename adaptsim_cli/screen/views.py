@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.checks import Check
 from hw.types import Array
 from sim.types import Space
@@ -31,7 +32,7 @@ def values(space: Space, point: Array) -> str:
 
 def badge(hw: str, hardware: str) -> Text:
     """Which hardware moves; on every screen."""
-    if hw == "fake":
+    if is_simulated(hw):
         return Text.assemble((" SIMULATED ", "black on cyan"), f" {hardware}: no real robot moves")
     return Text.assemble((" REAL ROBOT ", "white on red"), f" {hardware}: keep clear of the arm")
 

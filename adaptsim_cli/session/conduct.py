@@ -58,11 +58,11 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
     if not request.yes:
         console.require_terminal()
     screen = Screen(as_json=request.as_json)
-    unattended = request.yes and config.hw == "fake"
+    unattended = request.yes and config.is_simulated
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
-        if config.hw != "fake":  # --yes or not: a person confirms what a real arm does
+        if not config.is_simulated:  # --yes or not: a person confirms what a real arm does
             console.require_terminal()
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)
         session = Session(store, parts, Unattended(screen) if unattended else Attended(screen), screen)
@@ -82,7 +82,7 @@ def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: C
 
 def default_name(config: Config) -> str:
     """The session that is meant when none is named: one of each task, world, method and seed."""
-    place = Path(config.world).stem if config.hw == "fake" else config.hw
+    place = Path(config.world).stem if config.is_simulated else config.hw
     parts = (config.task, Path(config.object).stem, place, config.method, config.solver, f"seed{config.seed}")
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
@@ -116,7 +116,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         name=name,
         task=parts.task.name,
         hw=config.hw,
-        world=config.world if config.hw == "fake" else "",
+        world=config.world if config.is_simulated else "",
         world_sha256=origin.world_sha256,
         seed=config.seed,
         method=config.method,

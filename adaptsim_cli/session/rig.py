@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptsim_cli.config import is_simulated
 from calib.types import HandEye
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, CameraModel, Frame, JointPath
@@ -90,4 +91,4 @@ class Rig:
 
     @property
     def is_real(self) -> bool:
-        return self.name != "fake"
+        return not is_simulated(self.name)

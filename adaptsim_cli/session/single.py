@@ -144,7 +144,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
     return {
         "task": task.name,
         "hw": config.hw,
-        "world": config.world if config.hw == "fake" else "",
+        "world": config.world if config.is_simulated else "",
         "seed": config.seed,
         "params": None if by_hand else _named(task.parameters, made.parameters),
         "context": _named(task.context, made.context),

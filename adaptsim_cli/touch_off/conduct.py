@@ -37,7 +37,7 @@ class Request:
 def touch_off(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
     """The whole touch-off. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
-    if config.hw != "fake" and request.yes:
+    if not config.is_simulated and request.yes:
         raise UsageError(NEVER_CONFIRMS)
     if not request.yes:
         console.require_terminal()

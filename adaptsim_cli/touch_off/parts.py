@@ -1,10 +1,11 @@
-"""What a touch-off asks of its parts; `rigs` fills these in, tests bring their own."""
+"""What a touch-off asks of its parts; `wiring` fills these in, tests bring their own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from adaptsim_cli.config import is_simulated
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
 from sim.panda.touching import Bench, Probe
@@ -46,4 +47,4 @@ class TouchRig:
 
     @property
     def is_real(self) -> bool:
-        return self.name != "fake"
+        return not is_simulated(self.name)

@@ -1,4 +1,4 @@
-"""Joins the real parts of a calibration, and finds the calibration that a rig has. The other half of `wiring`."""
+"""Joins the real parts of a calibration, and finds the calibration that a rig has."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import re
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.calibration.store import CalibrationStore
-from adaptsim_cli.config import Config, Places
+from adaptsim_cli.config import SIMULATED, Config, Places
 from adaptsim_cli.devices.rig_file.reading import BOARD, rig_of
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
@@ -41,7 +41,7 @@ def calibration_key(config: Config) -> str:
 
     The content of an own world file counts, not only its name. Raises UsageError where a real lab has no rig file.
     """
-    if config.hw != "fake":
+    if not config.is_simulated:
         return _plain(f"{config.hw}-{rig_of(config).name}")
     path = Path(config.world).expanduser()
     own = f"-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}" if path.is_file() else ""
@@ -84,7 +84,7 @@ def open_calibration_rig(
     `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone. `openers`: how the
     devices of a real lab are opened.
     """
-    opened = _lab(config, board, rough) if config.hw == "fake" else _real(config, board, rough, openers)
+    opened = _lab(config, board, rough) if config.is_simulated else _real(config, board, rough, openers)
     with opened as rig:
         yield rig
 
@@ -104,7 +104,7 @@ def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterat
     cell = Workcell(arm_model("panda", UNKNOWN_RAD), held.tool(), LEVEL, camera_box(rough_X_BC), STOPS_AT_N)
     with CalibrationLab(task, world, config.seed, held, cell, home_q_rad=home_rad) as lab:
         yield CalibrationRig(
-            name="fake",
+            name=SIMULATED,
             title=f"simulated lab, world {world.name}",
             key=calibration_key(config),
             arm=lab.arm,
@@ -125,25 +125,20 @@ def _real(
 ) -> Iterator[CalibrationRig]:
     """Without an earlier calibration nothing is planned: the arm is guided by hand."""
     from adaptsim_cli.devices.mounted import weighed
-    from adaptsim_cli.devices.openers import real_devices
-    from adaptsim_cli.devices.opening import enter_arm, open_arm
-    from adaptsim_cli.screen.console import Screen, require_terminal
+    from adaptsim_cli.devices.opening import open_lab
     from hw.kinematics import forward
 
-    rig, held, devices = rig_of(config), _held(board), openers or real_devices()
-    require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    rough_X_BC = None if rough is None else np.array(rough.X_AC)
-    boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
-    arm_alone, tool = arm_model(rig.arm.model, UNKNOWN_RAD), weighed(held.tool(), rig.tool(BOARD))
-    cell = Workcell(arm_alone, tool, rig.table.plane(), boxes, rig.arm.stops_at_N)
-    screen = Screen(as_json=True)  # questions never mix with data
-    with ExitStack() as stack:
-        arm = open_arm(rig, BOARD, cell, devices, screen, stack)
-        camera = stack.enter_context(devices.camera(rig.camera, infrared=True))
-        enter_arm(arm, screen, stack)
+    with open_lab(config, (), openers) as lab:
+        rig, held = lab.rig, _held(board)
+        rough_X_BC = None if rough is None else np.array(rough.X_AC)
+        boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
+        arm_alone, tool = arm_model(rig.arm.model, UNKNOWN_RAD), weighed(held.tool(), rig.tool(BOARD))
+        cell = Workcell(arm_alone, tool, rig.table.plane(), boxes, rig.arm.stops_at_N)
+        arm, camera = lab.arm(cell, BOARD), lab.camera(infrared=True)
+        lab.connect_recovered(arm)
         yield CalibrationRig(
             name=config.hw,
-            title=f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}",
+            title=lab.title,
             key=calibration_key(config),
             arm=arm,
             camera=camera,

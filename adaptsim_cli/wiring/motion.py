@@ -112,7 +112,7 @@ def lab_of(resolved: Resolved, arm: str | None) -> Lab:
     from hw.workcell import arm_model
 
     config = resolved.config
-    if arm is not None or config.hw == "fake":
+    if arm is not None or config.is_simulated:
         if arm not in (None, *LIMITS):
             raise UsageError(f"--arm {arm}: it is one of {', '.join(LIMITS)}")
         return Lab(arm_model(arm or "panda", np.zeros(7)), None, (), None)

@@ -5,23 +5,20 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from adaptsim_cli.config import Config, Places, places
-from adaptsim_cli.devices.attended import AttendedRig, Person, Scales
+from adaptsim_cli.config import SIMULATED, Config, Places, places
+from adaptsim_cli.devices.attended import AttendedRig, Person
 from adaptsim_cli.devices.mounted import mounted
-from adaptsim_cli.devices.openers import Openers
-from adaptsim_cli.devices.opening import open_arm
-from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.devices.opening import open_lab
+from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
@@ -72,7 +69,7 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
         origin = Provenance(
             checkpoint=f"{own.name}/{checkpoint.path.name}",
             checkpoint_sha256=checkpoint.sha256,
-            world_sha256=_world_sha256(config.world) if config.hw == "fake" else "",
+            world_sha256=_world_sha256(config.world) if config.is_simulated else "",
             calibration=calibration.source if calibration else "",
             calibration_sha256=_sha256(np.stack([calibration.X_BC, task.X_FT])) if calibration else "",
             versions=versions(),
@@ -89,10 +86,8 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
     """The task as mounted there, where trials happen, what can be executed, the calibration."""
     if task.plan is None:
         yield task, _simulated(config, task), None, None
-    elif config.hw != "fake":
-        from adaptsim_cli.devices.openers import real_devices
-
-        with open_real(config, places(), task, openers or real_devices()) as real:
+    elif not config.is_simulated:
+        with open_real(config, places(), task, openers) as real:
             on_rig = real.on_rig
             executable = _executable(task, on_rig.planner)
             yield real.mounted.task, real, executable, on_rig.rig.hand_eye
@@ -104,7 +99,7 @@ def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterato
 
 def _simulated(config: Config, task: Task) -> InSimulation:
     """A world of a task that needs no hardware. Raises UsageError where some was asked for."""
-    if config.hw != "fake":
+    if not config.is_simulated:
         raise UsageError(
             f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
             "Leave --hw out, or choose another --task"
@@ -159,7 +154,7 @@ def _nominal(world: World, seed: int) -> HandEye:
 
 def _on_rig(there: MountedTask, lab: SimulatedLab, eye: HandEye, days: int = 30) -> OnRig:
     over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-    rig = Rig("fake", f"simulated lab, {lab.title}", lab.arm, lab.camera, lab.bench, over_table, days)
+    rig = Rig(SIMULATED, f"simulated lab, {lab.title}", lab.arm, lab.camera, lab.bench, over_table, days)
     return OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
@@ -231,37 +226,30 @@ class _Telling(Protocol):
 
 
 @contextmanager
-def open_real(config: Config, places: Places, task: Task, openers: Openers) -> Iterator[AttendedRig]:
+def open_real(config: Config, places: Places, task: Task, openers: Openers | None = None) -> Iterator[AttendedRig]:
     """The devices of the rig file, connected, the arm last. Nothing moves.
 
     Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal),
     SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the
     tool cannot be held), DeviceUnavailable, CameraError.
     """
-    rig = rig_of(config, tasks_with_tools())
-    console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    eye, zeros_rad = calibration_of(config, places, None)
-    known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
-    correction = None if known is None else known.correction()
-    lab = mounted(task, arm_model(rig.arm.model, zeros_rad), rig, (camera_box(eye.X_BC),), correction)
-    screen = Screen(as_json=True)  # questions never mix with data
-    if known is not None:
-        screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
-    with ExitStack() as stack:
-        arm = open_arm(rig, lab.task.name, lab.cell, openers, screen, stack)
-        camera = stack.enter_context(openers.camera(rig.camera, infrared=False))
-        scales = None
-        if rig.balance is not None:
-            scales = Scales(stack.enter_context(openers.balance(rig.balance)), screen)
-        stack.enter_context(arm)
+    with open_lab(config, tasks_with_tools(), openers) as lab:
+        eye, zeros_rad = calibration_of(config, places, None)
+        known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
+        correction = None if known is None else known.correction()
+        there = mounted(task, arm_model(lab.rig.arm.model, zeros_rad), lab.rig, (camera_box(eye.X_BC),), correction)
+        if known is not None:
+            lab.screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
+        arm = lab.arm(there.cell, task.name)
+        camera, scales = lab.camera(infrared=False), lab.scales()
+        lab.connect(arm)
 
         def facts() -> RigFacts:
             said = camera.facts() if isinstance(camera, _Telling) else None
             return (scales.facts if scales else RigFacts()).model_copy(update={"camera": said})
 
-        title = f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
-        over_table = replace(eye, X_BC=lab.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in the frame W
+        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
         days = config.calibration_days
-        devices = Rig(config.hw, title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
-        on_rig = OnRig(lab.task, devices, tracker_of(lab.task), lab.planner(), facts)
-        yield AttendedRig(on_rig, arm, lab, screen, scales)
+        rig = Rig(config.hw, lab.title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
+        on_rig = OnRig(there.task, rig, tracker_of(there.task), there.planner(), facts)
+        yield AttendedRig(on_rig, arm, there, lab.screen, scales)

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 
-from adaptsim_cli.config import Config, Places
+from adaptsim_cli.config import SIMULATED, Config, Places
 from adaptsim_cli.devices.mounted import weighed
 from adaptsim_cli.devices.openers import Openers
-from adaptsim_cli.devices.opening import enter_arm, open_arm
+from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.description import TablePart
-from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.joining import plan_of, touch_rig
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
@@ -33,7 +31,7 @@ ZEROS_RAD = 2e-4
 def touch_offs(config: Config, places: Places) -> TouchOffStore:
     """Those of this rig: of the simulated lab one a task, world and seed, else one an arm and task."""
     key = calibration_key(config)
-    return TouchOffStore(places.data / "touch-offs" / (key if config.hw == "fake" else f"{key}-{config.task}"))
+    return TouchOffStore(places.data / "touch-offs" / (key if config.is_simulated else f"{key}-{config.task}"))
 
 
 def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouchOff | None:
@@ -61,7 +59,7 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[Tou
 
     Raises SimError, DeviceUnavailable, SessionError; for a real lab also UsageError and CalibrationMissing.
     """
-    opened = _lab(config, places, grasp) if config.hw == "fake" else open_real_touch_rig(config, places, grasp)
+    opened = _lab(config, places, grasp) if config.is_simulated else open_real_touch_rig(config, places, grasp)
     with opened as rig:
         yield rig
 
@@ -83,7 +81,7 @@ def _lab(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
     cell = Workcell(arm_model("panda", zeros_rad), empty_hand(), LEVEL, (camera_box(X_BC),), STOPS_AT_N)
     with TouchLab(task, world, config.seed, cell, home_q_rad=cell.arm.reported_rad(READY_RAD)) as lab:
         yield touch_rig(
-            name="fake",
+            name=SIMULATED,
             title=f"simulated lab, world {world.name}",
             key=calibration_key(config),
             arm=lab.arm,
@@ -105,33 +103,29 @@ def open_real_touch_rig(
     Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal), UnknownName
     (a tool without corners), CalibrationMissing, NotExecutable (places outside of the work area), DeviceUnavailable.
     """
-    from adaptsim_cli.devices.openers import real_devices
     from hw.franka.settings import Payload
     from sim.panda.feelers import empty_hand, feeling
     from sim.tasks import get_task
 
-    rig = rig_of(config, tasks_with_tools())
-    console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    shipped, part = get_task(config.task), rig.tool(config.task)
-    plan = plan_of(shipped)
-    _require_inside(plan, rig.table)
-    eye, zeros_rad = calibration_of(config, places, None)
-    task = replace(shipped, X_FT=part.designed(shipped.X_FT))
-    empty, loaded, screen = empty_hand(), weighed(feeling(task, task.X_FT), part), Screen(as_json=True)
-    model, boxes = arm_model(rig.arm.model, zeros_rad), (camera_box(eye.X_BC), *rig.boxes())
-    cell = Workcell(model, empty, rig.table.plane(), boxes, rig.arm.stops_at_N)
-    held = Payload() if part.payload is None else part.payload.payload()
-    devices = openers or real_devices()
-    with ExitStack() as stack:
-        arm = open_arm(rig, task.name, cell, devices, screen, stack, "nothing on the table")
-        hand = stack.enter_context(devices.hand(rig.arm.model, rig.arm.address))
+    with open_lab(config, tasks_with_tools(), openers) as lab:
+        rig = lab.rig
+        shipped, part = get_task(config.task), rig.tool(config.task)
+        plan = plan_of(shipped)
+        _require_inside(plan, rig.table)
+        eye, zeros_rad = calibration_of(config, places, None)
+        task = replace(shipped, X_FT=part.designed(shipped.X_FT))
+        empty, loaded = empty_hand(), weighed(feeling(task, task.X_FT), part)
+        model, boxes = arm_model(rig.arm.model, zeros_rad), (camera_box(eye.X_BC), *rig.boxes())
+        cell = Workcell(model, empty, rig.table.plane(), boxes, rig.arm.stops_at_N)
+        held = Payload() if part.payload is None else part.payload.payload()
+        arm, hand = lab.arm(cell, task.name, "nothing on the table"), lab.hand()
 
         def tool_there(there: bool) -> None:
             arm.carry(loaded if there else empty, held if there else Payload())
 
         opened = touch_rig(
             name=config.hw,
-            title=f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}",
+            title=lab.title,
             key=calibration_key(config),
             arm=arm,
             hand=hand,
@@ -142,7 +136,7 @@ def open_real_touch_rig(
             tool_there=tool_there,
             confirm=arm.confirm,
         )
-        enter_arm(arm, screen, stack)
+        lab.connect_recovered(arm)
         yield opened
 
 

@@ -167,6 +167,15 @@ def no_scene(*_: Any) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """A round object that stands on a mark before a trial: the sizes that its tracker needs."""
+
+    radius_m: float
+    height_m: float
+    mark_m: Array  # (2,) in the frame of the arm's base
+
+
+@dataclass(frozen=True, eq=False)
 class Task:
     """Everything that is particular to one task.
 
@@ -216,6 +225,7 @@ class Task:
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
     tracker: str = ""  # the key of the tracker in adaptsim_cli.devices.trackers
+    standing: Standing | None = None  # for a tracker of objects that stand on a mark
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""

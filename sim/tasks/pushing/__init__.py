@@ -7,6 +7,8 @@ from sim.tasks.pushing.params import (
     ACTION,
     ACTION_NOISE,
     ADAPTATION,
+    BOTTLE_HEIGHT_M,
+    BOTTLE_RADIUS_M,
     CONTEXT,
     MARGIN,
     NUISANCE,
@@ -15,6 +17,7 @@ from sim.tasks.pushing.params import (
     PLAUSIBLE,
     REFERENCE_CONTEXT,
     REUSE,
+    START_M,
     X_FT,
     Unmodelled,
     goal_m,
@@ -23,7 +26,7 @@ from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.rollout import simulate
 from sim.tasks.pushing.scene import build_scene, time_step_s
-from sim.tasks.task import Task
+from sim.tasks.task import Standing, Task
 
 TASK = Task(
     name="pushing",
@@ -53,6 +56,7 @@ TASK = Task(
     object_name="bottle",
     goal_m=goal_m,
     tracker="bottle",
+    standing=Standing(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, START_M),
     keep_clear=KEEP_CLEAR,
     tool_mass=TOOL_MASS,
 )

@@ -1,11 +1,7 @@
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of the limits
 from cells import cell
 
 from hw.collision import LEVEL, Capsule, KeepOut, Tool, point_heights

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-
-sys.path.append(str(Path(__file__).parents[1] / "hw"))  # shared with the tests of contact
 from cells import cell
 from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 from real_lab import (

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import tomllib
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ import platformdirs
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.storage.validation import place, plain, unknown
 
 Hardware = Literal["fake", "panda", "fr3"]
 SIMULATED: Hardware = "fake"
@@ -189,13 +189,11 @@ def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str
 
 def _message(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key = place(first["loc"])
     known = tuple(field.name for field in fields(Config))
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(key, known, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ";"
-        return f"unknown key {key!r}{hint} Known keys: {', '.join(known)}"
+        return unknown(key, key, known, "Known keys")
     info = _Values.model_fields[str(first["loc"][0])]
     if first["type"] == "literal_error":
         return f"{key} = {first['input']!r}: it is one of {', '.join(get_args(Hardware))}"
-    return f"{key} = {first['input']!r}: {first['msg'][0].lower()}{first['msg'][1:]} ({info.description})"
+    return f"{key} = {first['input']!r}: {plain(first['msg'])} ({info.description})"

@@ -13,6 +13,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.storage.validation import place
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.types import Dimension, Space
@@ -231,7 +232,7 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         return kind.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole file"
+        where = place(first["loc"]) or "the whole file"
         raise corrupt(path, f"{where}: {first['msg']}") from error
 
 

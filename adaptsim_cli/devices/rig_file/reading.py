@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import tomllib
 import typing
@@ -18,6 +17,7 @@ from pydantic_core import ErrorDetails
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.storage.validation import plain, unknown
 
 BOARD = "board"
 """[tools.board]: the calibration board in the gripper, for its payload."""
@@ -87,7 +87,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
         raise UsageError(f"{source}: {_explained(errors[0])}") from error  # a mistyped key before the one it misses
     for name in rig.tools:
         if tools and name not in (*tools, BOARD):
-            raise UsageError(f"{source}: {_unknown(f'tools.{name}', name, (*tools, BOARD), 'Tools')}")
+            raise UsageError(f"{source}: {unknown(f'tools.{name}', name, (*tools, BOARD), 'Tools')}")
     return rig
 
 
@@ -111,9 +111,7 @@ def _explained(error: ErrorDetails) -> str:
     if kind == _UNKNOWN:
         owner = _class_at(loc[:-1])
         known = tuple(field.name for field in dataclasses.fields(owner)) if owner else ()
-        return _unknown(
-            key, str(loc[-1]), known, "Known keys" + (f" of [{key.rpartition('.')[0]}]" if loc[:-1] else "")
-        )
+        return unknown(key, str(loc[-1]), known, "Known keys" + (f" of [{key.rpartition('.')[0]}]" if loc[:-1] else ""))
     field = _field_at(loc)
     help_text = f" ({field.description})" if field is not None and field.description else ""
     if kind == "missing" and isinstance(loc[-1], int):
@@ -126,14 +124,8 @@ def _explained(error: ErrorDetails) -> str:
         return f"{key} is missing{help_text}"
     if kind == "value_error":
         return f"{key + ': ' if key else ''}{error['ctx']['error']}"
-    wanted = _LIMITS.get(kind, error["msg"][0].lower() + error["msg"][1:]).format(**error.get("ctx", {}))
+    wanted = _LIMITS.get(kind, plain(error["msg"])).format(**error.get("ctx", {}))
     return f"{key} = {json.dumps(given, ensure_ascii=False)}{_unit(field)}: it must be {wanted}{help_text}"
-
-
-def _unknown(key: str, name: str, known: tuple[str, ...], title: str) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f", did you mean {near[0]!r}?" if near else ";"
-    return f"unknown key {key!r}{hint} {title}: {', '.join(known)}"
 
 
 def _unit(field: FieldInfo | None) -> str:

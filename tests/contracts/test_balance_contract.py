@@ -11,7 +11,7 @@ import pytest
 from real_lab import ToyBalance
 from serial_lines import answering, plugged_in
 
-from adaptsim_cli.rigs.openers import Balance as BalancePort
+from adaptsim_cli.devices.openers import Balance as BalancePort
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.serial.balance import Balance
 

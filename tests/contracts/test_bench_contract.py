@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from sim.world import load_world
 
-from adaptsim_cli.rigs.attended import Person
+from adaptsim_cli.devices.attended import Person
 from hw.fake import FakeBench
 from hw.ports import Bench
 from hw.types import Array
-from sim.lab import SimulatedLab
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import load_world
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 XY_M = np.array([0.68, 0.03])
@@ -35,7 +36,7 @@ def fake() -> Kind:
 
 def lab() -> Kind:
     task = get_task("scooping")
-    built = SimulatedLab(task, load_world("wd", task), seed=0)
+    built = SimulatedLab(task, load_world("wd", task), 0, cell_as_shipped(task, "panda"))
     return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
 
 

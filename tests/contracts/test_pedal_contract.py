@@ -12,7 +12,7 @@ import pytest
 from real_lab import ToyPedal
 from serial_lines import boxed, plugged_in, until
 
-from adaptsim_cli.rigs.openers import Pedal
+from adaptsim_cli.devices.openers import Pedal
 from hw.fake import FakeClock
 from hw.serial import enable_pedal
 from hw.serial.enable_pedal import EnablePedal

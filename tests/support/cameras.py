@@ -11,21 +11,22 @@ from typing import Self, TypeVar
 
 import numpy as np
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames
-from perception.board_types import Board
-from sim.world import Faults, Sensing, World, load_world
 
 from hw.camera.k4a import KinectCamera, open_kinect
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError
 from hw.fake import FakeCamera
+from hw.joint_limits import LIMITS
 from hw.ports import Camera
 from hw.types import CameraModel, Frame, Intrinsics
-from perception.board import draw
-from sim.lab import READY_RAD, SimulatedLab
+from perception.board import Board, draw
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
+from sim.lab.simulated import READY_RAD, SimulatedLab
+from sim.lab.world import Faults, Sensing, World, load_world
 from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 Answer = TypeVar("Answer")
@@ -85,7 +86,7 @@ def _small(world: World) -> World:
 def lab() -> Scene:
     """The rendered camera of trials. Nothing moves, so a recording shows the piece at rest."""
     task = get_task("scooping")
-    built = SimulatedLab(task, _small(load_world("wd", task)), seed=0)
+    built = SimulatedLab(task, _small(load_world("wd", task)), 0, cell_as_shipped(task, "panda"))
     xy_m = np.array([0.68, 0.0])
     built.bench.place(xy_m, trial=1, attempt=0)
     arm = built.arm.__enter__()
@@ -97,14 +98,19 @@ def board_lab() -> Scene:
     task, board = get_task("scooping"), Board()
     held = HeldBoard(draw(board, 112), board.size_m)
     built = CalibrationLab(
-        task, replace(_small(load_world("wd", task)), faults=Faults()), 0, held, home_q_rad=READY_RAD
+        task,
+        replace(_small(load_world("wd", task)), faults=Faults()),
+        0,
+        held,
+        cell_as_shipped(task, "panda"),
+        home_q_rad=READY_RAD,
     )
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
 
     def swing() -> None:
         q_rad = built.arm.state().q_rad
         there_rad = away_rad if np.allclose(q_rad, READY_RAD) else READY_RAD
-        built.arm.execute(move_path(q_rad, there_rad, "panda"))
+        built.arm.execute(move_path(q_rad, there_rad, LIMITS["panda"]))
 
     return Scene(built.camera, swing, lambda: built.arm.state().t_s, rate_hz=15.0)
 

@@ -119,7 +119,7 @@ def test_it_must_be_entered_and_contact_is_only_felt_out() -> None:
 
 def test_a_task_without_corners_has_no_touch_off() -> None:
     pushing = get_task("pushing")
-    with pytest.raises(UnknownName, match="a touch-off is for scooping"):
+    with pytest.raises(UnknownName, match="no corners to touch"):
         TouchLab(pushing, load_world("wd", pushing), 0, CELL, home_q_rad=top_rad())
 
 

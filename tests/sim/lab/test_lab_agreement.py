@@ -1,66 +1,109 @@
-"""With nothing unmodelled, the lab's arm does what the training rollout says: the gap that is left is the arm's."""
+"""The lab's arm does what the training rollout says: a trial ends alike with the whole arm and without one.
+
+The default run compares physics in a few worlds. The slow one runs `benchmarks/agreement.py`: sixty drawn worlds, with
+placing, finding, planning, filming and tracking.
+"""
 
 from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from hw.types import Array
 from perception.types import Outcome
 from sim.lab.cell import Cell
-from sim.lab.world import Faults, Sensing, World
-from sim.panda.planning import home, joint_path, trial_paths
+from sim.lab.drawn import drawn_world
+from sim.lab.world import Faults, Sensing, World, load_world
+from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
+from sim.tasks.task import Task
 
-BLADE_M = (0.10, 0.04)  # length, half width
+SCOOPING, PUSHING = get_task("scooping"), get_task("pushing")
+BENCHMARK = Path(__file__).parents[3] / "benchmarks" / "agreement.py"
+ROLLS_BACK = np.array([0.20, 0.072, 0.020])
+"""In `rolling-olive` the olive still rolls when this motion ends: judged at once, it would count and then be gone."""
+
+
+def with_arm(task: Task, world: World, context: Array, action: Array) -> tuple[Array, Array]:
+    """Poses (4, 4) of tool and object where the lab says that the trial is over."""
+    shipped = cell_as_shipped(task, "panda")
+    q_home = home(task.X_FT, shipped, task.home_pitch_rad)
+    path = trial_paths(task.plan(context, action), task.X_FT, shipped, q_home, carries=task.carries)[1]
+    cell = Cell(task, world)
+    cell.reset(path.q_rad[0], task.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
+    cell.simulate(path.t_s, path.q_rad)
+    poses = cell.poses(cell.positions[None])
+    return poses[cell.bodies.tool][0], poses[cell.bodies.object][0]
+
+
+def alone(task: Task, world: World, context: Array, action: Array) -> Any:
+    return task.simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+
+
+def is_on_blade(X_BT: Array, X_BO: Array) -> bool:
+    x_m, y_m, z_m = (np.linalg.inv(X_BT) @ X_BO)[:3, 3]
+    return bool(z_m > 0.001 and -0.11 <= x_m <= 0.0 and abs(y_m) <= 0.04)
+
+
+def test_an_olive_that_rolls_on_after_the_motion_ends_at_the_neck_with_and_without_an_arm() -> None:
+    world = load_world("rolling-olive", SCOOPING)
+    expected = alone(SCOOPING, world, SCOOPING.reference_context, ROLLS_BACK)
+    assert expected.outcome is Outcome.ON_BLADE
+    assert expected.t_s[-1] > 1.1, "it still moves when the motion ends"
+    X_BT, X_BO = with_arm(SCOOPING, world, SCOOPING.reference_context, ROLLS_BACK)
+    assert is_on_blade(X_BT, X_BO)
+    seen_m = (np.linalg.inv(X_BT) @ X_BO)[:3, 3]
+    assert np.linalg.norm(seen_m - expected.end_in_tool_m) < 0.005
+
+
+@pytest.mark.parametrize("number", [0, 3, 5, 8])
+def test_a_scoop_in_a_drawn_world_ends_alike(number: int) -> None:
+    world, action = drawn_world(SCOOPING, 0, number), np.array([0.0, 0.10, 0.012])
+    expected = alone(SCOOPING, world, SCOOPING.reference_context, action)
+    poses = with_arm(SCOOPING, world, SCOOPING.reference_context, action)
+    assert is_on_blade(*poses) == (expected.outcome is Outcome.ON_BLADE)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_push_in_a_drawn_world_ends_alike(number: int) -> None:
+    world, action = drawn_world(PUSHING, 0, number), np.array([0.05, 0.55])
+    expected = alone(PUSHING, world, PUSHING.reference_context, action)
+    _, X_BO = with_arm(PUSHING, world, PUSHING.reference_context, action)
+    assert (X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT)
 
 
 @pytest.mark.slow
-def test_nominal_scoops_end_as_in_training() -> None:
-    task = get_task("scooping")
-    rng = np.random.default_rng(0)
-    agree, distance_mm = [], []
-    for _ in range(30):
-        parameters, context, action, nuisance = (
-            space.sample(rng, 1)[0] for space in (task.parameters, task.context, task.action, task.nuisance)
-        )
-        expected = task.simulate(parameters, context, action, nuisance)
-        effects = task.unmodelled()
-        cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        motion = task.plan(context, action)
-        q_rad = joint_path(motion, task.X_FT, cell_as_shipped(task, "panda")).q_rad
-        cell.reset(q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
-        played = cell.simulate(motion.t_s, q_rad)
-        times_s = task.observation.times_s
-        poses = cell.poses(played.at(times_s))
-        X_BT, X_BO = poses[cell.bodies.tool], poses[cell.bodies.object]
-        x_m, y_m, z_m = (np.linalg.inv(X_BT[-1]) @ X_BO[-1])[:3, 3]
-        on_blade = z_m > 0.001 and -BLADE_M[0] <= x_m <= 0.0 and abs(y_m) <= BLADE_M[1]
-        agree.append(on_blade == (expected.outcome is Outcome.ON_BLADE))
-        if on_blade and agree[-1]:
-            distance_mm.append(1e3 * np.linalg.norm(X_BO[-1, :2, 3] - expected.at(times_s)[-1, :2]))
-    assert np.mean(agree) >= 0.85
-    assert np.median(distance_mm) < 6.0
+@pytest.mark.parametrize("task", [SCOOPING, PUSHING], ids=lambda task: task.name)
+def test_sixty_drawn_worlds_end_alike_in_the_whole_lab(task: Task) -> None:
+    """As well as a rollout agrees with itself when the object is moved by less than a camera errs."""
+    command = [sys.executable, str(BENCHMARK), "--task", task.name, "--worlds", "60", "--json"]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert found["agree"] >= 0.85
+    assert found["agree"] >= found["itself"] - 0.05
+    assert found["apart_mm_median"] < 5.0
+    assert found["lost_on_the_way"] == 0
 
 
 @pytest.mark.slow
 def test_nominal_pushes_end_as_in_training() -> None:
-    task = get_task("pushing")
-    shipped, effects = cell_as_shipped(task, "panda"), task.unmodelled()
-    q_home = home(task.X_FT, shipped)
-    rng = np.random.default_rng(0)
+    rng, nothing = np.random.default_rng(0), PUSHING.unmodelled()
     agree, distance_mm = [], []
     for _ in range(20):
         parameters, context, action, nuisance = (
-            space.sample(rng, 1)[0] for space in (task.parameters, task.context, task.action, task.nuisance)
+            space.sample(rng, 1)[0] for space in (PUSHING.parameters, PUSHING.context, PUSHING.action, PUSHING.nuisance)
         )
-        expected = task.simulate(parameters, context, action, nuisance)
-        cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        path = trial_paths(task.plan(context, action), task.X_FT, shipped, q_home)[1]
-        cell.reset(path.q_rad[0], task.rest_pose(context, parameters, nuisance, effects))
-        cell.simulate(path.t_s, path.q_rad)
-        agree.append((cell.X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT))
+        world = World("nominal", PUSHING.name, "", parameters, nuisance, nothing, Sensing(), Faults())
+        expected = alone(PUSHING, world, context, action)
+        _, X_BO = with_arm(PUSHING, world, context, action)
+        agree.append((X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT))
         if expected.outcome is Outcome.UPRIGHT and agree[-1]:
-            distance_mm.append(1e3 * np.linalg.norm(cell.X_BO[:2, 3] - expected.state[-1, :2]))
+            distance_mm.append(1e3 * np.linalg.norm(X_BO[:2, 3] - expected.state[-1, :2]))
     assert np.mean(agree) >= 0.9
     assert np.median(distance_mm) < 8.0

@@ -1,1 +1,1 @@
-"""The devices of a lab: its file, how they are opened, what they hold, how they see; real or simulated."""
+"""The devices of a lab: the rig file, opening, confirmation, trackers."""

@@ -1,4 +1,4 @@
-"""How a file that breaks its schema is explained: where, and what was probably meant."""
+"""Explains a file that breaks its schema: the place, and the key that was probably meant."""
 
 from __future__ import annotations
 

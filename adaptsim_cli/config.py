@@ -47,7 +47,9 @@ class _Values(BaseModel):
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""
     solver: Annotated[str, Field(description="how policies are found: emulator, naf; empty: as pretrained")] = ""
-    object: Annotated[str, Field(description="TOML file with the ranges of an own object (docs/own-objects.md)")] = ""
+    object: Annotated[
+        str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
+    ] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0

@@ -1,6 +1,6 @@
 """What stands in the files of a calibration: `setup.toml`, `view-*.json`, `calibration.json`. Checked on reading.
 
-`docs/calibrate.md` describes the same for whoever writes such files on another robot.
+`docs/guide/calibrate.md` describes the same for whoever writes such files on another robot.
 """
 
 from __future__ import annotations
@@ -226,5 +226,5 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"
         known = f"; known keys: {', '.join(kind.model_fields)}" if first["type"] == "extra_forbidden" else ""
         raise ViewFolderError(
-            f"{path}: {where}: {first['msg']}{known}. docs/calibrate.md describes the file"
+            f"{path}: {where}: {first['msg']}{known}. docs/guide/calibrate.md describes the file"
         ) from error

@@ -140,7 +140,7 @@ def plan(rig: CalibrationRig, count: int) -> Array:
     if len(able) < FEWEST:
         raise PreflightFailed(
             f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, {FEWEST} are needed: "
-            "is the camera where it was, and the board mounted as docs/calibrate.md shows? Else add --guide"
+            "is the camera where it was, and the board mounted as docs/guide/calibrate.md shows? Else add --guide"
         )
     chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
     q_rad = np.array([found[i] for i in chosen])

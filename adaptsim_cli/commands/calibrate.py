@@ -96,7 +96,7 @@ def check(
 
 @app.command()
 def solve(
-    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/calibrate.md describes its files.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the report; else into the folder.")] = None,
     as_json: _Json = False,
 ) -> None:

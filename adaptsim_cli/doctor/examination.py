@@ -130,7 +130,7 @@ def _pedal(rig: RigDescription) -> Iterator[Finding]:
         with EnablePedal(port) as pedal:
             return f"answers, protocol version {VERSION}; {'held' if pedal.enabled() else pedal.why_not()}"
 
-    yield lab.answers("pedal", greeting, (DeviceUnavailable,), "docs/enable-pedal.md: cable, board, sketch")
+    yield lab.answers("pedal", greeting, (DeviceUnavailable,), "docs/guide/enable-pedal.md: cable, board, sketch")
 
 
 def _balance(rig: RigDescription) -> Iterator[Finding]:

@@ -31,7 +31,7 @@ def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: st
 def camera(report: ProbeReport, serial: str) -> Finding:
     """`serial` as the rig file has it; empty: any."""
     if report.error is not None:
-        return missing(DEVICES, "camera", report.error, report.fix or "see docs/cameras.md")
+        return missing(DEVICES, "camera", report.error, report.fix or "see docs/guide/cameras.md")
     if serial and serial not in report.serials:
         fix = f'plug it in, or write into [camera] of the rig file: serial = "{report.serials[0]}"'
         return missing(DEVICES, "camera", f"{serial} is not plugged in; there is {', '.join(report.serials)}", fix)
@@ -39,7 +39,7 @@ def camera(report: ProbeReport, serial: str) -> Finding:
         fix = "write the serial number of the one to use into [camera] of the rig file"
         return missing(DEVICES, "camera", f"several are plugged in: {', '.join(report.serials)}", fix)
     if not report.depth_engine:
-        fix = "install libdepthengine.so.2.0 beside the library; docs/cameras.md"
+        fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
         return missing(DEVICES, "camera", f"{report.library} has no depth engine, so there would be no depth", fix)
     which = serial or report.serials[0]
     return ok(DEVICES, "camera", f"{which}, {report.maker} library {report.version or '(version not told)'}")
@@ -63,7 +63,7 @@ def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], .
 
 def no_pedal() -> Finding:
     """The advice for a rig file without a pedal."""
-    fix = "docs/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
+    fix = "docs/guide/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
     return advice(DEVICES, "pedal", "the rig file names none: only the arm's own stop button ends a motion", fix)
 
 

@@ -1,4 +1,4 @@
-"""A session as a folder: `session.toml`, `start.json`, and one folder an iteration. See docs/sessions.md."""
+"""A session as a folder: `session.toml`, `start.json`, and one folder an iteration. See docs/reference/sessions.md."""
 
 from __future__ import annotations
 

@@ -152,7 +152,7 @@ def _real(
 
 
 def _held(board: Board) -> HeldBoard:
-    """The board in the gripper as docs/calibrate.md shows it."""
+    """The board in the gripper as docs/guide/calibrate.md shows it."""
     from perception.board import draw
     from sim.lab.board import HeldBoard
 

@@ -122,7 +122,7 @@ class K4aDevice:
         )
         self._need(
             self._library.k4a_device_start_cameras(self._handle, ctypes.byref(configuration)),
-            "its images cannot be started (without a display the depth engine fails: docs/cameras.md)",
+            "its images cannot be started (without a display the depth engine fails: docs/guide/cameras.md)",
         )
         self._running = True
 
@@ -174,7 +174,7 @@ class K4aDevice:
         if result != k4a.SUCCEEDED:
             raise CameraError(
                 f"camera {self.serial}: {problem}{said}. Plug it into a USB 3 port of its own, wait for its light, and "
-                "run the command again; docs/cameras.md tells more"
+                "run the command again; docs/guide/cameras.md tells more"
             )
 
     def _hear(self, _context: int, _level: int, file: bytes, line: int, message: bytes) -> None:
@@ -206,4 +206,4 @@ def _not_there(serial: str | None, seen: list[str]) -> str:
     if serial is None and len(seen) > 1:
         return f"several cameras are plugged in ({found}): name the serial number of the one to use"
     wanted = f"no camera with serial number {serial}" if serial else "no camera that can be used"
-    return f"{wanted}; plugged in: {found}. Check cable, power supply and USB 3 port, and see docs/cameras.md"
+    return f"{wanted}; plugged in: {found}. Check cable, power supply and USB 3 port, and see docs/guide/cameras.md"

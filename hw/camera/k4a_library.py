@@ -28,7 +28,7 @@ _FOLDERS = (
 INSTALL = (
     "install the maker's library, for the Azure Kinect `sudo apt-get install libk4a1.4` from packages.microsoft.com, "
     "for the Femto Bolt Orbbec's OrbbecSDK-K4A-Wrapper, and name its file in ADAPTSIM_K4A_LIBRARY if the loader does "
-    "not find it; docs/cameras.md has the lines"
+    "not find it; docs/guide/cameras.md has the lines"
 )
 
 _Handle, _HandleOut = c_void_p, POINTER(c_void_p)

@@ -21,7 +21,7 @@ _PATIENCE_S = 20.0
 _CHILD = (sys.executable, "-m", "hw.camera.probe")
 _PLUG = (
     "plug the camera into a USB 3 port of its own with its own power supply, wait until its light is on, and install "
-    "the udev rules of docs/cameras.md if you are not root"
+    "the udev rules of docs/guide/cameras.md if you are not root"
 )
 
 
@@ -102,7 +102,7 @@ def look(library: K4aLibrary, file: str, maps: str) -> ProbeReport:
     usable = any(device.error is None for device in devices)
     error, fix = f"{file} sees no camera", _sentence(_PLUG)
     if devices:
-        error, fix = devices[0].error or "", "Close the other program, or see docs/cameras.md on permissions"
+        error, fix = devices[0].error or "", "Close the other program, or see docs/guide/cameras.md on permissions"
     return ProbeReport(
         library=file,
         version=_version(file),

@@ -89,7 +89,7 @@ def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = 
     if mismatch:
         return Failure(UNAVAILABLE, f"{model} at {host}: {mismatch}")
     if "realtime" in said.lower():
-        return Failure(UNAVAILABLE, f"{model} at {host}: {said}; see the real-time set-up in docs/arms.md")
+        return Failure(UNAVAILABLE, f"{model} at {host}: {said}; see the real-time set-up in docs/guide/arms.md")
     if reasons:
         return Failure(FAULT, reflexes.in_words(reasons))
     if type(error).__name__ == "NetworkException" or _NETWORK.search(said):

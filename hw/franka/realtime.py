@@ -26,12 +26,12 @@ def claim(flag: Path = KERNEL_FLAG) -> None:
     if not kernel_is_real_time(flag):
         raise DeviceUnavailable(
             f"the running kernel {os.uname().release} is not a real-time one, and late cycles abort motions; "
-            "install one (on Debian: apt install linux-image-rt-amd64), start the computer with it (docs/arms.md)"
+            "install one (on Debian: apt install linux-image-rt-amd64), start the computer with it (docs/guide/arms.md)"
         )
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except PermissionError as error:
         raise DeviceUnavailable(
             f"no permission for real-time priority {PRIORITY} ({error}); give your user 'rtprio 99' and "
-            "'memlock unlimited' in /etc/security/limits.d/realtime.conf, then log in again (docs/arms.md)"
+            "'memlock unlimited' in /etc/security/limits.d/realtime.conf, then log in again (docs/guide/arms.md)"
         ) from error

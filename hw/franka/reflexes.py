@@ -38,7 +38,7 @@ REASONS: dict[str, tuple[str, str]] = {
 
 REAL_TIME = (
     "the computer did not keep up: check the real-time kernel, rtprio, the CPU governor and the cable to the arm "
-    "(docs/arms.md), and let nothing else run"
+    "(docs/guide/arms.md), and let nothing else run"
 )
 
 

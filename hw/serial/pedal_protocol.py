@@ -1,6 +1,6 @@
 """What the enabling pedal says, and when that allows motion. Pure: bytes and times in, a verdict out.
 
-The box sends a line every 20 ms (docs/enable-pedal.md):
+The box sends a line every 20 ms (docs/guide/enable-pedal.md):
 
     AP1 <counter, 5 digits> <0 released | 1 pressed> <CRC-8 of all before it, 2 hex digits>\\n
 

@@ -183,4 +183,4 @@ def test_pictures_of_the_guide_are_small_and_shown(picture: Path) -> None:
     assert image is not None
     assert image.shape[1] <= 1200
     assert picture.stat().st_size < 300_000
-    assert f"figures/{picture.name})" in (ROOT / "docs/operators-guide.md").read_text(encoding="utf-8")
+    assert f"figures/{picture.name})" in (ROOT / "docs/guide/operators-guide.md").read_text(encoding="utf-8")

@@ -1,8 +1,8 @@
 """Every fault through `adaptsim run-iteration`: the exit code, the words, and the same command that goes on.
 
-Arm and camera are those of the toy lab, so that a fault comes at a chosen motion and a session takes a second;
-`test_fault_drill_fr3.py` has an FR3 at the network and a pedal on a serial line. The table of docs/faults.md names
-these tests.
+Arm and camera are those of the toy lab, so that a fault comes at a chosen motion and a session takes a second.
+`test_fault_drill_fr3.py` has an FR3 at the network and a pedal on a serial line. docs/guide/faults.md names these
+tests.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Every fault of an arm and of its pedal through the real path, and the same command that goes on afterwards.
 
 `adaptsim run-iteration --hw fr3` at a pseudo-terminal, a rig file, the FR3 adapter and its player process talking to
-franky-sim over the maker's protocol, the enabling pedal on a serial line. The table of docs/faults.md names these
+franky-sim over the maker's protocol, the enabling pedal on a serial line. The table of docs/guide/faults.md names these
 tests. One particle, so an iteration has two trials; a fault on a real arm always spends the attempt.
 """
 

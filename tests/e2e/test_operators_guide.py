@@ -1,4 +1,4 @@
-"""docs/operators-guide.md, command by command in the simulated lab: the commands work, and print what the guide shows.
+"""The operator's guide, command by command in the simulated lab: they work, and print what the guide shows.
 
 A fence ```` ```sh run ```` is run, line by line, in the order of the guide and in one home and folder. `exit=3` beside
 it is the exit code that is expected. A fence
@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-GUIDE, WORLDS = ROOT / "docs/operators-guide.md", ROOT / "sim/worlds/scooping"
+GUIDE, WORLDS = ROOT / "docs/guide/operators-guide.md", ROOT / "sim/worlds/scooping"
 FENCE = re.compile(r"^```(?P<info>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:e[-+]?\d+)?|\bnan\b")
 ELLIPSIS = "…"

@@ -1,7 +1,7 @@
 """The maker's own libk4a on a real recording, against our readers. Needs no device.
 
 ADAPTSIM_K4A_LIBRARY names libk4a, ADAPTSIM_K4ARECORD_LIBRARY libk4arecord, ADAPTSIM_KINECT_RECORDING a recording with
-colour, depth and infrared; docs/cameras.md says where they can be had. Run with `pytest -m slow`.
+colour, depth and infrared; docs/guide/cameras.md says where they can be had. Run with `pytest -m slow`.
 """
 
 from __future__ import annotations

@@ -237,7 +237,7 @@ class CameraPart:
 
 @dataclass(frozen=True, config=_RULES)
 class PedalPart:
-    """The enabling pedal (docs/enable-pedal.md): the arm moves while it is held. Not a safety device."""
+    """The enabling pedal (docs/guide/enable-pedal.md): the arm moves while it is held. Not a safety device."""
 
     port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyACM0"])]
 

@@ -14,8 +14,8 @@ from adaptsim_cli.devices.rig_file.description import KeepOutPart, RigDescriptio
 from adaptsim_cli.devices.rig_file.reading import fields_of
 
 _HEAD = """\
-# One lab with a real arm, for adaptsim (docs/rig.md). Lengths are in metres, angles in rad, in the arm's base frame:
-# X forward, Y to the left, Z up. Check what you write here with: adaptsim doctor
+# One lab with a real arm, for adaptsim (docs/guide/rig.md). Lengths are in metres, angles in rad, in the arm's base
+# frame: X forward, Y to the left, Z up. Check what you write here with: adaptsim doctor
 """
 _EXAMPLE_BOX = KeepOutPart("lamp", (0.5, -0.7, 0.4), (0.7, -0.5, 0.9))
 

@@ -68,7 +68,7 @@ def init(places: Places, request: Request, screen: Screen) -> Written:
         durable.replace_file(file, text.encode())
         screen.plain(f"Rig file: {file}")
         if rig.pedal is None:
-            screen.note("No enabling pedal: only the arm's own stop button ends a motion. docs/enable-pedal.md")
+            screen.note("No enabling pedal: only the arm's own stop button ends a motion. docs/guide/enable-pedal.md")
     new = not settings.exists()
     if new:
         durable.make_folder(settings.parent)

@@ -27,7 +27,7 @@ from sim.tasks import get_task
 ARM = {"model": "fr3", "address": "172.16.0.2"}
 LEAST: dict[str, Any] = {"name": "lab", "arm": ARM}
 TASKS = ("scooping", "pushing")
-DOCS = Path(__file__).parents[3] / "docs" / "rig.md"
+DOCS = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
 
 
 def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have() -> None:
@@ -174,7 +174,7 @@ def test_the_file_is_shown_key_by_key() -> None:
 
 def test_the_example_of_the_documentation_is_a_rig_file() -> None:
     (block,) = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
-    rig = described(tomllib.loads(block), "docs/rig.md", TASKS)
+    rig = described(tomllib.loads(block), "docs/guide/rig.md", TASKS)
     assert isinstance(rig, RigDescription)
     assert rig.pedal is not None and rig.balance is not None and rig.keep_out and rig.tools
     known = {line.split(" = ")[0].lstrip("#") for line in template(rig, TASKS).splitlines() if " = " in line}

@@ -111,7 +111,7 @@ def test_a_device_that_does_not_answer_is_named_with_its_own_words() -> None:
     def silent() -> str:
         raise DeviceUnavailable("the pedal has not said anything")
 
-    found = lab.answers("pedal", silent, (DeviceUnavailable,), "docs/enable-pedal.md")
+    found = lab.answers("pedal", silent, (DeviceUnavailable,), "docs/guide/enable-pedal.md")
     assert (found.verdict, found.detail) == (MISSING, "the pedal has not said anything")
     with pytest.raises(ZeroDivisionError):  # a defect of the program is not taken for a device
         lab.answers("pedal", lambda: str(1 / 0), (DeviceUnavailable,), "")

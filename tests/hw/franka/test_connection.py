@@ -117,7 +117,7 @@ def test_recovery_is_asked_for_only_after_a_reflex(model: str) -> None:
             "panda",
             RuntimeError("libfranka: Running kernel does not have realtime capabilities."),
             UNAVAILABLE,
-            "docs/arms.md",
+            "docs/guide/arms.md",
         ),
         ("fr3", RuntimeError("libfranka: Set Load command rejected"), FAULT, "the arm says: Set Load command rejected"),
     ],

@@ -1,8 +1,9 @@
 """On a real FR3: `ADAPTSIM_TEST_FR3=172.16.0.2 pytest -m hardware tests/hw/franka/test_fr3_hardware.py`.
 
-Before it: joints unlocked, FCI active, a real-time kernel (docs/arms.md), the hand empty, closed and pointing down, its
-fingertips at least 60 mm over the table, nobody in reach, a hand at the stop button. The arm moves down by 15 mm at
-10 mm/s and back up. ADAPTSIM_TEST_PEDAL names the serial port of an enabling pedal, which is then held throughout.
+Before it: joints unlocked, FCI active, a real-time kernel (docs/guide/arms.md), the hand empty, closed and pointing
+down, its fingertips at least 60 mm over the table, nobody in reach, a hand at the stop button. The arm moves down by
+15 mm at 10 mm/s and back up. ADAPTSIM_TEST_PEDAL names the serial port of an enabling pedal, which is then held
+throughout.
 """
 
 from __future__ import annotations

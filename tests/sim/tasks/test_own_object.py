@@ -119,7 +119,7 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
 
 
 def test_the_page_says_what_the_code_does(tmp_path):
-    page = (Path(__file__).parents[3] / "docs" / "own-objects.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "guide" / "own-objects.md").read_text()
     for task in map(get_task, TASKS):
         for usual, tried in zip(task.parameters.dimensions, task.margin.dimensions, strict=True):
             row = f"{usual.label} | {usual.low:g} to {usual.high:g} | {tried.low:g} to {tried.high:g} |"

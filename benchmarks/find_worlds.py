@@ -15,16 +15,16 @@ import argparse
 import json
 from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from worlds import UDR_DRAWS, rewards_of, simulate_in
+from worlds import UDR_DRAWS, rewards_of
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.udr import several
 from sim.lab.drawn import as_toml, draw_world, effects_of
+from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, load_world
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.sampling import sobol, spread
@@ -76,7 +76,7 @@ def judge(
     confirm: int,
 ) -> dict[str, Any]:
     """What UDR and the best E earn there, as far as it had to be looked at."""
-    there = replace(task, simulate=partial(simulate_in, task.name, world))
+    there = replace(task, simulate=rollouts_in(world))
 
     def mean(policy: SolvedPolicy, n: int, seed: int) -> float:
         def roll(requests: Any) -> Any:

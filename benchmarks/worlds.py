@@ -25,10 +25,10 @@ import numpy as np
 from kept import Kept
 
 from hw.types import Array
-from perception.types import ObjectTrack
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import several
+from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, list_worlds, load_world
 from sim.pretraining.episodes import Roll, trial_requests
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
@@ -59,13 +59,6 @@ class Row:
     wall_s: float
 
 
-def simulate_in(
-    task: str, world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
-) -> ObjectTrack:
-    """A rollout in the world, whatever parameters were asked for."""
-    return get_task(task).simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
-
-
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
@@ -85,7 +78,7 @@ def in_world(
     task: Task, world: World, checkpoint: Checkpoint, executor: Executor, arguments: argparse.Namespace
 ) -> Iterable[tuple[str, int, Callable[[], dict[str, Any]]]]:
     """(method, seed, what makes its row), for each that was asked for."""
-    there = replace(task, simulate=partial(simulate_in, task.name, world))
+    there = replace(task, simulate=rollouts_in(world))
 
     def roll(requests: Any) -> Any:
         return run_many(there, requests, executor)

@@ -104,12 +104,14 @@ def _simulated(config: Config, task: Task) -> InSimulation:
             f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
             "Leave --hw out, or choose another --task"
         )
+    from sim.lab.rollouts import rollouts_in
     from sim.lab.world import load_world
 
     world = load_world(config.world, task)
+    there = rollouts_in(world)
 
     def rollout(context: Array, action: Array) -> ObjectTrack:
-        return task.simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+        return there(world.parameters, context, action, world.nuisance)
 
     duration_s = float(task.observation.times_s[-1])
     return InSimulation(task.object_name, duration_s, f"simulated target, world {world.name}", rollout)

@@ -116,6 +116,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
     return (
         (errors.UsageError, 2),
         (sim.errors.UnknownName, 2),
+        (sim.errors.NoHardware, 2),
         (sim.errors.WorldError, 2),
         (sim.errors.OutOfRange, 2),
         (sim.errors.ObjectError, 2),

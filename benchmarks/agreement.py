@@ -122,7 +122,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
             return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
         truth = lab.truth()["trials"][-1]
         X_BO = np.array(truth["X_BO_placed"])
-    motion = task.plan(ready.context, action)
+    motion = task.require_hardware().plan(ready.context, action)
     alone = _without_arm(name, world, motion, X_BO)
     back_m = np.zeros((4, 4))
     back_m[0, 3] = NUDGE_M
@@ -232,7 +232,7 @@ def _groups(task: Task, rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
         if dimension.scale == "integer":
             for kind in sorted({row.parameters[dimension.name] for row in rows}):
                 yield f"{dimension.name} = {kind:g}", [r for r in rows if r.parameters[dimension.name] == kind]
-    for effect in task.plausible:
+    for effect in task.require_hardware().plausible:
         yield effect, [row for row in rows if effect in row.effects]
     yield "nothing unmodelled", [row for row in rows if not row.effects]
 

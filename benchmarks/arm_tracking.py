@@ -68,12 +68,14 @@ class Box:
 
 def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
     task = get_task(name)
-    assert task.plan is not None
-    cell = cell_as_shipped(task, "fr3")
-    motion = task.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
+    hardware = task.require_hardware()
+    cell = cell_as_shipped(hardware, "fr3")
+    motion = hardware.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
     return (
-        trial_paths(motion, task.X_FT, cell, home(task.X_FT, cell, task.home_pitch_rad), carries=task.carries),
-        task.X_FT,
+        trial_paths(
+            motion, hardware.X_FT, cell, home(hardware.X_FT, cell, hardware.home_pitch_rad), carries=hardware.carries
+        ),
+        hardware.X_FT,
         cell.tool,
     )
 

@@ -54,6 +54,7 @@ CASES = {
 SPOILT = {"noise": 0.0, "arm": 0.15}
 PLACES_M = ((0.60, -0.02), (0.62, 0.02), (0.66, 0.0), (0.68, -0.015), (0.70, 0.015))
 TASK = get_task("scooping")
+HARDWARE = TASK.require_hardware()
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
     board = Board()
     print_of = HeldBoard(draw(board, 112), board.size_m)
     rough, home_rad = nominal_of(world, seed).X_BC, np.array(BOARD_HOME_RAD)
-    cell = replace(cell_as_shipped(TASK, "panda").holding(print_of.tool()), keep_out=camera_box(rough))
+    cell = replace(cell_as_shipped(HARDWARE, "panda").holding(print_of.tool()), keep_out=camera_box(rough))
     with CalibrationLab(TASK, world, seed, print_of, cell, home_q_rad=home_rad) as lab:
         rig = CalibrationRig(
             "fake", "lab", "lab", lab.arm, lab.camera, board, print_of.X_FM, rough,
@@ -116,9 +117,9 @@ def spoil(views: Path, share: float, seed: int) -> list[str]:
 
 def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
     """How far from the truth the object is found, mean over a few places."""
-    tracker, cell = tracker_of(TASK), cell_as_shipped(TASK, "panda")
+    tracker, cell = tracker_of(TASK), cell_as_shipped(HARDWARE, "panda")
     off = []
-    with SimulatedLab(TASK, world, seed, cell, home_q_rad=home(TASK.X_FT, cell)) as lab:
+    with SimulatedLab(TASK, world, seed, cell, home_q_rad=home(HARDWARE.X_FT, cell)) as lab:
         for trial, xy_m in enumerate(PLACES_M, start=1):
             lab.bench.place(np.array(xy_m), trial, 0)
             truth = np.array(lab.truth()["trials"][-1]["X_BO_placed"])[:2, 3]

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from kept import Kept
-from tracked.pushing import GONE, TASK, DepthEye, Push, Result, judged
+from tracked.pushing import GONE, HARDWARE, TASK, DepthEye, Push, Result, judged
 
 from adaptsim_cli.devices.trackers import tracker_of
 from calib.simulated import Quality, Truth, random_poses, seen
@@ -77,14 +77,14 @@ def calibrated(seed: int) -> tuple[Array, Array]:
 
 def pushes(seed: int) -> list[Push]:
     """Random executable actions in the lab of that seed."""
-    rng, cell = np.random.default_rng(seed), cell_as_shipped(TASK, "panda")
-    q_home, world = home(TASK.X_FT, cell), replace(load_world("wd", TASK), sensing=SENSING)
+    rng, cell = np.random.default_rng(seed), cell_as_shipped(HARDWARE, "panda")
+    q_home, world = home(HARDWARE.X_FT, cell), replace(load_world("wd", TASK), sensing=SENSING)
     out: list[Push] = []
     with SimulatedLab(TASK, world, seed, cell, home_q_rad=q_home) as lab:
         for trial in range(1, TRIES):
             context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
             try:
-                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
+                approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
             except NotExecutable:
                 continue
             lab.bench.place(START_M, trial, 0)
@@ -101,7 +101,7 @@ def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array,
     if result is None:
         return Row(NAN, NAN, NAN, NAN)
     q_rad = push.q_at(push.execution.t_start_s)
-    tool_m, believed_m = ((forward(q_rad + extra) @ TASK.X_FT)[:2, 3] for extra in (zeros_rad, offsets_rad))
+    tool_m, believed_m = ((forward(q_rad + extra) @ HARDWARE.X_FT)[:2, 3] for extra in (zeros_rad, offsets_rad))
     bottle_m = push.bottle(push.execution.t_start_s)[:2, 3]
     relative_mm = 1e3 * float(np.linalg.norm((tool_m - bottle_m) - (believed_m - found_m)))
     return Row(result.found_mm, relative_mm, float(result.xy_mm.mean()), result.rest_mm)

@@ -54,16 +54,15 @@ def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
 
 def examine(task: Task, model: str, contexts: list[Array], actions: list[Array]) -> list[Motion]:
     """Plan every trial of the grid, approach and retreat included."""
-    if task.plan is None:
-        raise SystemExit(f"{task.name} has no motion for an arm")
-    cell = cell_as_shipped(task, model)
-    q_home = home(task.X_FT, cell)
+    hardware = task.require_hardware()
+    cell = cell_as_shipped(hardware, model)
+    q_home = home(hardware.X_FT, cell)
     found = []
     for context, action in product(contexts, actions):
-        motion = task.plan(context, action)
+        motion = hardware.plan(context, action)
         start = time.process_time()
         try:
-            _, path, back = trial_paths(motion, task.X_FT, cell, q_home, carries=task.carries)
+            _, path, back = trial_paths(motion, hardware.X_FT, cell, q_home, carries=hardware.carries)
         except NotExecutable as error:
             found.append(Motion(context, action, np.inf, time.process_time() - start, str(error)))
             continue
@@ -75,7 +74,7 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
             continue
         tightest = max((c for c in report.checks if c.unit.startswith("rad")), key=lambda c: c.ratio)
         what = f"{tightest.where}, {tightest.quantity}"
-        lean_rad = np.arcsin((forward(back.q_rad) @ task.X_FT)[:, 2, 1])
+        lean_rad = np.arcsin((forward(back.q_rad) @ hardware.X_FT)[:, 2, 1])
         found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what, float(np.ptp(lean_rad))))
     return found
 
@@ -88,7 +87,7 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
     if good.any():
         quantiles = np.quantile(ratios[good], [0.5, 0.9, 1.0])
         print(f"  ratio of those: median {quantiles[0]:.3f}, 90 % {quantiles[1]:.3f}, worst {quantiles[2]:.3f}")
-    if task.carries and good.any():
+    if task.require_hardware().carries and good.any():
         gentle = sum(m.home_lean_rad < GENTLE_LEAN_RAD for m in found if m.ratio <= ALLOWED)
         print(f"  the tool stays level across on the way home of {gentle} of them")
     print(f"  planning a trial on one core: median {np.median(cpu_s):.2f} s, longest {cpu_s.max():.2f} s")

@@ -43,18 +43,17 @@ def looking(from_m: tuple[float, float, float], at_m: tuple[float, float, float]
 
 def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Array]:
     """(view, moment) -> colour picture."""
-    if task.plan is None or task.build_scene is None:
-        raise SystemExit(f"{task.name} has no motion for an arm")
-    cell = cell_as_shipped(task, model)
-    motion = task.plan(task.reference_context, action)
-    path = trial_paths(motion, task.X_FT, cell, home(task.X_FT, cell))[1]
-    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), task.time_step_s(None))
+    hardware = task.require_hardware()
+    cell = cell_as_shipped(hardware, model)
+    motion = hardware.plan(task.reference_context, action)
+    path = trial_paths(motion, hardware.X_FT, cell, home(hardware.X_FT, cell))[1]
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
     add_panda(plant, model)
     parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
-    bodies = task.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), task.X_FT, parameters, nuisance, None)
+    bodies = hardware.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None)
     plant.Finalize()
     state = plant.CreateDefaultContext()
-    X_BO = task.rest_pose(task.reference_context, parameters, nuisance, None)
+    X_BO = hardware.rest_pose(task.reference_context, parameters, nuisance, None)
     track = task.simulate(parameters, task.reference_context, action, nuisance)
     shown = (*visuals(), *bodies.visuals)
     names = {v.body for v in shown} - {"world"}

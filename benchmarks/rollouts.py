@@ -55,7 +55,7 @@ def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
     draws = draw(task, arguments.count)
-    chosen = Setting(task.unmodelled().contact, task.time_step_s(None))
+    chosen = Setting(task.unmodelled().contact, task.require_hardware().time_step_s(None))
     cache = Path(arguments.cache) / scene_key(task)
     settings = [chosen]
     if arguments.all:
@@ -138,22 +138,21 @@ def compare(coarse: Measured, fine: Measured) -> str:
 
 def whole_arm_cpu_s(task: Task, draws: list[tuple[Array, Array, Array]], count: int) -> float:
     """CPU time of a rollout in the lab's cell: the same scene, carried by a whole arm (building it included)."""
+    hardware = task.require_hardware()
     from sim.lab.cell import Cell  # noqa: PLC0415 - only where there is a lab
     from sim.lab.world import Faults, Sensing, World  # noqa: PLC0415
     from sim.panda.planning import home, trial_paths  # noqa: PLC0415
     from sim.panda.tool import cell_as_shipped  # noqa: PLC0415
 
-    if task.plan is None:
-        raise SystemExit(f"{task.name} has no motion for an arm")
-    shipped, spent_s = cell_as_shipped(task, "panda"), 0.0
-    q_home = home(task.X_FT, shipped)
+    shipped, spent_s = cell_as_shipped(hardware, "panda"), 0.0
+    q_home = home(hardware.X_FT, shipped)
     for parameters, action, nuisance in draws[:count]:
-        motion = task.plan(task.reference_context, action)
-        path = trial_paths(motion, task.X_FT, shipped, q_home)[1]
+        motion = hardware.plan(task.reference_context, action)
+        path = trial_paths(motion, hardware.X_FT, shipped, q_home)[1]
         effects = task.unmodelled()
         before_s = time.process_time()
         cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        cell.reset(path.q_rad[0], task.rest_pose(task.reference_context, parameters, nuisance, effects))
+        cell.reset(path.q_rad[0], hardware.rest_pose(task.reference_context, parameters, nuisance, effects))
         cell.simulate(path.t_s, path.q_rad)
         spent_s += time.process_time() - before_s
     return spent_s / count

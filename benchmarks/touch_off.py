@@ -37,6 +37,7 @@ from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
+HARDWARE = TASK.require_hardware()
 MOST = {"table": 10.0, "tilt": 5.0, "tool": 4.0, "roll": 15.0, "pitch": 50.0}
 """Largest hidden errors: mm, mrad, mm, mrad, mrad."""
 
@@ -55,7 +56,7 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
     rng = np.random.default_rng(seed)
     table, tilt_x, tilt_y, tool, roll, pitch = rng.uniform(-1.0, 1.0, 6)
     tilts = MOST["tilt"] * tilt_x, MOST["tilt"] * tilt_y
-    x_m, y_m = touchable(TASK).centre_m
+    x_m, y_m = touchable(HARDWARE).centre_m
     mount = Mount(
         table_height_mm=MOST["table"] * table - tilts[0] * x_m - tilts[1] * y_m,
         table_tilt_mrad=tilts,
@@ -68,7 +69,7 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
 
 
 def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
-    cell = cell_as_shipped(TASK, "panda").holding(empty_hand())
+    cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, world, seed, cell, home_q_rad=READY_RAD) as lab:
         rig = touch_rig(
             name="fake",
@@ -79,7 +80,7 @@ def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
             task=TASK,
             grasp=Grasp(),
             cell=cell,
-            loaded=feeling(TASK, TASK.X_FT),
+            loaded=feeling(HARDWARE),
             tool_there=lab.offer_tool,
         )
         found = touch_off(rig, Unattended(), Screen(console=Console(file=io.StringIO())))
@@ -88,7 +89,7 @@ def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
 
 def score(found: Result, truth: dict[str, Any]) -> Score:
     height_m, slope_x, slope_y = truth["table"]
-    at_m = np.array(touchable(TASK).centre_m)
+    at_m = np.array(touchable(HARDWARE).centre_m)
     true_height_m = height_m + slope_x * at_m[0] + slope_y * at_m[1]
     pairs = {
         "table height mm": (found.table_height_m, true_height_m, 1e3),
@@ -105,14 +106,14 @@ def score(found: Result, truth: dict[str, Any]) -> Score:
 
 def outcomes(world: World, correction: ToolCorrection, contexts: Array, actions: Array) -> list[bool]:
     """Whether the piece ends on the blade, scoop by scoop, the arm planning with `correction`."""
-    X_FT = correction.X_FT(TASK.X_FT)
-    believed = cell_as_shipped(replace(TASK, X_FT=X_FT), "panda").over(correction.table)
+    X_FT = correction.X_FT(HARDWARE.X_FT)
+    believed = cell_as_shipped(replace(HARDWARE, X_FT=X_FT), "panda").over(correction.table)
     q_home, ended = home(X_FT, believed), []
     for context, action in zip(contexts, actions, strict=True):
-        motion = correction.in_base(TASK.plan(context, action))
+        motion = correction.in_base(HARDWARE.plan(context, action))
         path = trial_paths(motion, X_FT, believed, q_home)[1]
         cell = Cell(TASK, world)
-        cell.reset(path.q_rad[0], TASK.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
+        cell.reset(path.q_rad[0], HARDWARE.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
         played = cell.simulate(path.t_s, path.q_rad)
         poses = cell.poses(played.positions[-1:])
         x_m, y_m, z_m = (np.linalg.inv(poses[cell.bodies.tool][0]) @ poses[cell.bodies.object][0])[:3, 3]

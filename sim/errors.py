@@ -5,6 +5,7 @@ SimError
 ├── WorldError           a world file is malformed; the message names the key
 ├── ObjectError          the file of an own object is malformed, or its ranges cannot be; the message names the key
 ├── OutOfRange           a value lies outside of its space; the message names value and range
+├── NoHardware           the task runs in simulation only, and an arm was asked for
 ├── NotExecutable        no joint path within the limits does this action
 ├── SolverFailed         the simulation did not converge
 ├── RolloutError         a rollout raised or its worker died; the message names them
@@ -32,6 +33,10 @@ class ObjectError(SimError):
 
 class OutOfRange(SimError):
     """A value lies outside of its space."""
+
+
+class NoHardware(SimError):
+    """The task runs in simulation only, and an arm was asked for."""
 
 
 class NotExecutable(SimError):

@@ -35,14 +35,14 @@ def show(
 
     chosen = config.load({"task": task, "world": world, "seed": seed}).config
     the_task = get_task(chosen.task)
-    if the_task.build_scene is None:
+    if the_task.hardware is None:
         target = load_world(chosen.world, the_task)
         raise UsageError(
             f"the task {the_task.name} has no lab to look into: it runs in simulation only. World {target.name} has "
             f"{views.values(the_task.parameters, target.parameters)}"
         )
     the_world = load_world(chosen.world, the_task)
-    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task, "panda"))
+    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
     truth = lab.truth()
     screen = console.Screen(as_json=as_json)
     if as_json:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.errors import UsageError
 from hw.collision import HAND_MASS, KeepOut, Tool
 from hw.mass import Mass
 from hw.types import Array, frozen_array
@@ -18,7 +17,7 @@ from sim.panda.correction import ToolCorrection
 if TYPE_CHECKING:
     from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart, ToolPart
     from adaptsim_cli.session.rig import Paths, Planner
-    from sim.tasks.task import Task
+    from sim.tasks.task import Hardware, Task
     from sim.types import ToolMotion
 
 
@@ -26,7 +25,8 @@ if TYPE_CHECKING:
 class MountedTask:
     """Joints and paths in here are those that the arm reports and takes."""
 
-    task: Task  # its X_FT is the tool as it really hangs
+    task: Task
+    hardware: Hardware  # the task's, its X_FT the tool as it really hangs
     cell: Workcell
     home_rad: Array  # (7,) between trials
     correction: ToolCorrection
@@ -44,8 +44,8 @@ class MountedTask:
                 f"the tool would work over x {x0:.3f} to {x1:.3f} m, y {y0:+.3f} to {y1:+.3f} m, which leaves the work "
                 f"area, x {self.area.x_m}, y {self.area.y_m}: choose another place, or widen [table] of the rig file"
             )
-        in_base = self.correction.in_base(motion)
-        return trial_paths(in_base, self.task.X_FT, self.cell, self.home_rad, carries=self.task.carries)
+        in_base, hardware = self.correction.in_base(motion), self.hardware
+        return trial_paths(in_base, hardware.X_FT, self.cell, self.home_rad, carries=hardware.carries)
 
     def planner(self) -> Planner:
         """What a session asks. It remembers plans: a policy, its prediction and the trial ask for the same motion."""
@@ -73,23 +73,23 @@ def mounted(
 ) -> MountedTask:
     """`rig` describes the lab; None: everything as it ships. `keep_out` comes on top of its boxes.
 
-    `correction` is what a touch-off found; None: what the rig file says of table and tool. Raises UsageError for a task
-    without a motion, NotExecutable where the arm cannot hold the tool.
+    `correction` is what a touch-off found; None: what the rig file says of table and tool. Raises NoHardware,
+    NotExecutable where the arm cannot hold the tool.
     """
     from sim.panda.planning import home
     from sim.panda.tool import tool_of
 
-    if task.plan is None:
-        raise UsageError(f"the task {task.name} has no motion for a robot arm; it runs in simulation only")
+    shipped = task.require_hardware()
     found = correction or (ToolCorrection() if rig is None else written(rig, task.name))
     part = None if rig is None else rig.tool(task.name)
-    designed = task.X_FT if part is None else part.designed(task.X_FT)
-    there = replace(task, X_FT=frozen_array(found.X_FT(designed), (4, 4), "X_FT"))
-    tool = tool_of(there) if part is None else weighed(tool_of(there), part)
+    designed = shipped.X_FT if part is None else part.designed(shipped.X_FT)
+    hardware = replace(shipped, X_FT=frozen_array(found.X_FT(designed), (4, 4), "X_FT"))
+    tool = tool_of(hardware) if part is None else weighed(tool_of(hardware), part)
     boxes = keep_out if rig is None else (*keep_out, *rig.boxes())
     cell = Workcell(arm, tool, found.table, boxes, STOPS_AT_N if rig is None else rig.arm.stops_at_N)
-    home_rad = home(there.X_FT, cell, there.home_pitch_rad)
-    return MountedTask(there, cell, home_rad, found, None if rig is None else rig.table)
+    home_rad = home(hardware.X_FT, cell, hardware.home_pitch_rad)
+    there = replace(task, hardware=hardware)
+    return MountedTask(there, hardware, cell, home_rad, found, None if rig is None else rig.table)
 
 
 def mounted_as_shipped(task: Task, model: str) -> MountedTask:

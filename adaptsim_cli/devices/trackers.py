@@ -1,4 +1,4 @@
-"""How the object of each kind of task is seen: one function a kind, chosen by `Task.tracker`."""
+"""How the object of each kind of task is seen: one function a kind, chosen by `Hardware.tracker`."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from sim.tasks.task import Task
 
 
 def tracker_of(task: Task) -> Tracker:
-    """Raises UnknownName."""
-    if task.tracker not in TRACKERS:
-        raise UnknownName(f"no tracker {task.tracker!r} for {task.name}: there are {', '.join(TRACKERS)}")
-    return TRACKERS[task.tracker](task)
+    """Raises UnknownName, NoHardware."""
+    name = task.require_hardware().tracker
+    if name not in TRACKERS:
+        raise UnknownName(f"no tracker {name!r} for {task.name}: there are {', '.join(TRACKERS)}")
+    return TRACKERS[name](task)
 
 
 def _piece(task: Task) -> Tracker:
@@ -62,7 +63,7 @@ def _bottle(task: Task) -> Tracker:
     from perception import bottle
     from sim.tasks.tool_mesh import tool_mesh
 
-    standing, goal_m = task.standing, task.goal_m
+    standing, goal_m = task.require_hardware().standing, task.goal_m
     if standing is None or goal_m is None:
         raise ValueError(f"{task.name}: an object that stands on a mark and has a goal needs `standing` and `goal_m`")
     mark_m, body = standing.mark_m, bottle.Cylinder(standing.radius_m, standing.height_m)
@@ -99,4 +100,4 @@ def _bottle(task: Task) -> Tracker:
 
 
 TRACKERS: dict[str, Callable[[Task], Tracker]] = {"piece": _piece, "bottle": _bottle}
-"""`Task.tracker` -> how its object is seen."""
+"""`Hardware.tracker` -> how its object is seen."""

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
@@ -24,7 +23,7 @@ from hw.errors import ArmFault, HardwareError
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.task import Task
+from sim.tasks.task import Hardware, Task
 from sim.types import ToolMotion
 
 
@@ -38,6 +37,10 @@ class OnRig:
     planner: Planner
     facts: Callable[[], RigFacts] | None = None
     """What a real rig says of itself after a trial; None: nothing is kept."""
+
+    @property
+    def hardware(self) -> Hardware:
+        return self.task.require_hardware()
 
     @property
     def title(self) -> str:
@@ -79,11 +82,11 @@ class OnRig:
         """The object is found again in the very pixels in which it was found before the motion."""
         stored = recording.read(folder / recording.FILE)
         detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
-        return RigReplay(self, stored, _motion(self.task, context, action), detection)
+        return RigReplay(self, stored, self.hardware.plan(context, action), detection)
 
     def tool_pose(self, played: Execution) -> Callable[[float], Array]:
         """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
-        q_at, flange, X_FT = joints(played), self.planner.flange, self.task.X_FT
+        q_at, flange, X_FT = joints(played), self.planner.flange, self.hardware.X_FT
         return lambda t_s: flange(q_at(t_s)) @ X_FT
 
     def in_time(self, frame: Frame) -> Frame:
@@ -105,7 +108,7 @@ class Found:
     def plan(self, action: Array) -> MotionPlan:
         """Three paths that passed every limit."""
         planner = self.target.planner
-        paths = planner.paths(_motion(self.target.task, self.context, action))
+        paths = planner.paths(self.target.hardware.plan(self.context, action))
         for path in paths:
             planner.check(path)
         return MotionPlan(self, paths)
@@ -130,7 +133,7 @@ class MotionPlan:
     @property
     def announced(self) -> str:
         target = self.found.target
-        flange, X_FT = target.planner.flange, target.task.X_FT
+        flange, X_FT = target.planner.flange, target.hardware.X_FT
         speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
         what = f"comes to the {target.task.object_name}, makes its motion and goes back"
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
@@ -145,7 +148,7 @@ class MotionPlan:
         if stopped is None:
             try:
                 arm.execute(back)
-                after = target.in_time(target.rig.camera.snapshot()) if target.task.carries else None
+                after = target.in_time(target.rig.camera.snapshot()) if target.hardware.carries else None
             except ArmFault as fault:
                 stopped = fault
         return Recorded(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
@@ -239,13 +242,6 @@ class RigReplay:
         )
         path = recording.encode_object(track, played.t_start_s)
         return Evidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
-
-
-def _motion(task: Task, context: Array, action: Array) -> ToolMotion:
-    """Raises NotExecutable, UsageError for a task that has no motion."""
-    if task.plan is None:
-        raise UsageError(f"the task {task.name} has no motion for a robot arm; it runs in simulation only")
-    return task.plan(context, action)
 
 
 def joints(played: Execution) -> Callable[[float], Array]:

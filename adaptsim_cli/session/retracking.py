@@ -135,7 +135,7 @@ def require_tracked(found: Sequence[Retracked]) -> None:
 
 def require_camera(task: Task) -> None:
     """Raises UsageError for a task that is not seen by a camera."""
-    if not task.tracker:
+    if task.hardware is None:
         raise UsageError(f"the task {task.name} runs in simulation only: its sessions have no recordings to track")
 
 

@@ -36,6 +36,7 @@ def touch_rig(
     from sim.panda.tool import tool_of
     from sim.panda.touching import Bench
 
+    hardware = task.require_hardware()
     return TouchRig(
         name=name,
         title=title,
@@ -45,9 +46,9 @@ def touch_rig(
         hand=hand,
         grasp=grasp,
         empty=Bench(cell, np.eye(4)),
-        loaded=Bench(cell.holding(loaded), task.X_FT),
+        loaded=Bench(cell.holding(loaded), hardware.X_FT),
         plan=plan_of(task),
-        home_rad=home(task.X_FT, cell.holding(tool_of(task)), task.home_pitch_rad),
+        home_rad=home(hardware.X_FT, cell.holding(tool_of(hardware)), hardware.home_pitch_rad),
         tool_there=tool_there,
         confirm=confirm,
     )
@@ -58,5 +59,5 @@ def plan_of(task: Task) -> Plan:
     from sim.panda.feelers import touchable
     from sim.panda.touch_plan import table_probes, tool_probes
 
-    touched = touchable(task)
+    touched = touchable(task.require_hardware())
     return Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m))

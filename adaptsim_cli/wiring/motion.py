@@ -140,7 +140,6 @@ def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[s
     where = values.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
     how = values.point(task.action, action, middle, "--action")
-    assert there.task.plan is not None  # `mounted` refuses a task without one
-    paths = there.paths(there.task.plan(where, how))
+    paths = there.paths(there.hardware.plan(where, how))
     approach, motion, back = (there.cell.require(path) for path in paths)
     return PlannedMotion(there.task, lab.arm.name, where, how, paths, (approach, motion, back))

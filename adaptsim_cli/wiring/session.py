@@ -71,7 +71,9 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
             checkpoint_sha256=checkpoint.sha256,
             world_sha256=_world_sha256(config.world) if config.is_simulated else "",
             calibration=calibration.source if calibration else "",
-            calibration_sha256=_sha256(np.stack([calibration.X_BC, task.X_FT])) if calibration else "",
+            calibration_sha256=_sha256(np.stack([calibration.X_BC, task.require_hardware().X_FT]))
+            if calibration
+            else "",
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
@@ -84,7 +86,7 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 @contextmanager
 def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterator[_Opened]:
     """The task as mounted there, where trials happen, what can be executed, the calibration."""
-    if task.plan is None:
+    if task.hardware is None:
         yield task, _simulated(config, task), None, None
     elif not config.is_simulated:
         with open_real(config, places(), task, openers) as real:
@@ -207,11 +209,11 @@ class _SolverLearner:
 
 
 def _executable(task: Task, planner: Planner) -> Executable:
+    plan = task.require_hardware().plan
+
     def executable(context: Array, action: Array) -> bool:
-        if task.plan is None:
-            return True
         try:
-            for path in planner.paths(task.plan(context, action)):
+            for path in planner.paths(plan(context, action)):
                 planner.check(path)
         except (NotExecutable, MotionRefused):
             return False

@@ -89,7 +89,7 @@ def _lab(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
             task=task,
             grasp=grasp,
             cell=cell,
-            loaded=feeling(task, task.X_FT),
+            loaded=feeling(task.require_hardware()),
             tool_there=lab.offer_tool,
         )
 
@@ -110,11 +110,11 @@ def open_real_touch_rig(
     with open_lab(config, tasks_with_tools(), openers) as lab:
         rig = lab.rig
         shipped, part = get_task(config.task), rig.tool(config.task)
-        plan = plan_of(shipped)
+        plan, hardware = plan_of(shipped), shipped.require_hardware()
         _require_inside(plan, rig.table)
         eye, zeros_rad = calibration_of(config, places, None)
-        task = replace(shipped, X_FT=part.designed(shipped.X_FT))
-        empty, loaded = empty_hand(), weighed(feeling(task, task.X_FT), part)
+        designed = replace(hardware, X_FT=part.designed(hardware.X_FT))
+        task, empty, loaded = replace(shipped, hardware=designed), empty_hand(), weighed(feeling(designed), part)
         model, boxes = arm_model(rig.arm.model, zeros_rad), (camera_box(eye.X_BC), *rig.boxes())
         cell = Workcell(model, empty, rig.table.plane(), boxes, rig.arm.stops_at_N)
         held = Payload() if part.payload is None else part.payload.payload()

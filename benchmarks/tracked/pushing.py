@@ -32,7 +32,7 @@ from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
-from sim.tasks.pushing import TASK
+from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
 from sim.tasks.shared.direct import READ_EVERY_S
@@ -86,7 +86,7 @@ class Push:
         return np.array([np.interp(since_s, self.execution.t_s, q) for q in self.execution.q_measured_rad.T])
 
     def tool(self, t_s: float) -> Array:
-        return np.asarray(forward(self.q_at(t_s)) @ TASK.X_FT)
+        return np.asarray(forward(self.q_at(t_s)) @ HARDWARE.X_FT)
 
 
 def lean_deg(X_BO: Array) -> float:
@@ -112,8 +112,8 @@ def run(count: int, seed: int) -> None:
 
 def pushes(count: int, seed: int) -> Iterator[Push]:
     """Random executable actions, in turn in each world."""
-    rng, cell = np.random.default_rng(seed), cell_as_shipped(TASK, "panda")
-    q_home = home(TASK.X_FT, cell)
+    rng, cell = np.random.default_rng(seed), cell_as_shipped(HARDWARE, "panda")
+    q_home = home(HARDWARE.X_FT, cell)
     for i, name in enumerate(WORLDS):
         wanted = count // len(WORLDS) + (i < count % len(WORLDS))
         made = 0
@@ -123,7 +123,7 @@ def pushes(count: int, seed: int) -> Iterator[Push]:
                     break
                 context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
                 try:
-                    approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
+                    approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
                 except NotExecutable:
                     continue
                 lab.bench.place(START_M, trial, 0)

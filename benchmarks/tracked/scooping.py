@@ -18,7 +18,7 @@ from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
-from sim.tasks.scooping import TASK
+from sim.tasks.scooping import HARDWARE, TASK
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.piece import make_piece
 from sim.tasks.shared.shapes import table_visual
@@ -53,15 +53,15 @@ def run(scoops_wanted: int, sweeps_wanted: int, seed: int) -> None:
 def scoops(count: int, seed: int) -> None:
     """Random places and actions, the whole arm, the nominal world."""
     rng = np.random.default_rng(seed)
-    mesh, cell = tool_mesh(TASK), cell_as_shipped(TASK, "panda")
-    q_home = home(TASK.X_FT, cell)
+    mesh, cell = tool_mesh(TASK), cell_as_shipped(HARDWARE, "panda")
+    q_home = home(HARDWARE.X_FT, cell)
     exact: list[Result] = []
     nominal: list[Result] = []
     with SimulatedLab(TASK, load_world("wd", TASK), seed, cell, home_q_rad=q_home) as lab:
         for trial in range(1, 1 + TRIES * count):
             context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
             try:
-                approach, path, _ = trial_paths(TASK.plan(context, action), TASK.X_FT, cell, q_home)
+                approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
             except NotExecutable:
                 continue
             lab.bench.place(context, trial, 0)
@@ -128,7 +128,7 @@ def tool_poses(execution: Execution) -> Callable[[float], Array]:
     def at(t_s: float) -> Array:
         t = t_s - execution.t_start_s
         q = np.array([np.interp(t, execution.t_s, column) for column in execution.q_measured_rad.T])
-        return np.asarray(forward(q) @ TASK.X_FT)
+        return np.asarray(forward(q) @ HARDWARE.X_FT)
 
     return at
 

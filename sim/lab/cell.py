@@ -43,18 +43,16 @@ class Cell:
     """Arm, tool, table and object of one world, and their present state. Time starts anew with every motion."""
 
     def __init__(self, task: Task, world: World) -> None:
-        if task.build_scene is None:
-            raise ValueError(f"{task.name} has no scene for an arm, so there is no lab for it")
-        builder = DiagramBuilder()
-        dt_s = task.time_step_s(world.unmodelled)
+        hardware, builder = task.require_hardware(), DiagramBuilder()
+        dt_s = hardware.time_step_s(world.unmodelled)
         config = MultibodyPlantConfig(time_step=dt_s, use_sampled_output_ports=False)
         self._plant, scene_graph = AddMultibodyPlant(config, builder)
         arm = add_panda(self._plant, X_WB=mounting.X_WB(world.mount))
         flange = self._plant.GetFrameByName(FLANGE_NAME)
-        self.bodies = task.build_scene(
+        self.bodies = hardware.build_scene(
             self._plant,
             flange,
-            mounting.X_FT(task.X_FT, world.mount),
+            mounting.X_FT(hardware.X_FT, world.mount),
             world.parameters,
             world.nuisance,
             world.unmodelled,

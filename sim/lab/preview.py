@@ -27,14 +27,14 @@ class Preview:
     """A page on this machine alone (127.0.0.1) that plays a trial's paths, one after the other, in a loop."""
 
     def __init__(self, task: Task, context: Array, paths: Sequence[JointPath]) -> None:
-        """The object lies where `context` (c,) says, with the middle of all parameters. Raises ValueError for a
-        task without a scene."""
-        if task.build_scene is None:
-            raise ValueError(f"{task.name} has no scene, so there is nothing to preview")
-        plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), task.time_step_s(None))
+        """The object lies where `context` (c,) says, with the middle of all parameters. Raises NoHardware."""
+        hardware = task.require_hardware()
+        plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
         add_panda(plant)
         parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
-        bodies = task.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), task.X_FT, parameters, nuisance, None)
+        bodies = hardware.build_scene(
+            plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None
+        )
         plant.Finalize()
         drake_log.silence()  # it announces its address by itself
         self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
@@ -42,7 +42,7 @@ class Preview:
         for i, visual in enumerate(shown):
             self._add(i, visual)
         state = plant.CreateDefaultContext()
-        X_BO = RigidTransform(task.rest_pose(context, parameters, nuisance, None))
+        X_BO = RigidTransform(hardware.rest_pose(context, parameters, nuisance, None))
         plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), X_BO)
         joints = [plant.GetJointByName(name) for name in JOINT_NAMES]
         names = sorted({v.body for v in shown} - {"world"})

@@ -126,10 +126,9 @@ class Room:
         return rows
 
     def _X_BO_reference(self) -> Array:
-        world = self.world
-        return np.array(
-            self.task.rest_pose(self.task.reference_context, world.parameters, world.nuisance, world.unmodelled)
-        )
+        task, world = self.task, self.world
+        rest_pose = task.require_hardware().rest_pose
+        return np.array(rest_pose(task.reference_context, world.parameters, world.nuisance, world.unmodelled))
 
     def _happened(self, motion: Motion) -> float:
         t_start_s = self.t_s

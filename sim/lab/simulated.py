@@ -45,10 +45,9 @@ class SimulatedLab:
         """`home_q_rad` (7,) is where the arm stands whenever the object is placed, `cell` what its arm checks motions
         against: what is believed of it, not what is hidden in the world. Builds nothing yet.
 
-        Raises ValueError for a task without a scene, or another task's world, or another arm than a Panda.
+        Raises NoHardware, ValueError for another task's world, or another arm than a Panda.
         """
-        if task.build_scene is None:
-            raise ValueError(f"{task.name} has no scene for an arm, so there is no lab for it")
+        self._hardware = task.require_hardware()
         if world.task != task.name:
             raise ValueError(f"world {world.name} is of {world.task}, not of {task.name}")
         if cell.arm.name != "panda":
@@ -115,6 +114,6 @@ class SimulatedLab:
             "faults": asdict(world.faults),
             "X_BC": self._X_BC.tolist(),
             "joint_zeros_rad": self._room.zeros_rad.tolist(),
-            "X_FT": task.X_FT.tolist(),
+            "X_FT": self._hardware.X_FT.tolist(),
             "trials": [dict(trial) for trial in self._room.history],
         }

@@ -23,7 +23,7 @@ from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
 from sim.lab.hand import Grip, LabHand
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
-from sim.panda.feelers import FINGERTIPS, empty_hand, feelers_of, feeling
+from sim.panda.feelers import FINGERTIPS, empty_hand, feeling, touchable
 from sim.tasks.task import Task
 
 HANDLE_M = 0.012
@@ -52,10 +52,9 @@ class TouchLab:
         """`home_q_rad` (7,) is where the arm stands at first, `cell` what it checks motions against (its tool is what
         the hand holds at each moment); `things` are boxes that somebody left on the table.
 
-        Raises UnknownName for a task whose tool cannot be touched off. Builds nothing yet.
+        Raises NoHardware, UnknownName for a tool that cannot be touched off. Builds nothing yet.
         """
         self._task, self._world = task, world
-        self._feelers = feelers_of(task)
         self._grip = Grip(HANDLE_M)
         self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
         self._hand = LabHand(self._grip)
@@ -111,6 +110,8 @@ class _FeelingArm:
         things: tuple[KeepOut, ...],
     ) -> None:
         self._task, self._world, self._seed, self._grip = task, world, seed, grip
+        self._hardware = task.require_hardware()
+        self._feelers = touchable(self._hardware).feelers
         self._workcell, self._things, self._q_rad = cell, things, home_q_rad
         self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
         self._phase_rad = of_touch(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
@@ -216,8 +217,8 @@ class _FeelingArm:
     def _knocks(self, path: JointPath) -> int | None:
         """The first sample at which the tool is truly below the table."""
         table = mounting.true_table(self._world.mount)
-        feelers = feelers_of(self._task) if self._grip.holds else (FINGERTIPS,)
-        X_FT = mounting.X_FT(self._task.X_FT, self._world.mount) if self._grip.holds else np.eye(4)
+        feelers = self._feelers if self._grip.holds else (FINGERTIPS,)
+        X_FT = mounting.X_FT(self._hardware.X_FT, self._world.mount) if self._grip.holds else np.eye(4)
         X_BT = forward(path.q_rad[::20] + self.zeros_rad) @ X_FT
         for feeler in feelers:
             p_m = X_BT[:, :3, :3] @ feeler.p_T_m + X_BT[:, :3, 3]
@@ -229,7 +230,7 @@ class _FeelingArm:
     def _cell(self) -> TouchCell:
         holds = self._grip.holds
         if holds not in self._cells:
-            feelers = feelers_of(self._task) if holds else None
+            feelers = self._feelers if holds else None
             self._cells[holds] = TouchCell(self._task, self._world, feelers, self._things)
         self._cells[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._grip.force_N)
         return self._cells[holds]
@@ -237,7 +238,7 @@ class _FeelingArm:
     @property
     def _workcell_now(self) -> Workcell:
         """With the tool that the arm takes to be in the hand."""
-        return self._workcell.holding(feeling(self._task, self._task.X_FT) if self._grip.holds else empty_hand())
+        return self._workcell.holding(feeling(self._hardware) if self._grip.holds else empty_hand())
 
     def _moved_to(self, q_rad: Array, duration_s: float) -> float:
         t_start_s, self._t_s = self._t_s, self._t_s + duration_s

@@ -159,21 +159,19 @@ class TouchCell:
 
     def _add_tool(self, task: Task, world: World, flange: Frame, feelers: tuple[Feeler, ...]) -> None:
         """The task's own scene, so that a mount that is off or a blade that bends is the same; its object is away."""
-        plant = self._plant
-        if task.build_scene is None:
-            raise ValueError(f"{task.name} has no scene, so there is no tool to touch with")
-        X_FT = mounting.X_FT(task.X_FT, world.mount)
+        plant, hardware = self._plant, task.require_hardware()
+        X_FT = mounting.X_FT(hardware.X_FT, world.mount)
         self._grip = plant.AddModelInstance(_GRIP)
         inertia = SpatialInertia(0.1, vector(0.0, 0.0, 0.0), UnitInertia(1e-3, 1e-3, 1e-3))
         body = plant.AddRigidBody(_GRIP, self._grip, inertia)
         at = RigidTransform(vector(0.0, 0.0, FINGERTIP_M))
         above = plant.AddFrame(FixedOffsetFrame("fingers", flange, at))
-        self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), vector(*task.X_FT[:3, 1])))
+        self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), vector(*hardware.X_FT[:3, 1])))
         actuator = plant.AddJointActuator(_GRIP, self._grip_joint)
         actuator.set_controller_gains(PdControllerGains(p=GRIP_NM_RAD, d=GRIP_NMS_RAD))
         plant.set_gravity_enabled(self._grip, False)
         X_GT = at.inverse() @ RigidTransform(X_FT)
-        bodies = task.build_scene(
+        bodies = hardware.build_scene(
             plant, body.body_frame(), X_GT.GetAsMatrix4(), world.parameters, world.nuisance, world.unmodelled
         )
         keep_apart(self._scene_graph, bodies.apart)

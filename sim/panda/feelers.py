@@ -7,11 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from hw.collision import HAND, HAND_MASS, Capsule, Tool
-from hw.mass import Mass
+from hw.collision import HAND, HAND_MASS, Tool
 from hw.types import Array, frozen_array
 from sim.errors import UnknownName
-from sim.panda.tool import held
+from sim.panda.tool import Held, held
 
 FINGERTIP_M = 0.1034
 """From the flange to the ends of the Franka Hand's fingers (the maker's data sheet)."""
@@ -41,31 +40,18 @@ class Touchable:
     centre_m: tuple[float, float]  # where on the table, in the middle of the task's work area
 
 
-class Touching(Protocol):
-    """All of a task that a touch-off asks for."""
+class Touching(Held, Protocol):
+    """A tool that a touch-off may be asked for."""
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def keep_clear(self) -> tuple[Capsule, ...]: ...
-    @property
-    def tool_mass(self) -> Mass: ...
     @property
     def touchable(self) -> Touchable | None: ...
 
 
-def touchable(task: Touching) -> Touchable:
-    """Raises UnknownName for a task whose tool has nothing to touch with."""
-    if task.touchable is None:
-        raise UnknownName(
-            f"the tool of {task.name} has no corners to touch the table with, so it cannot be touched off"
-        )
-    return task.touchable
-
-
-def feelers_of(task: Touching) -> tuple[Feeler, ...]:
-    """Raises UnknownName, as `touchable`."""
-    return touchable(task).feelers
+def touchable(hardware: Touching) -> Touchable:
+    """Raises UnknownName for a tool that has nothing to touch with."""
+    if hardware.touchable is None:
+        raise UnknownName("the tool of this task has no corners to touch the table with, so it cannot be touched off")
+    return hardware.touchable
 
 
 def empty_hand() -> Tool:
@@ -73,7 +59,7 @@ def empty_hand() -> Tool:
     return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
 
 
-def feeling(task: Touching, X_FT: Array) -> Tool:
-    """The hand with the task's tool at `X_FT` (4, 4): only its feelers may touch."""
-    lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in feelers_of(task)])
-    return held(X_FT, task.tool_mass, task.keep_clear, lowest, f"tool of {task.name}")
+def feeling(hardware: Touching) -> Tool:
+    """The hand with the task's tool: only its feelers may touch. Raises UnknownName, as `touchable`."""
+    lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in touchable(hardware).feelers])
+    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear, lowest)

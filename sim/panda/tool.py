@@ -16,7 +16,7 @@ from hw.workcell import STOPS_AT_N, Workcell, arm_model
 
 
 class Held(Protocol):
-    """What is asked of a task to hold its tool."""
+    """The tool of a task, as an arm holds it."""
 
     @property
     def X_FT(self) -> Array: ...
@@ -47,11 +47,11 @@ def held(
     return Tool(name, mass, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
 
 
-def tool_of(task: Held) -> Tool:
-    """The hand with the task's tool, as it hangs at `task.X_FT`."""
-    return held(task.X_FT, task.tool_mass, task.keep_clear)
+def tool_of(hardware: Held) -> Tool:
+    """The hand with the task's tool, as it hangs at `hardware.X_FT`."""
+    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear)
 
 
-def cell_as_shipped(task: Held, model: str) -> Workcell:
+def cell_as_shipped(hardware: Held, model: str) -> Workcell:
     """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
-    return Workcell(arm_model(model, np.zeros(7)), tool_of(task), LEVEL, (), STOPS_AT_N)
+    return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N)

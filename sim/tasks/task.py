@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from hw.collision import Capsule
-from hw.mass import NOTHING, Mass
-from hw.types import Array, frozen_array
+from hw.mass import Mass
+from hw.types import Array
 from perception.types import ObjectTrack
+from sim.errors import NoHardware
 from sim.panda.feelers import Touchable
 from sim.tasks.solver import SolverOf
 from sim.types import Space, ToolMotion, Visual
@@ -161,11 +162,6 @@ class BuildScene(Protocol):
         ...
 
 
-def no_scene(*_: Any) -> Any:
-    """What a task in simulation only answers to questions about its scene."""
-    raise ValueError("this task has no scene: it runs in simulation only")
-
-
 @dataclass(frozen=True, eq=False)
 class Standing:
     """A round object that stands on a mark before a trial: the sizes that its tracker needs."""
@@ -176,12 +172,31 @@ class Standing:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """Everything that is particular to one task.
+class Hardware:
+    """What a task has that an arm does before a camera: its tool, its motion, its scene, its tracker."""
 
-    What has a default below only tasks with hardware need: without `plan` a task runs in simulation only, and trials
-    need neither arm nor camera.
-    """
+    X_FT: Array  # (4, 4) the tool in the arm's flange
+    tool_mass: Mass  # what the tool weighs, in its frame T, without the hand
+    keep_clear: tuple[Capsule, ...]  # what of the tool, in its frame T, must stay clear of arm, table and boxes
+    plan: Callable[[Array, Array], ToolMotion]  # (context, action) -> motion
+    build_scene: BuildScene
+    time_step_s: Callable[[Any], float]  # of the plant, given the unmodelled effects (None: training)
+    rest_pose: Callable[[Array, Array, Array, Any], Array]
+    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
+    tracker: str  # the key of the tracker in adaptsim_cli.devices.trackers
+    standing: Standing | None = None  # for a tracker of objects that stand on a mark
+    home_pitch_rad: float = 0.0
+    """How the tool is pitched between trials; positive: its front down."""
+    carries: bool = False
+    """Whether the tool carries the object home, and the way there must be gentle."""
+    touchable: Touchable | None = None  # how its tool finds the table by touch; None: it cannot
+    plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    """Of each unmodelled effect, the range that a lab may show: what worlds are drawn from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Everything that is particular to one task. Without `hardware` its trials need neither arm nor camera."""
 
     name: str
     title: str
@@ -201,31 +216,19 @@ class Task:
     end_state: Callable[[ObjectTrack], Array]  # (k,) what the reward of a success depends on
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # how a person calls it, e.g. "piece of food"
-    plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    """Of each unmodelled effect, the range that a lab may show: what worlds are drawn from."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # of policies that NAF trains (Table A1); None: it trains none
     exact: Callable[[Task], SolverOf[Task]] | None = None
     """Makes the solver of a task whose answers are exact; None: they are learnt from a dataset, as an emulator."""
-    build_scene: BuildScene | None = None  # None: no lab scene
-    time_step_s: Callable[[Any], float] = no_scene  # of the plant, given the unmodelled effects (None: training)
-    rest_pose: Callable[[Array, Array, Array, Any], Array] = no_scene
-    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
-    plan: Callable[[Array, Array], ToolMotion] | None = None  # (context, action) -> motion; None: no hardware
-    X_FT: Array = field(default_factory=lambda: frozen_array(np.eye(4), (4, 4)))  # (4, 4) the tool in the arm's flange
-    home_pitch_rad: float = 0.0
-    """How the tool is pitched between trials; positive: its front down."""
-    carries: bool = False
-    """Whether the tool carries the object home, and the way there must be gentle."""
-    keep_clear: tuple[Capsule, ...] = ()
-    """What of the tool, in its frame T, must stay clear of arm, table and boxes."""
-    touchable: Touchable | None = None  # how its tool finds the table by touch; None: it cannot
-    tool_mass: Mass = NOTHING
-    """What the tool weighs, in its frame T, without the hand."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
-    tracker: str = ""  # the key of the tracker in adaptsim_cli.devices.trackers
-    standing: Standing | None = None  # for a tracker of objects that stand on a mark
+    hardware: Hardware | None = None  # None: it runs in simulation only
+
+    def require_hardware(self) -> Hardware:
+        """Raises NoHardware for a task that runs in simulation only."""
+        if self.hardware is None:
+            raise NoHardware(f"the task {self.name} has no motion for a robot arm; it runs in simulation only")
+        return self.hardware
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""

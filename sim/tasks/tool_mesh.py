@@ -14,15 +14,14 @@ from sim.tasks.task import Task
 def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
     """(vertices (V, 3) in the tool frame T in m, triangles (F, 3)) of the tool as designed, unbent.
 
-    Raises ValueError for a task without a scene.
+    Raises NoHardware.
     """
-    if task.build_scene is None:
-        raise ValueError(f"{task.name} has no scene, so its tool has no looks")
-    config = MultibodyPlantConfig(time_step=task.time_step_s(None), use_sampled_output_ports=False)
+    hardware = task.require_hardware()
+    config = MultibodyPlantConfig(time_step=hardware.time_step_s(None), use_sampled_output_ports=False)
     plant, _ = AddMultibodyPlant(config, DiagramBuilder())
     parameters = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
     nuisance = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
-    bodies = task.build_scene(plant, plant.world_frame(), np.eye(4), parameters, nuisance, None)
+    bodies = hardware.build_scene(plant, plant.world_frame(), np.eye(4), parameters, nuisance, None)
     plant.Finalize()
     context = plant.CreateDefaultContext()
     X_TW = plant.GetBodyByName(bodies.tool).EvalPoseInWorld(context).inverse()

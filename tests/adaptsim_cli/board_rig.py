@@ -41,7 +41,7 @@ X_BC = default_X_BC()
 _DEPTH = Intrinsics(32, 32, np.array([[30.0, 0, 16], [0, 30.0, 16], [0, 0, 1]]))
 MODEL = CameraModel("toy-camera", CAMERA, _DEPTH, np.eye(4))
 _HELD = HeldBoard(np.zeros((2, 2), np.uint8), BOARD.size_m)
-_CELL = cell_as_shipped(get_task("scooping"), "panda").holding(_HELD.tool())
+_CELL = cell_as_shipped(get_task("scooping").require_hardware(), "panda").holding(_HELD.tool())
 
 
 @lru_cache

@@ -18,6 +18,7 @@ from sim.panda.touch_plan import table_probes, tool_probes
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
+HARDWARE = TASK.require_hardware()
 MOUNT = Mount(table_height_mm=-5.0, table_tilt_mrad=(3.0, -2.0), tool_height_mm=2.0, tool_roll_mrad=8.0)
 PITCH_RAD = 0.04
 
@@ -29,14 +30,14 @@ def world(mount: Mount = MOUNT, faults: Faults | None = None) -> World:
 
 def few() -> Plan:
     """Three places of the table; both corners of the edge, one of the heel, and one edge at the other pitch."""
-    touched = touchable(TASK)
+    touched = touchable(HARDWARE)
     every = tool_probes(touched.feelers, touched.centre_m)
     return Plan(table_probes(touched.centre_m)[:3], (every[0], every[1], every[2], every[4]))
 
 
 @contextmanager
 def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchRig, TouchLab]]:
-    cell = cell_as_shipped(TASK, "panda").holding(empty_hand())
+    cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, of, 1, cell, home_q_rad=READY_RAD, things=things) as lab:
         rig = touch_rig(
             name="fake",
@@ -47,7 +48,7 @@ def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchR
             task=TASK,
             grasp=Grasp(),
             cell=cell,
-            loaded=feeling(TASK, TASK.X_FT),
+            loaded=feeling(HARDWARE),
             tool_there=lab.offer_tool,
         )
         yield replace(rig, plan=few()), lab

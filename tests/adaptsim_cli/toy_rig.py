@@ -20,11 +20,12 @@ from adaptsim_cli.session.parts import Parts, Provenance
 from adaptsim_cli.session.policy import Prediction
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
+from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Best, Iteration, Particle
-from sim.tasks.task import AdaptationSettings, Observation, Task
+from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
 from sim.types import Dimension, Space, ToolMotion
 
 PARAMETERS = Space((Dimension("mu", "", 0.2, 0.4), Dimension("e", "Pa", 1e4, 1e6, "log")))
@@ -49,6 +50,17 @@ def reward_of_success(end: np.ndarray, context: np.ndarray) -> np.ndarray:
     return 1.0 - np.abs(end[..., 0])
 
 
+HARDWARE = Hardware(
+    X_FT=np.eye(4),
+    tool_mass=NOTHING,
+    keep_clear=(),
+    plan=plan,
+    build_scene=lambda *_: (_ for _ in ()).throw(AssertionError("no scene here")),
+    time_step_s=lambda _: 0.001,
+    rest_pose=lambda *_: np.eye(4),
+    tracker="toy",
+)
+
 TASK = Task(
     name="toy",
     title="Toy",
@@ -62,18 +74,13 @@ TASK = Task(
     adaptation=AdaptationSettings(8, 0.15, 0.9, 0.5, 2, 1e-3),
     unmodelled=dict,
     simulate=lambda *_: (_ for _ in ()).throw(AssertionError("not simulated here")),
-    build_scene=None,
-    time_step_s=lambda _: 0.001,
-    rest_pose=lambda *_: np.eye(4),
-    plan=plan,
-    X_FT=np.eye(4),
     reference_context=np.array([0.68, 0.0]),
     relocate=lambda observation, context: observation,
     succeeded=lambda track: track.outcome is Outcome.ON_BLADE,
     end_state=lambda track: track.end_in_tool_m[:1],
     reward_of_success=reward_of_success,
     object_name="toy piece",
-    tracker="toy",
+    hardware=HARDWARE,
 )
 
 

@@ -45,7 +45,7 @@ def lab(*, faulty: bool) -> Arm:
     world = load_world("wd", task)
     if faulty:
         world = replace(world, faults=Faults(arm_reflex=(1,)))
-    built = SimulatedLab(task, world, 0, cell_as_shipped(task, "panda"))
+    built = SimulatedLab(task, world, 0, cell_as_shipped(task.require_hardware(), "panda"))
     built.bench.place(np.array([0.68, 0.0]), trial=1, attempt=0)
     return built.arm
 

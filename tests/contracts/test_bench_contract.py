@@ -36,7 +36,7 @@ def fake() -> Kind:
 
 def lab() -> Kind:
     task = get_task("scooping")
-    built = SimulatedLab(task, load_world("wd", task), 0, cell_as_shipped(task, "panda"))
+    built = SimulatedLab(task, load_world("wd", task), 0, cell_as_shipped(task.require_hardware(), "panda"))
     return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
 
 

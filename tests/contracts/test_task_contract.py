@@ -78,10 +78,6 @@ def test_a_task_has_worlds_and_default_effects(task: Task) -> None:
     assert dataclasses.is_dataclass(task.unmodelled())
 
 
-def test_a_task_with_hardware_has_a_scene_and_a_tracker(task: Task) -> None:
-    assert (task.plan is None) == (task.build_scene is None) == (task.tracker == "")
-
-
 @pytest.mark.parametrize("name", EXACT)
 def test_an_exact_solver_expects_what_rollouts_earn(name: str) -> None:
     task = get_task(name)

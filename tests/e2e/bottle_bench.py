@@ -31,7 +31,7 @@ from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
-from sim.tasks.pushing import TASK
+from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.looks import bottle_visual
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
 from sim.tasks.shared.shapes import box, table_visual
@@ -65,11 +65,11 @@ class BottleBench:
 
     @cached_property
     def cell(self) -> Workcell:
-        return replace(cell_as_shipped(TASK, "panda"), keep_out=self.keep_out)
+        return replace(cell_as_shipped(HARDWARE, "panda"), keep_out=self.keep_out)
 
     @cached_property
     def arm(self) -> FakeArm:
-        return FakeArm(home(TASK.X_FT, self.cell), self.clock, self.cell)
+        return FakeArm(home(HARDWARE.X_FT, self.cell), self.clock, self.cell)
 
     @property
     def pushes(self) -> int:
@@ -88,7 +88,7 @@ class BottleBench:
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:
-            return trial_paths(motion, TASK.X_FT, self.cell, home(TASK.X_FT, self.cell))
+            return trial_paths(motion, HARDWARE.X_FT, self.cell, home(HARDWARE.X_FT, self.cell))
 
         return Planner(paths, self.cell.require, forward)
 
@@ -165,7 +165,7 @@ class _Camera:
 
 def _pushed_m(path: JointPath, since_s: Array) -> Array:
     """(N, 2) of a bottle that the plate pushes ahead and leaves where it turns back."""
-    X_BT = np.array([forward(q) @ TASK.X_FT for q in path.q_rad[::10]])
+    X_BT = np.array([forward(q) @ HARDWARE.X_FT for q in path.q_rad[::10]])
     ahead = np.array([X_BT[0, 1, 1], -X_BT[0, 0, 1]])  # the plate's left, turned to the right
     gone_m = np.maximum.accumulate((X_BT[:, :2, 3] - START_M) @ ahead + BOTTLE_RADIUS_M)
     return START_M + np.interp(since_s, path.t_s[::10], np.maximum(gone_m, 0.0))[:, None] * ahead

@@ -45,7 +45,8 @@ class Shown:
 
     def __init__(self, world: str, seed: int) -> None:
         task = get_task("scooping")
-        home_rad = home(task.X_FT, cell_as_shipped(task, "fr3"), task.home_pitch_rad)
+        hardware = task.require_hardware()
+        home_rad = home(hardware.X_FT, cell_as_shipped(hardware, "fr3"), hardware.home_pitch_rad)
         self.room = Room(task, load_world(world, task), seed, home_rad)
         self.offset_s = 0.0  # arm's clock less the room's, in the last motion
         self.is_placed = False

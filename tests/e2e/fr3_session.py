@@ -280,7 +280,8 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
 
 def _home_rad() -> Array:
     task = get_task("scooping")
-    return home(task.X_FT, cell_as_shipped(task, "fr3"), task.home_pitch_rad)
+    hardware = task.require_hardware()
+    return home(hardware.X_FT, cell_as_shipped(hardware, "fr3"), hardware.home_pitch_rad)
 
 
 def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:

@@ -41,8 +41,9 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 def found_off_mm(world: str, X_BC: Array) -> float:
     task = get_task("scooping")
-    tracker, cell, off = tracker_of(task), cell_as_shipped(task, "panda"), []
-    home_rad = home(task.X_FT, cell, task.home_pitch_rad)
+    hardware = task.require_hardware()
+    tracker, cell, off = tracker_of(task), cell_as_shipped(hardware, "panda"), []
+    home_rad = home(hardware.X_FT, cell, hardware.home_pitch_rad)
     with SimulatedLab(task, load_world(world, task), 1, cell, home_q_rad=home_rad) as lab:
         for trial, xy_m in enumerate(PLACES_M, start=1):
             lab.bench.place(np.array(xy_m), trial, 0)

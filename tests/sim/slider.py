@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from hw.mass import NOTHING
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.task import AdaptationSettings, Observation, SceneBodies, Task
+from sim.tasks.task import AdaptationSettings, Hardware, Observation, SceneBodies, Task
 from sim.types import Dimension, Space, ToolMotion, Visual
 
 BLOCK_M = 0.04
@@ -106,6 +107,17 @@ def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, 
     raise NotImplementedError("the lab runs this task with its own arm")
 
 
+HARDWARE = Hardware(
+    X_FT=frozen_array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.15], [0, 0, 0, 1]]),
+    tool_mass=NOTHING,
+    keep_clear=(),
+    plan=plan,
+    build_scene=build_scene,
+    time_step_s=lambda unmodelled: unmodelled.dt_s or 0.002,
+    rest_pose=rest_pose,
+    tracker="none",
+)
+
 TASK = Task(
     name="slider",
     title="Shove a block",
@@ -126,16 +138,11 @@ TASK = Task(
     adaptation=AdaptationSettings(8, 0.15, 0.9, 0.5, 2, 1e-3),
     unmodelled=Unmodelled,
     simulate=simulate,
-    build_scene=build_scene,
-    time_step_s=lambda unmodelled: unmodelled.dt_s or 0.002,
-    rest_pose=rest_pose,
-    plan=plan,
-    X_FT=frozen_array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.15], [0, 0, 0, 1]]),
     reference_context=frozen_array([0.55, 0.0]),
     relocate=lambda observation, context: observation,
     succeeded=lambda track: track.outcome is Outcome.SETTLED,
     end_state=lambda track: track.state[-1],
     reward_of_success=lambda end, context: np.ones(end.shape[:-1]),
     object_name="block",
-    tracker="none",
+    hardware=HARDWARE,
 )

@@ -86,7 +86,7 @@ def _small(world: World) -> World:
 def lab() -> Scene:
     """The rendered camera of trials. Nothing moves, so a recording shows the piece at rest."""
     task = get_task("scooping")
-    built = SimulatedLab(task, _small(load_world("wd", task)), 0, cell_as_shipped(task, "panda"))
+    built = SimulatedLab(task, _small(load_world("wd", task)), 0, cell_as_shipped(task.require_hardware(), "panda"))
     xy_m = np.array([0.68, 0.0])
     built.bench.place(xy_m, trial=1, attempt=0)
     arm = built.arm.__enter__()
@@ -102,7 +102,7 @@ def board_lab() -> Scene:
         replace(_small(load_world("wd", task)), faults=Faults()),
         0,
         held,
-        cell_as_shipped(task, "panda"),
+        cell_as_shipped(task.require_hardware(), "panda"),
         home_q_rad=READY_RAD,
     )
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])

@@ -15,9 +15,8 @@ def reached(box: KeepOut) -> tuple[str, ...]:
     said: list[str] = []
     for name in tasks_with_tools():
         task = get_task(name)
-        assert task.plan is not None
         middle = task.action.denormalise(np.full(len(task.action), 0.5))
-        p_m = task.plan(task.reference_context, middle).X_BT[:, :3, 3]
+        p_m = task.require_hardware().plan(task.reference_context, middle).X_BT[:, :3, 3]
         inside = p_m[((p_m >= box.low_m) & (p_m <= box.high_m)).all(axis=1)]
         if len(inside):
             (x0, y0, _), (x1, y1, _) = inside.min(axis=0), inside.max(axis=0)

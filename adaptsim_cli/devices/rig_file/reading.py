@@ -61,7 +61,7 @@ def tasks_with_tools() -> tuple[str, ...]:
     """The tasks that an arm can do."""
     from sim.tasks import TASKS, get_task
 
-    return tuple(name for name in TASKS if get_task(name).plan is not None)
+    return tuple(name for name in TASKS if get_task(name).hardware is not None)
 
 
 def read(path: Path, tools: Collection[str] = ()) -> RigDescription:

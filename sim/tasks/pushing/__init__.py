@@ -26,7 +26,20 @@ from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.rollout import simulate
 from sim.tasks.pushing.scene import build_scene, time_step_s
-from sim.tasks.task import Standing, Task
+from sim.tasks.task import Hardware, Standing, Task
+
+HARDWARE = Hardware(
+    X_FT=X_FT,
+    tool_mass=TOOL_MASS,
+    keep_clear=KEEP_CLEAR,
+    plan=plan,
+    build_scene=build_scene,
+    time_step_s=time_step_s,
+    rest_pose=rest_pose,
+    tracker="bottle",
+    standing=Standing(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, START_M),
+    plausible=PLAUSIBLE,
+)
 
 TASK = Task(
     name="pushing",
@@ -41,13 +54,7 @@ TASK = Task(
     adaptation=ADAPTATION,
     reuse=REUSE,
     unmodelled=Unmodelled,
-    plausible=PLAUSIBLE,
     simulate=simulate,
-    build_scene=build_scene,
-    time_step_s=time_step_s,
-    rest_pose=rest_pose,
-    plan=plan,
-    X_FT=X_FT,
     reference_context=REFERENCE_CONTEXT,
     relocate=relocate,
     succeeded=succeeded,
@@ -55,8 +62,5 @@ TASK = Task(
     reward_of_success=reward_of_success,
     object_name="bottle",
     goal_m=goal_m,
-    tracker="bottle",
-    standing=Standing(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, START_M),
-    keep_clear=KEEP_CLEAR,
-    tool_mass=TOOL_MASS,
+    hardware=HARDWARE,
 )

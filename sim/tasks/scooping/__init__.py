@@ -23,7 +23,22 @@ from sim.tasks.scooping.plan import plan
 from sim.tasks.scooping.rollout import rest_pose, simulate
 from sim.tasks.scooping.scene import build_scene, time_step_s
 from sim.tasks.scooping.touch import TOUCHABLE
-from sim.tasks.task import Task
+from sim.tasks.task import Hardware, Task
+
+HARDWARE = Hardware(
+    X_FT=X_FT,
+    tool_mass=TOOL_MASS,
+    keep_clear=KEEP_CLEAR,
+    plan=plan,
+    build_scene=build_scene,
+    time_step_s=time_step_s,
+    rest_pose=rest_pose,
+    tracker="piece",
+    home_pitch_rad=HOME_PITCH_RAD,
+    carries=True,
+    touchable=TOUCHABLE,
+    plausible=PLAUSIBLE,
+)
 
 TASK = Task(
     name="scooping",
@@ -38,23 +53,12 @@ TASK = Task(
     adaptation=ADAPTATION,
     reuse=REUSE,
     unmodelled=Unmodelled,
-    plausible=PLAUSIBLE,
     simulate=simulate,
-    build_scene=build_scene,
-    time_step_s=time_step_s,
-    rest_pose=rest_pose,
-    plan=plan,
-    X_FT=X_FT,
-    home_pitch_rad=HOME_PITCH_RAD,
-    carries=True,
     reference_context=REFERENCE_CONTEXT,
     relocate=relocate,
     succeeded=succeeded,
     end_state=end_state,
     reward_of_success=reward_of_success,
     object_name="piece of food",
-    tracker="piece",
-    keep_clear=KEEP_CLEAR,
-    touchable=TOUCHABLE,
-    tool_mass=TOOL_MASS,
+    hardware=HARDWARE,
 )

@@ -47,8 +47,7 @@ def counted(name: str, model: str, keep_out: tuple[KeepOut, ...], points: int = 
 
 
 def _way(without: MountedTask, within: MountedTask, context: Array, action: Array) -> str:
-    assert without.task.plan is not None
-    motion = without.task.plan(context, action)
+    motion = without.hardware.plan(context, action)
     free = without.paths(motion)
     try:
         found = within.paths(motion)

@@ -126,7 +126,9 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
         assert real.is_real
         assert "lab-1, panda at 172.16.0.2" in real.title
-        assert real.mounted.task.X_FT[2, 3] != SCOOPING.X_FT[2, 3], "the tool hangs where it was touched off"
+        assert real.mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
+            "the tool hangs where it was touched off"
+        )
         assert all(check.ok for check in real.checks())
 
 
@@ -135,7 +137,7 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
     calibrated(there)
     with wiring.open_parts(there.config, place, ToyDevices().openers()) as parts:
         assert isinstance(parts.target, AttendedRig)
-        np.testing.assert_array_equal(parts.task.X_FT, parts.target.mounted.task.X_FT)
+        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, parts.target.mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
         assert parts.provenance.calibration == "calibrated"
 
@@ -239,9 +241,8 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
     there = mounted(SCOOPING, cell().arm, read(place / "rig.toml"), (), None)
-    assert there.task.plan is not None
     with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
-        there.paths(there.task.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
+        there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
 
 def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -116,17 +116,16 @@ def test_a_touched_off_tool_hangs_where_it_was_measured() -> None:
     table = {"height_m": -0.004, "slope_x": 0.01}
     rig, zeros_rad = described(LEAST | {"tools": {"scooping": part}, "table": table}, "here"), np.full(7, 0.001)
     there = mounted(task, arm_model("fr3", zeros_rad), rig, (), None)
-    off = np.linalg.inv(task.X_FT) @ there.task.X_FT
+    off = np.linalg.inv(task.require_hardware().X_FT) @ there.hardware.X_FT
     np.testing.assert_allclose(off[:3, 3], [-0.001, 0.0, 0.003], atol=1e-12)
     assert (off @ [1.0, 0.0, 0.0, 0.0])[2] == pytest.approx(-np.sin(0.1)), "the edge points further down"
-    assert there.task.plan is not None
-    motion = there.task.plan(task.reference_context, task.action.denormalise(np.full(3, 0.5)))
+    motion = there.hardware.plan(task.reference_context, task.action.denormalise(np.full(3, 0.5)))
     planner = there.planner()
     reported = planner.paths(motion)[1]
-    tool_in_base = forward(reported.q_rad[0] + zeros_rad) @ there.task.X_FT
+    tool_in_base = forward(reported.q_rad[0] + zeros_rad) @ there.hardware.X_FT
     height_m = motion.X_BT[0, 2, 3] - 0.004 + 0.01 * tool_in_base[0, 3]
     assert tool_in_base[2, 3] == pytest.approx(height_m, abs=1e-4), "over the table as it is"
-    np.testing.assert_allclose(planner.flange(reported.q_rad[0]) @ there.task.X_FT, motion.X_BT[0], atol=1e-6)
+    np.testing.assert_allclose(planner.flange(reported.q_rad[0]) @ there.hardware.X_FT, motion.X_BT[0], atol=1e-6)
 
 
 def test_a_mount_of_ones_own_replaces_the_shipped_one() -> None:

@@ -168,7 +168,7 @@ def test_bad_input_is_one_message(
 def test_a_task_without_a_camera_is_refused(
     session: SessionStore, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sim.tasks, "get_task", lambda name: dataclasses.replace(TASK, tracker="", plan=None))
+    monkeypatch.setattr(sim.tasks, "get_task", lambda name: dataclasses.replace(TASK, hardware=None))
     assert app.run(["retrack", session.facts.name]) == 2
     assert_told(capfd, "runs in simulation only: its sessions have no recordings")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from touch_rig import MOUNT, PITCH_RAD, TASK, on_lab, world
+from touch_rig import MOUNT, PITCH_RAD, on_lab, world
 from typer.testing import CliRunner
 
 from adaptsim_cli import config
@@ -35,9 +35,10 @@ from sim.panda.feelers import touchable
 from sim.panda.inverse import inverse
 from sim.panda.touch_plan import table_probes, tool_probes
 from sim.panda.touching import Probe
+from sim.tasks.scooping import HARDWARE
 
 TRUE = ToolCorrection(Table(-0.007, 0.004, -0.003), 0.003, -0.0025, 0.05, -0.012)
-CENTRE_M = np.array(touchable(TASK).centre_m)
+CENTRE_M = np.array(touchable(HARDWARE).centre_m)
 
 
 def screen() -> Screen:
@@ -63,8 +64,10 @@ def touches(
 def solved(seed: int, std_m: float) -> Result:
     rng = np.random.default_rng(seed)
     fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, std_m)
-    tool = touches(tool_probes(touchable(TASK).feelers, CENTRE_M), TASK.X_FT, TRUE.X_FT(TASK.X_FT), rng, std_m)
-    return solve(fingers, tool, TASK.X_FT, CENTRE_M)
+    tool = touches(
+        tool_probes(touchable(HARDWARE).feelers, CENTRE_M), HARDWARE.X_FT, TRUE.X_FT(HARDWARE.X_FT), rng, std_m
+    )
+    return solve(fingers, tool, HARDWARE.X_FT, CENTRE_M)
 
 
 def test_perfect_touches_give_everything_back() -> None:
@@ -97,19 +100,21 @@ def test_the_stated_intervals_hold() -> None:
 
 def test_what_does_not_fit_together_is_a_problem() -> None:
     rng = np.random.default_rng(0)
-    probes = tool_probes(touchable(TASK).feelers, CENTRE_M)
+    probes = tool_probes(touchable(HARDWARE).feelers, CENTRE_M)
     fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, 1e-4)
     steep = replace(TRUE, pitch_rad=0.12)
-    found = solve(fingers, touches(probes, TASK.X_FT, steep.X_FT(TASK.X_FT), rng, 1e-4), TASK.X_FT, CENTRE_M)
+    found = solve(
+        fingers, touches(probes, HARDWARE.X_FT, steep.X_FT(HARDWARE.X_FT), rng, 1e-4), HARDWARE.X_FT, CENTRE_M
+    )
     assert any("pitch" in problem for problem in found.problems)
     lifted = np.eye(4)
     lifted[2, 3] = -0.006  # something 6 mm thick lies under one place: the finger is held up
     crumb = touches(table_probes(CENTRE_M)[4:], np.eye(4), lifted, rng, 1e-4)
-    tool = touches(probes, TASK.X_FT, TRUE.X_FT(TASK.X_FT), rng, 1e-4)
-    found = solve([*fingers[:8], *crumb], tool, TASK.X_FT, CENTRE_M)
+    tool = touches(probes, HARDWARE.X_FT, TRUE.X_FT(HARDWARE.X_FT), rng, 1e-4)
+    found = solve([*fingers[:8], *crumb], tool, HARDWARE.X_FT, CENTRE_M)
     assert any("table place" in problem and "lying there" in problem for problem in found.problems)
     with pytest.raises(ValueError, match="3 places"):
-        solve(fingers[:4], tool, TASK.X_FT, CENTRE_M)
+        solve(fingers[:4], tool, HARDWARE.X_FT, CENTRE_M)
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from sim.tasks import get_task
 from sim.types import ToolMotion
 
 TASK = get_task("scooping")
+HARDWARE = TASK.require_hardware()
 ZEROS_RAD = 3e-3
 SCOOPS = 6
 
@@ -26,11 +27,10 @@ SCOOPS = 6
 @cache
 def planned(scoops: int, seed: int = 0) -> list[tuple[MountedTask, ToolMotion, Paths]]:
     """Random scoops, each on an arm with random joint zeros of its own, as a session asks for them."""
-    assert TASK.plan is not None
     rng, found = np.random.default_rng(seed), list[tuple[MountedTask, ToolMotion, Paths]]()
     while len(found) < scoops:
         there = mounted(TASK, arm_model("panda", rng.uniform(-ZEROS_RAD, ZEROS_RAD, 7)), None, (), None)
-        motion = TASK.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
+        motion = HARDWARE.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
         try:
             found.append((there, motion, there.planner().paths(motion)))
         except NotExecutable:
@@ -62,7 +62,7 @@ def test_an_arm_that_takes_reported_joints_for_true_ones_refuses_some() -> None:
 
 def test_the_tool_goes_where_it_was_meant_to_go() -> None:
     for there, motion, (_, path, _) in planned(SCOOPS):
-        X_BT = forward(there.cell.arm.true_rad(path.q_rad)) @ TASK.X_FT
+        X_BT = forward(there.cell.arm.true_rad(path.q_rad)) @ HARDWARE.X_FT
         assert np.abs(X_BT - motion.X_BT).max() < 1e-6
 
 

@@ -30,7 +30,7 @@ from sim.tasks import get_task
 
 BOARD = Board()
 HELD = HeldBoard(draw(BOARD, 112), BOARD.size_m)
-CELL = cell_as_shipped(get_task("scooping"), "panda").holding(HELD.tool())
+CELL = cell_as_shipped(get_task("scooping").require_hardware(), "panda").holding(HELD.tool())
 NEAR_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
 
 

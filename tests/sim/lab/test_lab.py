@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import pytest
-from slider import HOME_RAD, TASK, Unmodelled
+from slider import HARDWARE, HOME_RAD, TASK, Unmodelled
 
 from hw.errors import CameraError
 from hw.joint_limits import LIMITS
 from hw.types import Array, ContactWindow, Execution, Frame, JointPath
+from sim.errors import NoHardware
 from sim.lab.calibration import nominal_of
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance
@@ -24,7 +25,7 @@ from sim.panda.inverse import inverse
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
 
-CELL = cell_as_shipped(TASK, "panda")
+CELL = cell_as_shipped(HARDWARE, "panda")
 XY_M = np.array([0.55, 0.0])
 PERIOD_S = 1 / 30
 
@@ -43,8 +44,8 @@ def world(sensing: Sensing | None = None, faults: Faults | None = None) -> World
 
 
 def shove(xy_m: Array = XY_M) -> JointPath:
-    motion = TASK.plan(xy_m, np.array([0.08]))
-    X_BF = motion.X_BT @ np.linalg.inv(TASK.X_FT)
+    motion = HARDWARE.plan(xy_m, np.array([0.08]))
+    X_BF = motion.X_BT @ np.linalg.inv(HARDWARE.X_FT)
     return JointPath(motion.t_s, inverse(X_BF, np.zeros(len(motion.t_s)))[:, 0])
 
 
@@ -251,8 +252,8 @@ def test_streams_of_chance_are_all_different() -> None:
 
 
 def test_a_lab_needs_a_scene_and_its_own_world() -> None:
-    with pytest.raises(ValueError, match="no lab"):
-        SimulatedLab(replace(TASK, build_scene=None), world(), 0, CELL)
+    with pytest.raises(NoHardware, match="it runs in simulation only"):
+        SimulatedLab(replace(TASK, hardware=None), world(), 0, CELL)
     with pytest.raises(ValueError, match="is of pushing, not of slider"):
         SimulatedLab(TASK, replace(world(), task="pushing"), 0, CELL)
 

@@ -33,11 +33,12 @@ ROLLS_BACK = np.array([0.20, 0.072, 0.020])
 
 def with_arm(task: Task, world: World, context: Array, action: Array) -> tuple[Array, Array]:
     """Poses (4, 4) of tool and object where the lab says that the trial is over."""
-    shipped = cell_as_shipped(task, "panda")
-    q_home = home(task.X_FT, shipped, task.home_pitch_rad)
-    path = trial_paths(task.plan(context, action), task.X_FT, shipped, q_home, carries=task.carries)[1]
+    hardware = task.require_hardware()
+    shipped = cell_as_shipped(hardware, "panda")
+    q_home = home(hardware.X_FT, shipped, hardware.home_pitch_rad)
+    path = trial_paths(hardware.plan(context, action), hardware.X_FT, shipped, q_home, carries=hardware.carries)[1]
     cell = Cell(task, world)
-    cell.reset(path.q_rad[0], task.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
+    cell.reset(path.q_rad[0], hardware.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
     cell.simulate(path.t_s, path.q_rad)
     poses = cell.poses(cell.positions[None])
     return poses[cell.bodies.tool][0], poses[cell.bodies.object][0]

@@ -25,7 +25,8 @@ from sim.panda.touching import Bench, Probe, Stage, descent, stance
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-CELL = cell_as_shipped(TASK, "panda").holding(empty_hand())
+HARDWARE = TASK.require_hardware()
+CELL = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
 BENCH = Bench(CELL, np.eye(4))
 XY_M = np.array([0.55, 0.1])
 PROBE = Probe("table", FINGERTIPS, XY_M, np.diag([1.0, -1.0, -1.0]))

@@ -11,7 +11,7 @@ from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD
 from sim.panda.model import add_panda
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
-from sim.tasks.scooping import TASK
+from sim.tasks.scooping import HARDWARE, TASK
 from sim.tasks.scooping.plan import VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.rollout import ARM
 
@@ -26,16 +26,16 @@ def arm_at_edge():
     add_panda(plant)
     plant.Finalize()
     context = plant.CreateDefaultContext()
-    cell = cell_as_shipped(TASK, "panda")
-    q_home_rad = home(TASK.X_FT, cell)
+    cell = cell_as_shipped(HARDWARE, "panda")
+    q_home_rad = home(HARDWARE.X_FT, cell)
     rng = np.random.default_rng(1)
     found = []
     for _ in range(3):
-        motion = TASK.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
-        path = trial_paths(motion, TASK.X_FT, cell, q_home_rad)[1]
+        motion = HARDWARE.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
+        path = trial_paths(motion, HARDWARE.X_FT, cell, q_home_rad)[1]
         for t_s in TOUCHING_S:
             k = round(1000 * t_s)
-            J = jacobian(path.q_rad[k], TASK.X_FT[:3, 3])[IN_PLANE]
+            J = jacobian(path.q_rad[k], HARDWARE.X_FT[:3, 3])[IN_PLANE]
             R_BT = motion.X_BT[k][:3, :3]
             J[:2] = R_BT[np.ix_([0, 2], [0, 2])].T @ J[:2]
             plant.SetPositions(context, path.q_rad[k])

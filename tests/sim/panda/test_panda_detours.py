@@ -18,7 +18,8 @@ from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-FREE = cell_as_shipped(TASK, "panda")
+HARDWARE = TASK.require_hardware()
+FREE = cell_as_shipped(HARDWARE, "panda")
 LOW = np.array([-1.2, -1.0, -0.6, -2.7, -0.8, 1.0, -1.5])
 HIGH = np.array([1.2, 0.9, 0.6, -0.8, 0.8, 3.0, 2.0])
 

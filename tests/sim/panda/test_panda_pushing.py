@@ -11,17 +11,17 @@ from hw.types import JointPath
 from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
 from sim.panda.tool import cell_as_shipped, tool_of
-from sim.tasks.pushing import TASK
+from sim.tasks.pushing import HARDWARE
 from sim.tasks.pushing.params import ACTION, BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, REFERENCE_CONTEXT, START_M, X_FT
 from sim.tasks.pushing.plan import plan
 
-TOOL = tool_of(TASK)
+TOOL = tool_of(HARDWARE)
 
 
 def paths(action: tuple[float, ...], model: str) -> tuple[JointPath, JointPath, JointPath]:
     """Planned and found executable: approach and retreat, a stop at any moment, nothing near arm or table."""
     motion = plan(REFERENCE_CONTEXT, np.array(action))
-    cell = cell_as_shipped(TASK, model)
+    cell = cell_as_shipped(HARDWARE, model)
     found = trial_paths(motion, X_FT, cell, home(X_FT, cell))
     reports = [cell.require(path, path.q_rad[0]) for path in found]
     assert reports[1].joint_ratio <= ALLOWED

@@ -11,13 +11,13 @@ from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
+HARDWARE = TASK.require_hardware()
 
 
 def check(context: tuple[float, ...], action: tuple[float, ...], model: str) -> None:
-    assert TASK.plan is not None
-    cell = cell_as_shipped(TASK, model)
-    motion = TASK.plan(np.array(context), np.array(action))
-    paths = trial_paths(motion, TASK.X_FT, cell, home(TASK.X_FT, cell))
+    cell = cell_as_shipped(HARDWARE, model)
+    motion = HARDWARE.plan(np.array(context), np.array(action))
+    paths = trial_paths(motion, HARDWARE.X_FT, cell, home(HARDWARE.X_FT, cell))
     reports = [cell.require(path, path.q_rad[0]) for path in paths]
     assert reports[1].joint_ratio <= ALLOWED
 

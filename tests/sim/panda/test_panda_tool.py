@@ -13,10 +13,11 @@ from sim.tasks import get_task
 @pytest.mark.parametrize(("name", "tool_kg"), [("scooping", 0.12), ("pushing", 0.1)])
 def test_hand_and_tool_weigh_what_their_sources_say(name: str, tool_kg: float) -> None:
     task = get_task(name)
-    mass = tool_of(task).mass
+    hardware = task.require_hardware()
+    mass = tool_of(hardware).mass
     assert mass.kg == pytest.approx(HAND_MASS.kg + tool_kg)
-    assert cell_as_shipped(task, "fr3").tool.mass.kg == mass.kg
-    between = task.X_FT[:3, :3] @ task.tool_mass.com_m + task.X_FT[:3, 3]
+    assert cell_as_shipped(hardware, "fr3").tool.mass.kg == mass.kg
+    between = hardware.X_FT[:3, :3] @ hardware.tool_mass.com_m + hardware.X_FT[:3, 3]
     np.testing.assert_allclose(mass.com_m, (HAND_MASS.kg * HAND_MASS.com_m + tool_kg * between) / mass.kg)
     assert 0.05 < np.linalg.norm(between) < 0.35, "beyond the hand, and within the tool's reach"
     a, b, c = np.sort(np.linalg.eigvalsh(mass.inertia_kg_m2))

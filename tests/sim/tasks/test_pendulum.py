@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 
 from perception.types import Outcome
+from sim.errors import NoHardware
 from sim.lab.world import list_worlds, load_world
 from sim.solvers.misfit import misfit
 from sim.tasks.pendulum import TASK
@@ -165,7 +166,6 @@ def test_what_the_ranges_cannot_express_is_noticed():
 
 
 def test_it_needs_no_scene():
-    assert TASK.plan is None
-    with pytest.raises(ValueError, match="no scene"):
-        TASK.time_step_s(None)
+    with pytest.raises(NoHardware, match="the task pendulum has no motion for a robot arm"):
+        TASK.require_hardware()
     assert dataclasses.replace(TASK, name="other").exact(TASK).task is TASK

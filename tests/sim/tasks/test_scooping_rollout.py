@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from perception.types import REST_M_S, REST_S, Outcome
-from sim.tasks.scooping import TASK, scene
+from sim.tasks.scooping import HARDWARE, TASK, scene
 from sim.tasks.scooping.params import REFERENCE_CONTEXT, Unmodelled
 from sim.tasks.shared import direct
 
@@ -117,12 +117,12 @@ def test_the_piece_lies_still_until_it_is_touched(parameters):
 
 
 def test_scene_has_tool_piece_and_pictures_of_both():
-    plant = MultibodyPlant(time_step=TASK.time_step_s(None))
+    plant = MultibodyPlant(time_step=HARDWARE.time_step_s(None))
     from pydrake.geometry import SceneGraph  # noqa: PLC0415 - it must outlive the plant
 
     scene = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene)
-    bodies = TASK.build_scene(plant, plant.world_frame(), RigidTransform().GetAsMatrix4(), CYLINDER, RADIUS, None)
+    bodies = HARDWARE.build_scene(plant, plant.world_frame(), RigidTransform().GetAsMatrix4(), CYLINDER, RADIUS, None)
     plant.Finalize()
     seen = {visual.body for visual in bodies.visuals}
     assert {bodies.object, bodies.tool, "world"} <= seen
@@ -130,4 +130,4 @@ def test_scene_has_tool_piece_and_pictures_of_both():
         assert visual.triangles.max() < len(visual.vertices_m)
         assert visual.body == "world" or plant.HasBodyNamed(visual.body)
     assert plant.num_positions() == 7
-    assert TASK.time_step_s(Unmodelled(dt_s=0.001)) == 0.001
+    assert HARDWARE.time_step_s(Unmodelled(dt_s=0.001)) == 0.001

@@ -35,7 +35,7 @@ from sim.render.sensor import sense_depth
 from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
-from sim.tasks.shared.direct import READ_EVERY_S
+from sim.tasks.shared.readings import READ_EVERY_S
 from sim.tasks.shared.shapes import box, table_visual
 from sim.types import Visual
 

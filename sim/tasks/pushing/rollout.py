@@ -20,7 +20,8 @@ from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.scene import build_scene, time_step_s
 from sim.tasks.pushing.table import on_table
 from sim.tasks.shared.carriage import Compliance, drive_of
-from sim.tasks.shared.direct import Ending, Moment, Readings, Start, reading_before_s, run
+from sim.tasks.shared.direct import run
+from sim.tasks.shared.readings import Course, Ending, Moment, Readings, Start, reading_before_s
 from sim.types import ToolMotion
 
 LEAD_S = 0.020
@@ -55,12 +56,16 @@ def play(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> ObjectTrack:
     """The motion at a bottle that stands at X_BO (4, 4)."""
+    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
+    return track_of(run(course_of(motion, X_BO), build, time_step_s(unmodelled)))
+
+
+def course_of(motion: ToolMotion, X_BO: Array) -> Course:
+    """How the plate is driven at a bottle that stands at X_BO (4, 4), from when to when."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
-    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    ending = Ending(partial(_still, motion), _has_fallen, float(motion.t_s[-1]) + SETTLE_S)
-    return _track(run(drive, build, time_step_s(unmodelled), start, ending))
+    return Course(drive, start, Ending(partial(_still, motion), _has_fallen, float(motion.t_s[-1]) + SETTLE_S))
 
 
 def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:
@@ -91,7 +96,7 @@ def _still(motion: ToolMotion, now: Moment) -> bool:
     return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], np.asarray(now.X_BO.translation()))) > _NEAR_M
 
 
-def _track(readings: Readings) -> ObjectTrack:
+def track_of(readings: Readings) -> ObjectTrack:
     """The readings, with the bottle at rest before them."""
     t_s, p_BO_m = readings.t_s, readings.p_BO_m
     if t_s[0] > 0.0:

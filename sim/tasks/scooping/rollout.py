@@ -17,7 +17,17 @@ from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
 from sim.tasks.shared.carriage import Compliance, Drive, drive_of
-from sim.tasks.shared.direct import READ_EVERY_S, Ending, Moment, Readings, Start, reading_before_s, run
+from sim.tasks.shared.direct import run
+from sim.tasks.shared.readings import (
+    READ_EVERY_S,
+    Course,
+    Ending,
+    Moment,
+    Readings,
+    Start,
+    object_in_tool_m,
+    reading_before_s,
+)
 from sim.types import ToolMotion
 
 ARM = Compliance(
@@ -67,11 +77,15 @@ def play(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> ObjectTrack:
     """The motion at a piece that lies at X_BO (4, 4)."""
+    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
+    return track_of(run(course_of(motion, X_BO, nuisance, unmodelled), build, time_step_s(unmodelled)), motion)
+
+
+def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
+    """How the spatula is driven at a piece that lies at X_BO (4, 4), from when to when."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, float(X_BO[0, 3]), nuisance, unmodelled)
-    start = Start(start_s, X_BO, _on_table(drive, start_s))
-    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return _track(run(drive, build, time_step_s(unmodelled), start, Ending(_still, _off_blade, LATEST_S)), motion)
+    return Course(drive, Start(start_s, X_BO, _on_table(drive, start_s)), Ending(_still, _off_blade, LATEST_S))
 
 
 def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
@@ -104,12 +118,12 @@ def _off_blade(now: Moment) -> bool:
     """Whether the piece has left the blade for good, after the last observed moment."""
     if now.t_s < DURATION_S:
         return False
-    x_m, y_m, z_m = now.p_TO_m
+    x_m, y_m, z_m = object_in_tool_m(now.X_BT, now.X_BO)
     beside_m = max(x_m, -BLADE_LENGTH_M - x_m, abs(y_m) - BLADE_WIDTH_M / 2)
     return bool(z_m < 0.0 or beside_m > _ASIDE_M)
 
 
-def _track(readings: Readings, motion: ToolMotion) -> ObjectTrack:
+def track_of(readings: Readings, motion: ToolMotion) -> ObjectTrack:
     """The readings, held before the first one, and after the last one carried along by whatever the piece lies on."""
     t_s, p_BO_m, p_TO_m = readings.t_s, readings.p_BO_m, readings.p_TO_m
     outcome = Outcome.SOLVER_FAILED if readings.failure else _outcome(p_BO_m[-1], p_TO_m)

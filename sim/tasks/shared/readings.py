@@ -1,0 +1,141 @@
+"""A rollout as it is read: where it starts, its poses every 20 ms, and when it is over, whatever physics steps it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from hw.types import Array
+from perception.types import REST_M_S, REST_RAD_S, REST_S
+from sim.tasks.shared.carriage import Drive
+
+READ_EVERY_S = 0.020
+_STILL_READINGS = round(REST_S / READ_EVERY_S) + 1
+"""So many in a row span `REST_S`. One alone is no rest: what rolls to and fro stands still where it turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a rollout begins; what happens before is left out."""
+
+    t_s: float
+    X_BO: Array  # (4, 4) the object at rest
+    tool: Array  # (6,) the carriage: forward, up, pitch and their rates
+
+
+class Moment(Protocol):
+    """Tool and object at a reading."""
+
+    @property
+    def t_s(self) -> float: ...
+
+    @property
+    def X_BO(self) -> RigidTransform: ...
+
+    @property
+    def X_BT(self) -> RigidTransform: ...
+
+    @property
+    def is_still_on_table(self) -> bool:
+        """Whether the object is as slow as at rest."""
+        ...
+
+    @property
+    def is_still_on_tool(self) -> bool:
+        """Whether it is as slow as at rest against the tool."""
+        ...
+
+
+@dataclass(frozen=True)
+class Ending:
+    """When a rollout is over."""
+
+    still: Callable[[Moment], bool]
+    """Whether the object is still where nothing moves it any more; it rests once it has been for `REST_S`."""
+    decided: Callable[[Moment], bool]
+    """Whether nothing that comes can change how it is judged."""
+    latest_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A rollout but for its physics: how the tool is moved, where all starts, and when it is over."""
+
+    drive: Drive
+    start: Start
+    ending: Ending
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What a rollout went through."""
+
+    t_s: Array  # (N,) every 20 ms
+    X_BO: tuple[RigidTransform, ...]
+    X_BT: tuple[RigidTransform, ...]
+    is_settled: bool  # whether it came to its end before the latest moment
+    failure: str | None  # why the solver gave up
+
+    @property
+    def p_BO_m(self) -> Array:
+        """(N, 3)"""
+        return np.array([X.translation() for X in self.X_BO])
+
+    @property
+    def p_TO_m(self) -> Array:
+        """(3,) the object in the tool frame at the end."""
+        return object_in_tool_m(self.X_BT[-1], self.X_BO[-1])
+
+
+class Physics(Protocol):
+    """What steps a rollout."""
+
+    def now(self, t_s: float) -> Moment:
+        """The present state, which belongs to the time `t_s`."""
+        ...
+
+    def advance_to(self, t_s: float) -> None:
+        """Step until then. Raises RuntimeError when the solver gives up."""
+        ...
+
+
+def read(physics: Physics, course: Course) -> Readings:
+    """Step from the start of a course to its end. Never raises for a solver that does not converge."""
+    start_s, ending = course.start.t_s, course.ending
+    now = physics.now(start_s)
+    t_s, X_BO, X_BT = [start_s], [now.X_BO], [now.X_BT]
+    failure, still = None, 0
+    try:
+        while t_s[-1] < ending.latest_s:
+            still = still + 1 if ending.still(now) else 0
+            if still == _STILL_READINGS or ending.decided(now):
+                break
+            t = min(start_s + len(t_s) * READ_EVERY_S, ending.latest_s)
+            physics.advance_to(t)
+            now = physics.now(t)
+            t_s.append(t)
+            X_BO.append(now.X_BO)
+            X_BT.append(now.X_BT)
+    except RuntimeError as error:
+        failure = f"the solver failed after {t_s[-1]:.2f} s: {error}"
+    return Readings(np.array(t_s), tuple(X_BO), tuple(X_BT), failure is None and t_s[-1] < ending.latest_s, failure)
+
+
+def object_in_tool_m(X_BT: RigidTransform, X_BO: RigidTransform) -> Array:
+    """(3,) the object's place in the tool frame."""
+    return np.asarray(X_BT.inverse() @ X_BO.translation())
+
+
+def reading_before_s(t_s: float) -> float:
+    """The last moment on the grid of readings that is not after `t_s`, nor before 0."""
+    return max(0.0, math.floor(t_s / READ_EVERY_S) * READ_EVERY_S)
+
+
+def is_slow(v_m_s: Array, w_rad_s: Array) -> bool:
+    """Whether velocities (3,), (3,) are those of an object at rest."""
+    return bool(np.linalg.norm(v_m_s) < REST_M_S) and bool(np.linalg.norm(w_rad_s) < REST_RAD_S)

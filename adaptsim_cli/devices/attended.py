@@ -19,7 +19,7 @@ from adaptsim_cli.session.on_rig import Found, OnRig, RigReplay
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from hw.errors import BalanceError
+from hw.errors import ArmFault, BalanceError
 from hw.placing import Placing
 from hw.ports import Arm
 from hw.types import Array
@@ -70,11 +70,23 @@ class Scales:
 
 
 def offer_recovery(arm: Arm, screen: Screen) -> None:
-    """Clear the arm's fault, if it has one, where a person types so. Nothing moves."""
-    if (fault := arm.state().fault) is not None:
-        screen.note(f"The arm reports: {fault}")
-        if screen.ask("Type recover to clear it (nothing moves), Enter to leave it:") == "recover":
-            arm.recover()
+    """Lead a person from whatever the arm reports to an arm that moves, or to their word to leave it. Nothing moves.
+
+    What somebody does at this moment (a pressed stop button, a guiding hand) is waited for; any other fault is cleared
+    where a person types so, as often as it takes. Raises StoppedByOperator.
+    """
+    while (state := arm.state()).fault is not None:
+        screen.note(f"The arm reports: {state.fault}")
+        if state.by_hand:
+            if screen.ask("Enter once that is done (nothing moves), q to stop:") == "q":
+                raise StoppedByOperator("stopped by the operator; nothing has moved")
+        elif screen.ask("Type recover to clear it (nothing moves), Enter to leave it:") == "recover":
+            try:
+                arm.recover()
+            except ArmFault as error:
+                screen.note(f"  {error}")
+        else:
+            return
 
 
 @dataclass(frozen=True, eq=False)

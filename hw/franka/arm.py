@@ -13,7 +13,7 @@ from typing import Self
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.checks import Check, back_from, until
-from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
+from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Timing
 from hw.franka.parts import Pedal, Player
 from hw.franka.playback import TOUCH, Motion, Played, motion_of
@@ -89,8 +89,8 @@ class FrankaArm:
             time.monotonic(),
             frozen_array(reading.q_rad, (7,), "q_rad"),
             frozen_array(reading.dq_rad_s, (7,), "dq_rad_s"),
-            self._fault or reading.unwilling,
-            self._fault is None and reading.by_hand,
+            self._stopped_by() or reading.unwilling,
+            self._stopped_by() is None and reading.by_hand,
         )
 
     def execute(self, path: JointPath) -> Execution:
@@ -122,7 +122,10 @@ class FrankaArm:
         return contact
 
     def stop(self) -> None:
-        """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread."""
+        """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
+
+        It holds until `recover`: where no motion runs, none begins.
+        """
         self._stop.set()
 
     def carry(self, tool: Tool, payload: Payload) -> None:
@@ -146,6 +149,7 @@ class FrankaArm:
             reading = player.recover()
         except Failure as failure:
             raise self._error(failure) from failure
+        self._stop.clear()
         self._fault = reading.unwilling
         if self._fault is not None:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
@@ -153,14 +157,14 @@ class FrankaArm:
     def _admitted(self, path: JointPath, check: Check, fade_s: float) -> Motion:
         """`path` as the player takes it. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
-        refuse_while_stopped(self._fault or reading.unwilling)
+        refuse_while_stopped(self._stopped_by() or reading.unwilling)
         check(path, frozen_array(reading.q_rad))
         motion = motion_of(from_held(path, frozen_array(reading.q_held_rad), self._model, check, fade_s), self._model)
         if self._pedal is not None and not self._pedal.enabled():
             raise MotionRefused(
                 f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
             )
-        self._stop.clear()
+        refuse_while_stopped(self._stopped_by())  # asked for while the path was checked
         self.last_execution = self.last_stop = None
         return motion
 
@@ -186,7 +190,7 @@ class FrankaArm:
         try:
             outcome = self._player.play(motion, self._word, guard)
         except Failure as failure:
-            raise self._error(failure, moving=True) from failure
+            raise self._error(failure, moving=failure.kind != UNMOVED) from failure
         except BaseException:  # Ctrl-C: the player hears no word any more and brakes
             self._fault = "the program was interrupted during a motion"
             self._drop_player()
@@ -196,7 +200,8 @@ class FrankaArm:
         execution = Execution(t_start_s, played.t_s, played.q_commanded_rad, played.q_measured_rad, played.success_rate)
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
-            raise self._error(outcome.failure, moving=True, after_s=float(played.t_s[-1]) if len(played.t_s) else 0.0)
+            after_s = float(played.t_s[-1]) if len(played.t_s) else None
+            raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s)
         if self.last_stop is not None and self.last_stop.why != TOUCH:
             kind = StoppedByPedal if self.last_stop.why == "pedal" else ArmFault
             raise self._stopped(kind, WHY[self.last_stop.why], f" {self.last_stop}{self._pedal_now(kind)}")
@@ -212,6 +217,10 @@ class FrankaArm:
         if kind is not StoppedByPedal or self._pedal is None or self._pedal.enabled():
             return ""
         return f" ({self._pedal.why_not()})"
+
+    def _stopped_by(self) -> str | None:
+        """What keeps the arm from moving until `recover`."""
+        return self._fault or (WHY["request"] if self._stop.is_set() else None)
 
     def _word(self) -> bytes:
         if self._stop.is_set():
@@ -246,9 +255,8 @@ class FrankaArm:
         if failure.kind in (LOST, UNAVAILABLE):
             self._drop_player()  # a connection that broke stays broken: the next call makes a new one
         if not moving:
-            return (
-                ArmFault(failure.text) if failure.kind not in (LOST, UNAVAILABLE) else DeviceUnavailable(failure.text)
-            )
+            kind = DeviceUnavailable if failure.kind in (LOST, UNAVAILABLE) else ArmFault
+            return kind(f"{self._model}: {failure.text}")
         self._fault = failure.text
         when = "during the motion" if after_s is None else f"{after_s:.3f} s into the path"
         return ArmFault(f"{self._model} stopped {when}: {failure.text}; {_THEN}")

@@ -1,11 +1,17 @@
-"""A connected arm of either model: what both SDKs do alike. How a motion is driven differs (`fr3.py`, `panda.py`)."""
+"""A connected arm of either model: what both SDKs do alike. How a motion is driven differs (`fr3.py`, `panda.py`).
+
+An arm takes settings in its mode Idle alone: after a reflex, or while somebody holds the stop button, it rejects
+them. So connecting sets nothing. It can be read then, whatever its mode, explained, and recovered; the settings are
+given to it before every motion.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from hw.franka.driver import LOST, Failure, Reading, Step, error_names, failure, mode_name
+from hw.franka import reflexes
+from hw.franka.driver import LOST, UNMOVED, Failure, Reading, Step, error_names, failure, mode_name
 from hw.franka.settings import FrankaSettings, Payload
 
 Drive = Callable[[Any, Any, Step], None]
@@ -15,19 +21,25 @@ Drive = Callable[[Any, Any, Step], None]
 RECOVERY_READINGS = 1000
 """How many states, one a millisecond, an arm may need until it says that it has recovered."""
 
+IDLE_READINGS = 500
+"""As many after a motion or a recovery, until it says that it is Idle."""
+
+_PASSING = ("Move", "AutomaticErrorRecovery")
+"""Modes that end by themselves."""
+
 
 class Connection:
-    """`hw.franka.driver.Driver` over an SDK's module. Connects and configures when it is made."""
+    """`hw.franka.driver.Driver` over an SDK's module. Connects when it is made, and sets nothing yet."""
 
     def __init__(self, model: str, sdk: Any, drive: Drive, settings: FrankaSettings, *, realtime: bool) -> None:
         """Raises Failure."""
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
+        self._settings, self._payload = settings, settings.payload
         # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
         self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
         config = sdk.RealtimeConfig.kEnforce if realtime else sdk.RealtimeConfig.kIgnore
         try:
             self._robot = sdk.Robot(settings.host, config)
-            _configure(self._robot, settings)
         except self._errors as error:
             raise self._failure(error) from error
 
@@ -36,6 +48,17 @@ class Connection:
             return _reading(self._robot.read_once())
         except self._errors as error:
             raise self._failure(error) from error
+
+    def prepare(self) -> None:
+        reading = self._settled()
+        if reading.mode != "Idle":
+            why = reading.unwilling or reflexes.of_mode(reading.mode, busy=True)
+            raise Failure(UNMOVED, f"{why}; nothing has moved")
+        try:
+            _configure(self._robot, self._settings, self._payload)
+        except self._errors as error:
+            found = self._failure(error)
+            raise found if found.kind == LOST else Failure(UNMOVED, f"{found.text}; nothing has moved") from error
 
     def drive(self, step: Step) -> None:
         try:
@@ -55,10 +78,22 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
+        self._payload = payload
+        if self._settled().mode != "Idle":  # with the settings of the next motion, then
+            return
         try:
             _load(self._robot, payload)
         except self._errors as error:
             raise self._failure(error) from error
+
+    def _settled(self) -> Reading:
+        """The first state in a mode that lasts."""
+        reading = self.reading()
+        for _ in range(IDLE_READINGS):
+            if reading.mode not in _PASSING:
+                break
+            reading = self.reading()
+        return reading
 
     def _stopped(self, error: Exception) -> Failure:
         said = self._failure(error)
@@ -74,7 +109,7 @@ class Connection:
         return failure(error, self._model, self._host, reasons)
 
 
-def _configure(robot: Any, settings: FrankaSettings) -> None:
+def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:
     """Collision thresholds, joint impedance and payload; everything else of the arm stays as Desk has it."""
     collision = settings.collision
     robot.set_collision_behavior(
@@ -84,7 +119,7 @@ def _configure(robot: Any, settings: FrankaSettings) -> None:
         collision.force_collision_N.tolist(),
     )
     robot.set_joint_impedance(settings.joint_impedance_Nm_rad.tolist())
-    _load(robot, settings.payload)
+    _load(robot, payload)
 
 
 def _load(robot: Any, payload: Payload) -> None:

@@ -51,9 +51,13 @@ Step = Callable[[SdkState, float], tuple[list[float], bool]]
 
 
 class Driver(Protocol):
-    """One connected arm, configured from its settings. Every method raises `Failure`."""
+    """One connected arm. Every method raises `Failure`."""
 
     def reading(self) -> Reading: ...
+
+    def prepare(self) -> None:
+        """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""
+        ...
 
     def drive(self, step: Step) -> None:
         """Call `step` every millisecond until it says that its joints are the last."""
@@ -64,41 +68,70 @@ class Driver(Protocol):
         ...
 
     def carry(self, payload: Payload) -> None:
-        """What the hand holds from now on. Never moves, not to be called during a motion."""
+        """What the hand holds from now on; an arm that is not Idle is told before its next motion. Never moves."""
         ...
 
 
-FAULT, LOST, UNAVAILABLE = "fault", "lost", "unavailable"
+FAULT, UNMOVED, LOST, UNAVAILABLE = "fault", "unmoved", "lost", "unavailable"
 
 
 class Failure(Exception):
-    """`kind` is FAULT (the arm stopped or refused), LOST (it does not answer) or UNAVAILABLE (cannot connect)."""
+    """What went wrong with the arm.
+
+    `kind` is FAULT (it stopped or refused), UNMOVED (it takes no motion now), LOST (it does not answer) or UNAVAILABLE
+    (cannot connect).
+    """
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(kind, text)
         self.kind, self.text = kind, text
 
 
+_MODE = re.compile(r'not possible in the current mode \("([A-Za-z ]+)"\)')
+_WORDS = {
+    "User Stop pressed": "the stop button was pressed: release it, then recover",
+    "activated safety function": (
+        "a safety function of the arm is active: look at its Desk page under Safety, end what is active there"
+    ),
+    "manual error recovery required": (
+        "the arm does not recover by itself: a joint stands outside of its range. Unlock the joints in Desk, let Desk "
+        "lead you through the recovery of joint limits, guide the arm to the middle of its range, then recover"
+    ),
+}
+_FCI_OFF = "Connection to FCI refused"
 _NETWORK = re.compile(r"UDP|TCP|Net Exception|closed connection|Connection|Protocol error", re.IGNORECASE)
 
 
 def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = ()) -> Failure:
     """An SDK's exception in words. `reasons` are the reflexes that the arm reports, if it still answers."""
     said = str(error).removeprefix("libfranka: ").strip() or type(error).__name__
+    who = f"{model} at {host}"
     mismatch = versions.explain_mismatch(model, said)
     if mismatch:
-        return Failure(UNAVAILABLE, f"{model} at {host}: {mismatch}")
+        return Failure(UNAVAILABLE, f"{who}: {mismatch}")
     if "realtime" in said.lower():
-        return Failure(UNAVAILABLE, f"{model} at {host}: {said}; see the real-time set-up in docs/guide/arms.md")
-    if reasons:
-        return Failure(FAULT, reflexes.in_words(reasons))
-    if type(error).__name__ == "NetworkException" or _NETWORK.search(said):
-        return Failure(
-            LOST,
-            f"{model} at {host} does not answer ({said}): check cable, address and power, unlock the joints and "
-            "activate FCI in Desk",
+        return Failure(UNAVAILABLE, f"{who}: {said}; see the real-time set-up in docs/guide/arms.md")
+    if not reasons and (type(error).__name__ == "NetworkException" or _NETWORK.search(said)):
+        return Failure(LOST, _unreachable(who, said))
+    return Failure(FAULT, reflexes.in_words(reasons) or _refused(said))
+
+
+def _unreachable(who: str, said: str) -> str:
+    if _FCI_OFF in said:
+        return (
+            f"{who} is there and takes no connection: unlock the joints and activate FCI in Desk (on a new arm: "
+            f"install the FCI feature) ({said})"
         )
-    return Failure(FAULT, f"the arm says: {said}")
+    return f"{who} does not answer ({said}): check cable, address and power, unlock the joints and activate FCI in Desk"
+
+
+def _refused(said: str) -> str:
+    """libfranka's words for a command that an arm does not take, or does not go on with."""
+    if (found := _MODE.search(said)) is not None:
+        mode = "".join(word.capitalize() for word in found[1].split()) if " " in found[1] else found[1]
+        return reflexes.of_mode(mode, busy=True) or f"the arm says: {said}"
+    words = next((words for part, words in _WORDS.items() if part in said), None)
+    return f"the arm says: {said}" if words is None else f"{words} ({said})"
 
 
 def mode_name(mode: Any) -> str:

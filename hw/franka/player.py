@@ -58,7 +58,11 @@ class Listener:
 
 
 def play(driver: Driver, motion: Motion, listener: Listener, guard: Guard | None = None) -> Outcome:
-    """Play `motion`, with a guard until it touches. Failures are part of the outcome."""
+    """Play `motion`, with a guard until it touches. A failure on the way is part of the outcome.
+
+    Raises Failure where the arm does not take its settings, or no motion: nothing has moved.
+    """
+    driver.prepare()
     playback = Playback(motion, listener.wanted, time.monotonic, None if guard is None else Detector(guard))
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits

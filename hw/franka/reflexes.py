@@ -54,8 +54,13 @@ BY_HAND = ("UserStopped", "Guiding")
 """The modes that a person brings about, and ends by letting go."""
 
 
-def of_mode(mode: str) -> str | None:
-    """The arm's mode (libfranka's `RobotMode` without k) -> why it will not move; None where it will."""
+def of_mode(mode: str, *, busy: bool = False) -> str | None:
+    """The arm's mode (libfranka's `RobotMode` without k) -> why it will not move; None where it will.
+
+    `busy`: also for the mode Move, which is a fault only where it lasts.
+    """
+    if mode == "Move" and busy:
+        return "the arm makes a motion that this program has not asked for: end the other program, or the task in Desk"
     return {
         "UserStopped": "the stop button is pressed or the arm is not activated: release it, activate FCI in Desk",
         "Guiding": "somebody guides the arm by hand: let go of its buttons",

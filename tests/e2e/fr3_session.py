@@ -157,7 +157,7 @@ class Drill:
     def run(
         self,
         before: Before = lambda motion, command: None,
-        answers: dict[str, str] | None = None,
+        answers: dict[str, str | Callable[[], str]] | None = None,
     ) -> Ended:
         """`adaptsim run-iteration` at a terminal of its own; `before(name, command)` is called before each motion."""
         arguments = ["run-iteration", "--task", "scooping", "--hw", "fr3", "--session", "s", "--json"]
@@ -181,7 +181,9 @@ class Drill:
 class Command:
     """A running program, its terminal, and the person who answers."""
 
-    def __init__(self, drill: Drill, arguments: list[str], before: Before, answers: dict[str, str]) -> None:
+    def __init__(
+        self, drill: Drill, arguments: list[str], before: Before, answers: dict[str, str | Callable[[], str]]
+    ) -> None:
         self._drill, self._before, self._answers = drill, before, answers
         self._screen, ours = pty.openpty()
         fcntl.ioctl(ours, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 500, 0, 0))
@@ -248,7 +250,8 @@ class Command:
         for question, answer in self._answers.items():
             if question in self._said[self._answered :]:
                 self._answered = len(self._said)
-                os.write(self._screen, answer.encode() + b"\n")
+                typed = answer if isinstance(answer, str) else answer()
+                os.write(self._screen, typed.encode() + b"\n")
         if HOLD in self._said[self._held :]:
             self._held = len(self._said)
             self._drill.pedal.press_anew()

@@ -97,6 +97,23 @@ def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_com
     assert [bool(re.search(w, r)) for w, r in zip(("reflex", "pedal"), drill.rejected(), strict=True)] == [True, True]
 
 
+def test_the_stop_button_is_waited_for_by_the_same_command(drill: Drill) -> None:
+    pressed = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, lambda: drill.arm.tell("press"))))
+    told(pressed, 5, "the stop button was pressed", THEN)
+    stands(drill)
+
+    def released() -> str:
+        drill.arm.tell("release")
+        return ""
+
+    again = drill.run(answers={"Enter once that is done (nothing moves), q to stop:": released, START: "q"})
+    told(again, 7, "stopped by the operator; everything completed is stored")
+    assert "The arm reports: the stop button is pressed" in again.said
+    assert "Type recover" not in again.said, "an arm whose button is released is Idle: there is nothing to clear"
+    goes_on(drill)
+    assert len(drill.rejected()) == 1
+
+
 def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill: Drill) -> None:
     silent = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.fall_silent)))
     told(silent, 7, "the enabling pedal was released", THEN)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cells import cell
+from in_process import InProcess
 from real_lab import (
     READY_RAD,
     RIG,
@@ -25,11 +26,12 @@ from real_lab import (
     typing,
     write_rig,
 )
+from sdk_fake import FakeSdk
 from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.attended import AT_HOME_RAD, AttendedRig, Scales
+from adaptsim_cli.devices.attended import AT_HOME_RAD, AttendedRig, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
@@ -43,6 +45,9 @@ from adaptsim_cli.wiring.session import open_real
 from calib.errors import CalibrationMissing
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
+from hw.franka import FrankaArm, FrankaSettings
+from hw.franka.connection import Connection
+from hw.franka.player import DRIVES
 from hw.types import JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError
@@ -218,6 +223,48 @@ def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.Monk
         typing(monkeypatch, "recover")
         assert all(check.ok for check in real.checks())
         assert devices.arm.executed == []
+
+
+def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_moves() -> None:
+    """The stop button, a reflex behind it that needs a joint to be guided first, and then an arm that is Idle."""
+    sdk = FakeSdk(k=True)
+    settings = FrankaSettings("172.16.0.2")
+    drive = DRIVES["panda"]
+    sdk.modes.pressed = True
+    asked: list[str] = []
+
+    def answer(question: str) -> str:
+        asked.append(question.partition(" (")[0])
+        if not sdk.modes.pressed:
+            return "recover"
+        sdk.modes.be("Reflex")
+        sdk.modes.by_hand_first = True
+        return ""
+
+    screen = quiet()
+    screen.ask = answer  # type: ignore[method-assign]
+    with FrankaArm(
+        cell(), settings, lambda: InProcess(Connection("panda", sdk, drive, settings, realtime=True))
+    ) as arm:
+        offer_recovery(arm, screen)
+        assert arm.state().fault is None
+    assert asked == ["Enter once that is done", "Type recover to clear it", "Type recover to clear it"]
+    assert not any(name in ("command", "set_load") for name, _ in sdk.calls)
+
+
+def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
+    sdk = FakeSdk(k=False)
+    sdk.modes.pressed = True
+    settings = FrankaSettings("172.16.0.2")
+    screen = quiet()
+    screen.ask = lambda question: "q"  # type: ignore[method-assign]
+    with (
+        FrankaArm(
+            cell("fr3"), settings, lambda: InProcess(Connection("fr3", sdk, DRIVES["fr3"], settings, realtime=True))
+        ) as arm,
+        pytest.raises(StoppedByOperator, match="nothing has moved"),
+    ):
+        offer_recovery(arm, screen)
 
 
 def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,6 +77,11 @@ class Fr3Process:
         rows: list[list[float] | None] = json.loads(self.tell("report"))["received"]
         return rows
 
+    def configured(self) -> list[str]:
+        """The setters that the arm has taken, in their order."""
+        names: list[str] = json.loads(self.tell("report"))["configured"]
+        return names
+
     def commanded(self) -> Array:
         """(M, 7): the commanded joints of the last motion."""
         return np.array([q for q in self.received() if q is not None])

@@ -3,10 +3,18 @@
 Runs as a process of its own: `python fr3_server.py HOST INTERFACE PACE q1 ... q7`. It says "ready" on stdout and
 then obeys lines on stdin, each answered by "done":
 
-    place q1 ... q7          be there, at rest
+    place q1 ... q7          be there, at rest, with nothing left of what happened before
     reflex SECONDS NAME ...  raise these so long into the next motion
-    strict CYCLES            from now on so many cycles in a row without a command are a reflex, as on the arm
+    flags INDEX ...          report these error flags, by their place on the wire, from now on
+    manual                   the next recovery asks for a person first
+    mode NAME                be in that mode, by whatever brings it about (tests/support/franka_modes.py)
+    lose SECONDS CYCLES      so many commands in a row are lost, or too late, so long into the next motion
+    strict CYCLES            from now on so many cycles in a row without a command are a reflex, as 20 on the arm
+    patient                  no number of such cycles is
     press, release           the stop button
+    guide, let-go            the buttons at the hand
+    lock, unlock             the joints, in Desk
+    fci off, fci on          nobody answers any more; somebody does
     mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
     plane HEIGHT STIFFNESS NOISE X Y Z   a level, springy plane under the flange's point X Y Z, in m, N/m and Nm
     threshold FORCE          the plane's force in N at which the arm stops by itself
@@ -14,8 +22,9 @@ then obeys lines on stdin, each answered by "done":
 
 The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise and a constant error.
 
-Added to franky-sim: reflexes with their reasons, a motion that is refused before they are cleared, the stop button, the
-success rate of the last 100 cycles, and an interface version of choice. PACE "exact" keeps to 1 kHz and loses the
+Added to franky-sim: what the arm takes in which mode, what it finds wrong with commanded joints and with lost ones, the
+torque that they need, reflexes with their reasons, recovery that takes its time, the success rate of the last 100
+cycles, and an interface version of choice. PACE "exact" keeps to 1 kHz and loses the
 commands that come late; "patient" waits for the command of every cycle, so that a test does not depend on the load of
 the computer; "hurried" waits too, and goes on as soon as it came.
 """
@@ -24,32 +33,40 @@ from __future__ import annotations
 
 import json
 import select
+import socket
 import struct
 import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import franky_sim.franka_server as base
 import numpy as np
 from franky_sim.franka_robot_protocol import (
+    COMMAND_PORT,
     AutomaticErrorRecoveryCommand,
     AutomaticErrorRecoveryStatus,
+    MoveCommand,
     MoveStatus,
     RobotCommand,
     RobotMode,
+    SetCollisionBehaviorCommand,
+    SetJointImpedanceCommand,
+    SetLoadCommand,
 )
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
+sys.path.append(str(Path(__file__).parents[2] / "support"))
+from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
+
 from hw.kinematics import forward, jacobian
 
-# Order of libfranka's error flags on the wire.
-REFLEXES = {"joint_position_limits_violation": 0, "joint_reflex": 6, "cartesian_reflex": 7} | {
-    "communication_constraints_violation": 25
-}
 PATIENCE_S = 0.2
+RECOVERY_CYCLES = 50
 TORQUE_ERROR_NM = 0.8
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
@@ -75,8 +92,37 @@ class Plane:
 
 class Recovery(AutomaticErrorRecoveryCommand):
     def handle(self, server: Any) -> None:
-        server.reasons = ()
-        self.reply(AutomaticErrorRecoveryStatus.kSuccess)
+        modes: ArmModes = server.modes
+        if (refusal := modes.refusal("recover")) is not None:
+            modes.by_hand_first = False  # the person whom it asks for does it now
+            self.reply(refusal.status("recover"))
+        elif modes.mode == "Reflex":
+            modes.recovering, server.recovers, server.recovery_cycles = True, self, RECOVERY_CYCLES
+        else:
+            self.reply(AutomaticErrorRecoveryStatus.kSuccess)
+
+
+class Moving(MoveCommand):
+    def handle(self, server: Any) -> None:
+        refusal = server.modes.refusal("move")
+        if refusal is None:
+            super().handle(server)
+        else:
+            self.reply(refusal.status("move"))
+
+
+def setter(name: str, kind: type[base.BaseCommand]) -> type[base.BaseCommand]:
+    """The command, taken in the modes in which an arm takes it, and kept."""
+
+    class Setter(kind):  # type: ignore[misc, valid-type]
+        def handle(self, server: Any) -> None:
+            if (refusal := server.modes.refusal(name)) is not None:
+                self.reply(refusal.status(name))
+            else:
+                server.configured.append(name)
+                super().handle(server)
+
+    return Setter
 
 
 class Fr3Server(FrankaRobotServer):
@@ -84,31 +130,60 @@ class Fr3Server(FrankaRobotServer):
 
     def __init__(self, robot: Any, host: str) -> None:
         super().__init__(robot, [host])
-        self._FrankaServer__command_class_map[RobotCommand.kAutomaticErrorRecovery] = Recovery
-        self.reasons: tuple[str, ...] = ()
-        self.pressed = False
+        self._FrankaServer__command_class_map |= {
+            RobotCommand.kAutomaticErrorRecovery: Recovery,
+            RobotCommand.kMove: Moving,
+            RobotCommand.kSetLoad: setter("set_load", SetLoadCommand),
+            RobotCommand.kSetJointImpedance: setter("set_joint_impedance", SetJointImpedanceCommand),
+            RobotCommand.kSetCollisionBehavior: setter("set_collision_behavior", SetCollisionBehaviorCommand),
+        }
+        self.modes, self.monitor = ArmModes(), Monitor("fr3")
+        self.shown_flags: tuple[int, ...] = ()
+        self.configured: list[str] = []  # since the last motion began, and before it
+        self.recovers: Recovery | None = None
+        self.recovery_cycles = 0
         self.planned: tuple[float, tuple[str, ...]] | None = None
-        self.most_missed = sys.maxsize
-        self.place: list[float] | None = None
-        self.moving, self.missed = 0, 0
+        self.losing = (0.0, 0)  # seconds into the next motion, cycles
+        self.strict, self.fci = False, True
+        self.orders: deque[Callable[[], None]] = deque()  # for the thread that simulates
+        self.moving = 0
         self.received: list[list[float] | None] = []
         self.recent: deque[bool] = deque(maxlen=100)
         self.mark_s, self.mark_after = 0.0, 0
         self.plane = Plane(-1.0, 0.0, 0.0, np.zeros(3))
         self.threshold_N = float("inf")
         self._came: list[float] | None = None
+        self._answered = 0
 
     def start_motion(self, *mode: Any) -> None:
-        if self.reasons or self.pressed:
-            raise RuntimeError("not before the recovery")  # franky-sim answers that the motion is aborted
-        self.moving, self.missed, self.received = 0, 0, []
+        self.moving, self.received = 0, []
         self.mark_after -= 1
         self.recent.clear()
+        self.monitor.begin(np.array(self.robot.state.q_d))
+        self.modes.moving = True
         super().start_motion(*mode)
 
+    def stop_motion(self, *arguments: Any, **more: Any) -> None:
+        self.modes.moving = False
+        super().stop_motion(*arguments, **more)
+
+    def _reset_state(self) -> None:
+        super()._reset_state()
+        self.modes.moving = False
+
     def _handle_udp_command(self, command_data: bytes) -> None:
+        (answers,) = struct.unpack_from("<Q", command_data)  # the state that it answers
+        if answers != self._answered + 1 and not self.strict:
+            self.monitor.gap()  # the computer of the test was slow, which is not what the test is about
+        self._answered = answers
+        if self._due(self.losing):
+            return
         self._came = list(struct.unpack_from("<7d", command_data, 8))
         super()._handle_udp_command(command_data)
+
+    def _due(self, when: tuple[float, int]) -> bool:
+        since = self.moving - 1000 * when[0]
+        return bool(self.current_motion_id) and 0 <= since < when[1]
 
     def _post_process_commands(self) -> None:
         if self.current_motion_id:
@@ -119,31 +194,55 @@ class Fr3Server(FrankaRobotServer):
                 self.mark_s = 0.0
                 sys.stderr.write("mark\n")
                 sys.stderr.flush()
-            self.missed = 0 if self._came else self.missed + 1
-            if self.planned and self.moving >= self.planned[0] * 1000:
-                self.abort(self.planned[1], MoveStatus.kReflexAborted)
-                self.planned = None
-            elif self.plane.force_N > self.threshold_N:
-                self.abort(("cartesian_reflex",), MoveStatus.kReflexAborted)
-            elif self.missed >= self.most_missed:
-                self.abort(("communication_constraints_violation",), MoveStatus.kReflexAborted)
-            elif self.pressed:
-                self.abort((), MoveStatus.kEmergencyAborted)
+            self._check()
+        self._recover()
         self._came = None
         super()._post_process_commands()
+
+    def _check(self) -> None:
+        """Whatever ends the motion: what a test wants, the stop button, what touches, and what is commanded."""
+        came, wrong = self._came, tuple[str, ...]()
+        if came is not None:
+            wrong = self.monitor.cycle(np.array(came))
+        elif self.strict or self._due(self.losing):
+            wrong = self.monitor.cycle(None)
+        else:
+            self.monitor.gap()
+        if self.modes.pressed:
+            self.abort((), MoveStatus(STOP_PRESSED.status("move")))
+        elif self.planned and self.moving >= self.planned[0] * 1000:
+            self.abort(self.planned[1], MoveStatus.kReflexAborted)
+            self.planned = None
+        elif self.plane.force_N > self.threshold_N:
+            self.abort(("cartesian_reflex",), MoveStatus.kReflexAborted)
+        elif wrong:
+            self.abort(wrong, MoveStatus.kReflexAborted)
+
+    def _recover(self) -> None:
+        if self.recovers is None:
+            return
+        self.recovery_cycles -= 1
+        if self.modes.pressed:
+            self.recovers.reply(STOP_PRESSED.status("recover"))
+        elif self.recovery_cycles > 0:
+            return
+        else:
+            self.modes.reasons = ()
+            self.recovers.reply(AutomaticErrorRecoveryStatus.kSuccess)
+        self.modes.recovering, self.recovers = False, None
 
     def abort(self, reasons: tuple[str, ...], status: MoveStatus) -> None:
         motion = self.current_motion_id
         self.stop_motion(send_preemption_signal=False)
         self.reset_current_motion_id()
-        self.reasons = reasons
+        self.modes.reasons = reasons
         base.BaseCommand.send_response(self._tcp_socket, RobotCommand.kMove, motion, status)
 
     @property
     def robot_state(self) -> Any:
         state = super().robot_state
-        mode = RobotMode.kUserStopped if self.pressed else RobotMode.kReflex if self.reasons else state.robot_mode
-        flags = tuple(i in {REFLEXES[name] for name in self.reasons} for i in range(41))
+        mode = RobotMode(MODES.index(self.modes.mode))
+        flags = tuple(i in self.shown_flags or name in self.modes.reasons for i, name in enumerate(FLAGS))
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
         felt = {"tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist())}
         return state.replace(
@@ -157,15 +256,38 @@ class Fr3Server(FrankaRobotServer):
         for at, torque in zip(arm._dof_addrs, torque_Nm, strict=True):
             arm.data.qfrc_applied[at] += torque
 
-    def take_place(self) -> None:
-        """Be where the test wants the arm, at rest, with nothing left of what happened before."""
-        if self.place is not None:
-            arm = self.robot
-            for q, position, velocity in zip(self.place, arm._qpos_addrs, arm._dof_addrs, strict=True):
-                arm.data.qpos[position], arm.data.qvel[velocity] = q, 0.0
-            self._FrankaRobotServer__holding_q = tuple(self.place)
-            self.reasons, self.pressed, self.planned, self.place = (), False, None, None
-            self.threshold_N = float("inf")
+    def take_place(self, q_rad: list[float]) -> None:
+        """Be there, at rest, with nothing left of what happened before."""
+        arm = self.robot
+        for q, position, velocity in zip(q_rad, arm._qpos_addrs, arm._dof_addrs, strict=True):
+            arm.data.qpos[position], arm.data.qvel[velocity] = q, 0.0
+        self._FrankaRobotServer__holding_q = tuple(q_rad)
+        self.modes.be("Idle")
+        self.planned, self.shown_flags, self.strict, self.monitor.most_lost = None, (), False, LOST_IN_A_ROW
+        self.losing = (0.0, 0)
+        self.threshold_N = float("inf")
+
+    def be_strict(self, most_lost: int) -> None:
+        self.strict, self.monitor.most_lost = True, most_lost
+
+    def turn_fci(self, word: str) -> None:
+        """Activated in Desk, or not: then nobody listens."""
+        self.fci = word == "on"
+        if self.fci:
+            again = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+            again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            again.bind((self.hostname, COMMAND_PORT))
+            again.listen(1)
+            again.setblocking(False)
+            self._FrankaServer__server_socket = again
+        else:
+            self.reset_state()
+            self._FrankaServer__server_socket.close()
+
+    def take_orders(self) -> None:
+        while self.orders:
+            self.orders[0]()
+            self.orders.popleft()
 
     def wait_for_command(self) -> None:
         if self.udp_connected and self.current_motion_id:
@@ -191,27 +313,48 @@ def say(line: str) -> None:
 def obey(server: Fr3Server) -> None:
     for line in sys.stdin:
         word, *rest = line.split()
-        if word == "reflex":
-            server.planned = float(rest[0]), tuple(rest[1:])
-        elif word == "strict":
-            server.most_missed = int(rest[0])
-        elif word in ("press", "release"):
-            server.pressed = word == "press"
-        elif word == "mark":
-            server.mark_after = int(rest[1])
-            server.mark_s = float(rest[0])
-        elif word == "plane":
-            height, stiffness, noise, *point = map(float, rest)
-            server.plane = Plane(height, stiffness, noise, np.array(point))
-        elif word == "threshold":
-            server.threshold_N = float(rest[0])
-        elif word == "report":
-            say(json.dumps({"received": server.received}))
-        elif word == "place":
-            server.place = [float(v) for v in rest]
-            while server.place is not None:
+        if (order := order_of(server, word, rest)) is not None:
+            server.orders.append(order)
+            while server.orders:
                 time.sleep(0.001)
+        elif word == "report":
+            say(json.dumps({"received": server.received, "configured": server.configured}))
         say("done")
+
+
+def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None] | None:
+    """What a line asks for. Raises KeyError for a word that is none."""
+
+    def keep(name: str, value: Any, of: Any = server) -> Callable[[], None]:
+        return lambda: setattr(of, name, value)
+
+    modes = server.modes
+    flags = {
+        "press": ("pressed", True),
+        "release": ("pressed", False),
+        "guide": ("guided", True),
+        "let-go": ("guided", False),
+        "lock": ("locked", True),
+        "unlock": ("locked", False),
+        "manual": ("by_hand_first", True),
+    }
+    if word in flags:
+        return keep(*flags[word], modes)
+    orders: dict[str, Callable[[], Callable[[], None] | None]] = {
+        "place": lambda: lambda: server.take_place([float(v) for v in rest]),
+        "mode": lambda: lambda: modes.be(rest[0]),
+        "fci": lambda: lambda: server.turn_fci(rest[0]),
+        "reflex": lambda: keep("planned", (float(rest[0]), tuple(rest[1:]))),
+        "flags": lambda: keep("shown_flags", tuple(map(int, rest))),
+        "lose": lambda: keep("losing", (float(rest[0]), int(rest[1]))),
+        "strict": lambda: lambda: server.be_strict(int(rest[0])),
+        "patient": lambda: keep("strict", False),
+        "mark": lambda: lambda: (keep("mark_after", int(rest[1]))(), keep("mark_s", float(rest[0]))())[0],
+        "plane": lambda: keep("plane", Plane(*map(float, rest[:3]), np.array(rest[3:], dtype=np.float64))),
+        "threshold": lambda: keep("threshold_N", float(rest[0])),
+        "report": lambda: None,
+    }
+    return orders[word]()
 
 
 def main(host: str, interface: str, pace: str, *q: str) -> None:
@@ -225,8 +368,11 @@ def main(host: str, interface: str, pace: str, *q: str) -> None:
         say("ready")
         due_s = time.perf_counter()
         while True:
-            server.take_place()
-            server.process_commands()
+            server.take_orders()
+            if server.fci:
+                server.process_commands()
+            else:  # nobody is listened to, and the joints are held all the same
+                server._post_process_commands()
             server.push()
             sim.step()
             server.send_state()

@@ -1,6 +1,7 @@
 """The interface of an SDK's module as far as the drivers use it, with an arm inside that follows at once.
 
-`names` says whether modes and enumerations begin with k (panda_py.libfranka) or not (pylibfranka).
+The arm takes and refuses what `tests/support/franka_modes.py` says, in the words of libfranka. `k` says whether modes
+and enumerations begin with k (panda_py.libfranka) or not (pylibfranka).
 """
 
 from __future__ import annotations
@@ -9,6 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
+
+import numpy as np
+from franka_modes import FLAGS, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Monitor, Refusal
 
 Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
 
@@ -34,14 +38,23 @@ class FrankaException(Exception):
     pass
 
 
+class CommandException(RuntimeError):
+    pass
+
+
+class ControlException(RuntimeError):
+    pass
+
+
 @dataclass
 class FakeSdk:
-    """`calls` keeps what was asked of the robot; `fails` maps a method to what it raises."""
+    """`calls` keeps what was asked of the robot; `fails` maps a method to what it raises; `when` acts in a cycle."""
 
     k: bool
     fails: dict[str, Exception] = field(default_factory=dict)
-    reasons: tuple[str, ...] = ()
-    mode: str = "Idle"
+    modes: ArmModes = field(default_factory=ArmModes)
+    recovery_readings: int = 30
+    when: Callable[[int], None] = lambda cycle: None
     calls: list[tuple[str, Any]] = field(default_factory=list)
     lost_cycles: tuple[int, ...] = ()
     feels: Callable[[list[float]], list[float]] = lambda q: [0.0] * 7  # joints -> torques of external forces
@@ -67,36 +80,54 @@ class FakeRobot:
     def __init__(self, sdk: FakeSdk) -> None:
         self.sdk = sdk
         self._q = list(sdk.q_rad)
-        self._cycle = 0
+        self._cycle = self._recovering = 0
+        self._monitor = Monitor("panda" if sdk.k else "fr3")
 
     def did(self, name: str, what: Any = None) -> None:
         self.sdk.calls.append((name, what))
         if name in self.sdk.fails:
             raise self.sdk.fails[name]
 
+    def _may(self, command: str) -> None:
+        if (refusal := self.sdk.modes.refusal(command)) is not None:
+            raise CommandException(refusal.said(command, self.sdk.modes.mode))
+
     def set_collision_behavior(self, *thresholds: list[float]) -> None:
+        self._may("set_collision_behavior")
         self.did("set_collision_behavior", thresholds)
 
     def set_joint_impedance(self, stiffness: list[float]) -> None:
+        self._may("set_joint_impedance")
         self.did("set_joint_impedance", stiffness)
 
     def set_load(self, *load: Any) -> None:
+        self._may("set_load")
         self.did("set_load", load)
 
     def automatic_error_recovery(self) -> None:
+        modes = self.sdk.modes
+        try:
+            self._may("recover")
+        finally:
+            modes.by_hand_first = False  # the person whom it asks for does it now
         self.did("automatic_error_recovery")
-        self.sdk.mode, self.sdk.reasons = "Idle", ()
+        if modes.mode == "Reflex":
+            modes.reasons, modes.recovering, self._recovering = (), True, self.sdk.recovery_readings
 
     def read_once(self) -> Any:
         self.did("read_once")
-        errors = SimpleNamespace(**dict.fromkeys(self.sdk.reasons, True), power_limit_violation=False)
+        modes = self.sdk.modes
+        self._recovering -= 1
+        modes.recovering = modes.recovering and self._recovering > 0
+        known = FLAGS[:PANDA_FLAGS] if self.sdk.k else FLAGS
+        errors = SimpleNamespace(**{name: name in modes.reasons for name in known})
         return SimpleNamespace(
             q=self._q,
             q_d=self._q,
             dq=[0.0] * 7,
             tau_ext_hat_filtered=self.sdk.feels(self._q),
             control_command_success_rate=0.9,
-            robot_mode=SimpleNamespace(name=("k" if self.sdk.k else "") + self.sdk.mode),
+            robot_mode=SimpleNamespace(name=("k" if self.sdk.k else "") + modes.mode),
             current_errors=errors,
             last_motion_errors=errors,
         )
@@ -106,18 +137,40 @@ class FakeRobot:
         self._cycle += 1
         return Duration(0.0 if self._cycle == 1 else 0.002 if self._cycle in self.sdk.lost_cycles else 0.001)
 
+    def _begin(self) -> None:
+        self._may("move")
+        self.sdk.modes.moving, self._cycle = True, 0
+        self._monitor.begin(np.array(self._q))
+
     def take(self, command: JointPositions) -> None:
         self.did("command", (command.q, command.motion_finished))
+        self.sdk.when(self._cycle)
+        if self._cycle in self.sdk.lost_cycles:
+            self._monitor.cycle(None)
+        wrong = self._monitor.cycle(np.array(command.q))
+        modes = self.sdk.modes
+        if modes.pressed:
+            self._abort(STOP_PRESSED)
+        if wrong or modes.reasons:
+            modes.reasons = modes.reasons or wrong
+            self._abort(REFLEX)
         self._q = list(command.q)
+        modes.moving = not command.motion_finished
+
+    def _abort(self, refusal: Refusal) -> None:
+        self.sdk.modes.moving = False
+        raise ControlException(refusal.said("move", "Move"))
 
     def start_joint_position_control(self, mode: str) -> Any:
         assert not self.sdk.k, "panda_py has no such call"
         self.did("start_joint_position_control", mode)
+        self._begin()
         return SimpleNamespace(readOnce=lambda: (self.read_once(), self._since()), writeOnce=self.take)
 
     def control_joint_position(self, callback: Callable[[Any, Duration], JointPositions], **options: Any) -> None:
         assert self.sdk.k, "pylibfranka has no such call"
         self.did("control_joint_position", options)
+        self._begin()
         finished = False
         while not finished:
             command = callback(self.read_once(), self._since())

@@ -30,9 +30,10 @@ def connected(model: str, sdk: FakeSdk | None = None, *, realtime: bool = True) 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_settings_become_calls(model: str) -> None:
-    _, sdk = connected(model)
+    driver, sdk = connected(model)
+    assert sdk.calls == [("Robot", ("172.16.0.2", "kEnforce"))], "connecting sets nothing"
+    driver.prepare()
     calls = dict(sdk.calls)
-    assert calls["Robot"] == ("172.16.0.2", "kEnforce")
     torque_contact, torque_collision, force_contact, force_collision = calls["set_collision_behavior"]
     assert torque_contact == [20.0, 20.0, 18.0, 18.0, 16.0, 14.0, 12.0]
     assert torque_collision == [50.0] * 7
@@ -53,7 +54,8 @@ def test_real_time_is_relaxed_only_when_told(model: str) -> None:
 def test_a_motion_is_driven_until_its_last_joints(model: str) -> None:
     driver, sdk = connected(model, FakeSdk(k=model == "panda", lost_cycles=(3,)))
     seen: list[float] = []
-    steps: Iterator[tuple[list[float], bool]] = iter([([0.1 * i] * 7, i == 4) for i in range(5)])
+    way_rad = [[q + 1e-9 * i for q in Q_RAD] for i in range(5)]
+    steps: Iterator[tuple[list[float], bool]] = iter([(q, i == 4) for i, q in enumerate(way_rad)])
 
     def step(state: Any, dt_s: float) -> tuple[list[float], bool]:
         seen.append(dt_s)
@@ -62,7 +64,7 @@ def test_a_motion_is_driven_until_its_last_joints(model: str) -> None:
     driver.drive(step)
     assert seen == [0.0, 0.001, 0.002, 0.001, 0.001]
     commands = [what for name, what in sdk.calls if name == "command"]
-    assert [q[0] for q, _ in commands] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert [q for q, _ in commands] == way_rad
     assert [finished for _, finished in commands] == [False] * 4 + [True]
 
 
@@ -80,7 +82,7 @@ def test_the_panda_plays_the_path_unfiltered_and_rate_limited_under_joint_impeda
 def test_modes_are_named_alike(model: str) -> None:
     driver, sdk = connected(model)
     assert driver.reading().mode == "Idle"
-    sdk.mode, sdk.reasons = "Reflex", ("joint_reflex",)
+    sdk.modes.reasons = ("joint_reflex",)
     assert driver.reading().mode == "Reflex"
     assert driver.reading().reasons == ("joint_reflex",)
 
@@ -90,7 +92,7 @@ def test_recovery_is_asked_for_only_after_a_reflex(model: str) -> None:
     driver, sdk = connected(model)
     driver.recover()
     assert "automatic_error_recovery" not in dict(sdk.calls)
-    sdk.mode = "Reflex"
+    sdk.modes.be("Reflex")
     driver.recover()
     assert "automatic_error_recovery" in dict(sdk.calls)
     assert driver.reading().mode == "Idle"
@@ -131,10 +133,12 @@ def test_an_exception_while_connecting_is_put_in_words(model: str, error: Except
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_reflex_during_a_motion_names_its_reasons(model: str) -> None:
-    aborted = RuntimeError("libfranka: Move command aborted: motion aborted by reflex!")
     driver, sdk = connected(model)
-    sdk.fails["command"] = aborted
-    sdk.mode, sdk.reasons = "Reflex", ("communication_constraints_violation",)
+
+    def late(cycle: int) -> None:
+        sdk.modes.reasons = ("communication_constraints_violation",)
+
+    sdk.when = late
     with pytest.raises(Failure, match=r"too many control cycles came late .*real-time kernel") as raised:
         driver.drive(lambda state, dt_s: (list(Q_RAD), False))
     assert raised.value.kind == FAULT

@@ -182,7 +182,7 @@ def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_comput
         with pytest.raises(ArmFault, match=r"communication_constraints_violation\); the computer did not keep up"):
             arm.execute(path_from(READY_RAD))
         timer.join()
-        server.tell("strict 1000000")
+        server.tell("patient")
         recovers_and_moves_only_when_told(arm, "communication_constraints_violation")
 
 

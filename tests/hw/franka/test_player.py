@@ -87,6 +87,8 @@ class Follower:
     def reading(self) -> Reading:
         return Reading(tuple(self.q), tuple(self.q), (0.0,) * 7, self.mode)
 
+    def prepare(self) -> None: ...
+
     def recover(self) -> None:
         self.mode = "Idle"
 

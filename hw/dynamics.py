@@ -1,0 +1,140 @@
+"""What a motion asks of the arm: the torques of its joints, and how its flange travels.
+
+Recursive Newton-Euler, all samples at once, in the axes of the base (Featherstone, "Rigid Body Dynamics Algorithms",
+2008, chapter 5). Rigid links without friction: the torque at the output of the gears, which is what the arm's sensors
+measure and its limits speak of. The base stands level.
+
+Masses, centres of mass and inertia are those of the maker's robot description of the Panda, which cites Gaz et al.,
+"Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3 has the
+same links; its own parameters are not published as such, and the Panda's are taken for both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.kinematics import FLANGE, FLANGE_M, JOINTS, link_poses
+from hw.mass import Mass
+from hw.types import Array
+
+GRAVITY_M_S2 = 9.81
+
+
+def _mass(kg: float, com_m: tuple[float, ...], inertia: tuple[float, ...]) -> Mass:
+    """`inertia`: xx yy zz xy xz yz in kg m², about the centre of mass."""
+    xx, yy, zz, xy, xz, yz = inertia
+    return Mass(kg, np.array(com_m), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+LINKS: tuple[Mass, ...] = (
+    _mass(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
+    _mass(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+    _mass(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+    _mass(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
+    _mass(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+    _mass(1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+    _mass(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
+    _mass(0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
+)
+"""Base and links 1 to 7, each in its own frame (`hw.kinematics`)."""
+
+_X_7F = np.eye(4)
+_X_7F[2, 3] = FLANGE_M
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What samples of a motion ask of the arm; everything in the axes of the base."""
+
+    torque_Nm: Array  # (..., 7)
+    flange_m_s: Array  # (..., 3)
+    flange_m_s2: Array  # (..., 3)
+    flange_rad_s: Array  # (..., 3)
+    flange_rad_s2: Array  # (..., 3)
+
+
+def asked(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Asked:
+    """Joints, velocities and accelerations (..., 7) of an arm that carries `load`, in the flange -> what they ask."""
+    q, dq, ddq = (np.asarray(v, dtype=np.float64) for v in (q_rad, dq_rad_s, ddq_rad_s2))
+    lead = q.shape[:-1]
+    poses = np.ascontiguousarray(np.moveaxis(link_poses(q.reshape(-1, JOINTS))[:, :, :3], 0, -1))  # (9, 3, 4, N)
+    spins, turns, ups, speed = _forward(poses, dq.reshape(-1, JOINTS).T, ddq.reshape(-1, JOINTS).T)
+    torque = _backward(poses, (*LINKS[1:JOINTS], LINKS[JOINTS] + load.placed(_X_7F)), spins, turns, ups)
+    r = poses[FLANGE, :, 3] - poses[JOINTS, :, 3]
+    acceleration = ups[-1] + _cross(turns[-1], r) + _cross(spins[-1], _cross(spins[-1], r))
+    acceleration[2] -= GRAVITY_M_S2
+
+    def shaped(v: Array) -> Array:
+        return np.ascontiguousarray(v.T).reshape(*lead, len(v))
+
+    return Asked(*map(shaped, (torque, speed + _cross(spins[-1], r), acceleration, spins[-1], turns[-1])))
+
+
+def torque_Nm(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:
+    """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of an arm with `load`, in the flange."""
+    return asked(q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
+
+
+def _forward(poses: Array, dq: Array, ddq: Array) -> tuple[list[Array], list[Array], list[Array], Array]:
+    """Angular velocity, angular acceleration and acceleration of the origin (3, N) of links 1 to 7, and the velocity of
+    the last origin. Gravity counts as an acceleration of the base upwards."""
+    n = poses.shape[-1]
+    spin, turn, up, speed = (np.zeros((3, n)) for _ in range(4))
+    up[2] = GRAVITY_M_S2
+    spins, turns, ups = [], [], []
+    for i in range(1, JOINTS + 1):
+        r = poses[i, :, 3] - poses[i - 1, :, 3]
+        around = _cross(spin, r)
+        up = up + _cross(turn, r) + _cross(spin, around)
+        speed = speed + around
+        z = poses[i, :, 2]
+        own = z * dq[i - 1]
+        turn = turn + z * ddq[i - 1] + _cross(spin, own)
+        spin = spin + own
+        spins.append(spin)
+        turns.append(turn)
+        ups.append(up)
+    return spins, turns, ups, speed
+
+
+def _backward(
+    poses: Array, bodies: tuple[Mass, ...], spins: list[Array], turns: list[Array], ups: list[Array]
+) -> Array:
+    """The torques (7, N), from the last link to the first."""
+    n = poses.shape[-1]
+    force, moment, torque = np.zeros((3, n)), np.zeros((3, n)), np.zeros((JOINTS, n))
+    for i in range(JOINTS, 0, -1):
+        if i < JOINTS:  # what the next link asks of this one, about this one's origin
+            moment = moment + _cross(poses[i + 1, :, 3] - poses[i, :, 3], force)
+        body, R = bodies[i - 1], poses[i, :, :3]
+        spin, turn, up = spins[i - 1], turns[i - 1], ups[i - 1]
+        c = np.tensordot(R, body.com_m, axes=(1, 0))
+        own = body.kg * (up + _cross(turn, c) + _cross(spin, _cross(spin, c)))
+        moment = moment + _cross(c, own) + _inert(R, body.inertia_kg_m2, turn)
+        moment = moment + _cross(spin, _inert(R, body.inertia_kg_m2, spin))
+        force = force + own
+        torque[i - 1] = _dot(poses[i, :, 2], moment)
+    return torque
+
+
+def _inert(R: Array, inertia: Array, v: Array) -> Array:
+    """Inertia in the axes of a link, turned by R (3, 3, N), times vectors (3, N) of the base."""
+    inside = np.stack([_dot(R[:, k], v) for k in range(3)])
+    turned = inertia @ inside
+    return np.asarray(R[:, 0] * turned[0] + R[:, 1] * turned[1] + R[:, 2] * turned[2])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Of vectors (3, N)."""
+    out = np.empty_like(a)
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out

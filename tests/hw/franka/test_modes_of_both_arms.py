@@ -1,0 +1,258 @@
+"""What both arms of the tests take in which mode, and that the drivers lead from every one of them to a motion.
+
+The Panda is its stand-in SDK, the FR3 the maker's SDK over the network protocol. Both answer from one table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import cell
+from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
+from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NAMES, SETTERS
+from in_process import InProcess
+from sdk_fake import FakeRobot, FakeSdk
+
+from hw.errors import ArmFault, DeviceUnavailable
+from hw.franka import FrankaArm, FrankaSettings
+from hw.franka.arm import franka
+from hw.franka.connection import Connection
+from hw.franka.driver import UNMOVED, Failure
+from hw.franka.player import DRIVES
+from hw.types import JointPath
+
+BY_HAND_MODES = ("UserStopped", "Guiding")
+LASTING = tuple(mode for mode in MODES if mode not in ("Move", "AutomaticErrorRecovery"))
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Fr3Process]:
+    with fr3() as running:
+        yield running
+
+
+@pytest.fixture
+def server(shared: Fr3Process) -> Fr3Process:
+    shared.place(READY_RAD)
+    return shared
+
+
+def asked(robot: Any, name: str) -> Callable[[], object]:
+    """A command of libfranka's with harmless arguments."""
+    calls: dict[str, Callable[[], object]] = {
+        "set_collision_behavior": lambda: robot.set_collision_behavior([10.0] * 7, [20.0] * 7, [10.0] * 6, [20.0] * 6),
+        "set_joint_impedance": lambda: robot.set_joint_impedance([2000.0] * 7),
+        "set_load": lambda: robot.set_load(0.0, [0.0] * 3, [0.0] * 9),
+        "move": lambda: robot.start_joint_position_control(_mode(robot)),
+        "recover": robot.automatic_error_recovery,
+        "read": robot.read_once,
+    }
+    return calls[name]
+
+
+def _mode(robot: object) -> object:
+    if isinstance(robot, FakeRobot):
+        return "JointImpedance"
+    import pylibfranka  # noqa: PLC0415
+
+    return pylibfranka.ControllerMode.JointImpedance
+
+
+def said(call: Callable[[], object]) -> str | None:
+    """What a command raises, None where it is taken."""
+    try:
+        call()
+    except RuntimeError as error:
+        return str(error)
+    return None
+
+
+def test_the_stand_in_and_the_protocol_answer_every_command_in_every_mode_from_one_table(server: Fr3Process) -> None:
+    import pylibfranka  # noqa: PLC0415
+
+    real = pylibfranka.Robot(server.host, pylibfranka.RealtimeConfig.kIgnore)
+    for mode in sorted(LASTING, key="Idle".__eq__):  # a motion that is taken ends the list
+        for command in sorted(COMMANDS, key="move".__eq__):
+            sdk = FakeSdk(k=False)
+            sdk.modes.be(mode)
+            server.tell(f"mode {mode}")
+            _until_shown(real, mode)
+            by_stand_in, by_protocol = said(asked(FakeRobot(sdk), command)), said(asked(real, command))
+            assert by_stand_in == by_protocol, f"{command} in {mode}"
+            assert (by_stand_in is None) == (ANSWERS[command, mode] is None), f"{command} in {mode}"
+
+
+def _until_shown(robot: object, mode: str) -> None:
+    for _ in range(2000):
+        if robot.read_once().robot_mode.name == mode:  # type: ignore[attr-defined]
+            return
+    raise AssertionError(f"the arm never came to {mode}")
+
+
+def test_setters_are_commands_of_idle_alone() -> None:
+    for command in SETTERS:
+        assert [mode for mode in MODES if ANSWERS[command, mode] is None] == ["Idle"]
+
+
+def test_every_flag_of_the_wire_has_its_name_in_the_sdk(server: Fr3Process) -> None:
+    import pylibfranka  # noqa: PLC0415
+
+    real = pylibfranka.Robot(server.host, pylibfranka.RealtimeConfig.kIgnore)
+    names = [name for name in dir(pylibfranka.Errors) if not name.startswith("_")]
+    assert sorted(names) == sorted(FLAGS)
+    for index, name in enumerate(FLAGS):
+        server.tell(f"flags {index}")
+        for _ in range(2000):
+            errors = real.read_once().current_errors
+            shown = [one for one in names if getattr(errors, one) is True]
+            if shown == [name]:
+                break
+        assert shown == [name]
+
+
+def rad(q_rad: np.ndarray, duration_s: float = 0.6) -> JointPath:
+    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
+    u = t_s / t_s[-1]
+    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    return JointPath(t_s, q_rad + share[:, None] * np.array([0.05, -0.03, 0.03, 0.02, 0.04, 0.03, -0.05]))
+
+
+def panda(sdk: FakeSdk) -> FrankaArm:
+    settings = FrankaSettings("172.16.0.2")
+    return FrankaArm(
+        cell("panda"), settings, lambda: InProcess(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
+    )
+
+
+@pytest.mark.parametrize("mode", [mode for mode in LASTING if mode != "Idle"])
+def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: str) -> None:
+    sdk = FakeSdk(k=True)
+    sdk.modes.be(mode)
+    with panda(sdk) as arm:
+        assert not any(name in SETTERS for name, _ in sdk.calls)
+        state = arm.state()
+        assert state.fault
+        assert state.by_hand == (mode in BY_HAND_MODES)
+        with pytest.raises(ArmFault, match="recover it before the next motion"):
+            arm.execute(rad(state.q_rad))
+        if mode != "Reflex":
+            with pytest.raises(ArmFault, match="does not recover"):
+                arm.recover()
+            sdk.modes.be("Idle")
+        arm.recover()
+        arm.execute(rad(arm.state().q_rad))
+        names = [name for name, _ in sdk.calls]
+        assert [name for name in names if name in SETTERS] == list(SETTERS)
+        assert names.index("set_load") < names.index("control_joint_position")
+
+
+@pytest.mark.parametrize(
+    ("brought_about", "ended", "words"),
+    [
+        ("mode Reflex", None, "joint_reflex"),
+        ("press", "release", "the stop button is pressed"),
+        ("guide", "let-go", "let go of its buttons"),
+        ("lock", "unlock", "unlock the joints"),
+    ],
+)
+def test_an_fr3_found_in_any_mode_connects_explains_recovers_and_moves(
+    server: Fr3Process, brought_about: str, ended: str | None, words: str
+) -> None:
+    before = len(server.configured())
+    server.tell(brought_about)
+    with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:
+        assert words in (arm.state().fault or "")
+        if ended is not None:
+            with pytest.raises(ArmFault, match="does not recover"):
+                arm.recover()
+            server.tell(ended)
+        arm.recover()
+        assert len(server.configured()) == before, "nothing is set before a motion is asked for"
+        for _ in range(2):
+            arm.execute(rad(arm.state().q_rad))
+        assert server.configured()[before:] == 2 * list(SETTERS), "and again before every motion"
+
+
+def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing() -> None:
+    sdk = FakeSdk(k=True)
+    settings = FrankaSettings("172.16.0.2")
+    driver = Connection("panda", sdk, DRIVES["panda"], settings, realtime=True)
+    sdk.modes.pressed = True
+    with pytest.raises(Failure, match=r"the stop button is pressed .*nothing has moved") as raised:
+        driver.prepare()
+    assert raised.value.kind == UNMOVED
+    assert not any(name in (*SETTERS, "command") for name, _ in sdk.calls)
+
+
+def test_a_motion_of_somebody_else_is_waited_for_and_then_said() -> None:
+    sdk = FakeSdk(k=False)
+    sdk.modes.moving = True
+    driver = Connection("fr3", sdk, DRIVES["fr3"], FrankaSettings("172.16.0.2"), realtime=True)
+    with pytest.raises(Failure, match="a motion that this program has not asked for"):
+        driver.prepare()
+
+
+def test_a_recovery_that_asks_for_a_person_first_says_what_to_do(server: Fr3Process) -> None:
+    server.tell("mode Reflex")
+    server.tell("manual")
+    with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:
+        with pytest.raises(ArmFault, match="guide the arm to the middle of its range"):
+            arm.recover()
+        arm.recover()
+        assert arm.state().fault is None
+
+
+def test_fci_that_is_off_is_a_message_and_the_next_call_connects_again(server: Fr3Process) -> None:
+    with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:
+        server.tell("fci off")
+        with pytest.raises(DeviceUnavailable):
+            for _ in range(10_000):  # states that were under way still arrive
+                arm.state()
+        with pytest.raises(DeviceUnavailable, match="activate FCI in Desk"):
+            arm.state()
+        server.tell("fci on")
+        assert arm.state().fault is None
+
+
+def jump(name: str, size: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A path whose joint 1 breaks one limit of the arm 0.3 s into it, and no other before."""
+    t_s = np.arange(600) / 1000.0
+    past_s = np.maximum(t_s - 0.3, 0.0)
+    shape = {
+        "joint_motion_generator_acceleration_discontinuity": past_s * (past_s + 0.001) / 2.0,
+        "joint_motion_generator_velocity_discontinuity": past_s,
+    }[name]
+    return lambda q_rad: q_rad + size * shape[:, None] * (np.arange(7) == 0)
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("joint_motion_generator_acceleration_discontinuity", 7.6),
+        ("joint_motion_generator_velocity_discontinuity", 0.1),
+    ],
+)
+def test_an_arm_notices_what_no_checked_path_does(model: str, name: str, size: float) -> None:
+    sdk = FakeSdk(k=model == "panda")
+    driver = Connection(model, sdk, DRIVES[model], FrankaSettings("172.16.0.2"), realtime=True)
+    rows = iter(jump(name, size)(np.array(sdk.q_rad)))
+    with pytest.raises(Failure, match=name):
+        driver.drive(lambda state, dt_s: (next(rows).tolist(), False))
+
+
+def test_lost_commands_are_bridged_and_twenty_in_a_row_are_a_reflex(server: Fr3Process) -> None:
+    server.tell("lose 0.2 5")
+    with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:
+        path = rad(arm.state().q_rad)
+        assert arm.execute(path).control_success_rate < 1.0
+        server.tell("lose 0.2 20")
+        with pytest.raises(ArmFault, match="communication_constraints_violation"):
+            arm.execute(rad(arm.state().q_rad))
+
+
+def test_names_of_commands_are_those_of_the_table() -> None:
+    assert set(NAMES) == set(COMMANDS) - {"read"}

@@ -1,0 +1,92 @@
+"""The arm's own dynamics against Drake's, which is built from the same masses by a URDF."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, SpatialInertia, UnitInertia
+
+from hw.collision import HAND_MASS
+from hw.dynamics import asked, torque_Nm
+from hw.joint_limits import LIMITS
+from hw.mass import Mass
+from sim.panda.model import FLANGE_NAME, add_panda
+
+STATES = 300
+LOAD = Mass(
+    1.7, np.array([0.03, -0.05, 0.18]), np.array([[0.02, 0.003, 0.001], [0.003, 0.03, 0.002], [0.001, 0.002, 0.02]])
+)
+
+
+def drake(load: Mass | None) -> tuple[MultibodyPlant, object]:
+    """The arm with its hand and, welded to its flange, a body of `load`."""
+    plant = MultibodyPlant(0.0)
+    instance = add_panda(plant)
+    if load is not None:
+        com = load.com_m
+        moments = load.inertia_kg_m2 / load.kg
+        unit = UnitInertia(*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2])
+        inertia = SpatialInertia(load.kg, com, unit.ShiftFromCenterOfMass(com))
+        body = plant.AddRigidBody("load", instance, inertia)
+        plant.WeldFrames(plant.GetFrameByName(FLANGE_NAME), body.body_frame())
+    plant.Finalize()
+    return plant, plant.CreateDefaultContext()
+
+
+def states(model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng, limits = np.random.default_rng(7), LIMITS[model]
+    q = rng.uniform(limits.q_min_rad, limits.q_max_rad, (STATES, 7))
+    return (
+        q,
+        rng.uniform(-1.0, 1.0, (STATES, 7)) * limits.dq_max_rad_s,
+        rng.uniform(-1.0, 1.0, (STATES, 7)) * limits.ddq_max_rad_s2,
+    )
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("load", [None, LOAD], ids=["hand", "hand and load"])
+def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
+    plant, context = drake(load)
+    q, dq, ddq = states(model)
+    hand = HAND_MASS.placed(_hand_in_flange())
+    ours = torque_Nm(q, dq, ddq, hand if load is None else hand + load)
+    for row in range(STATES):
+        plant.SetPositions(context, q[row])
+        plant.SetVelocities(context, dq[row])
+        forces = plant.CalcInverseDynamics(context, ddq[row], _no_forces(plant))
+        gravity = plant.CalcGravityGeneralizedForces(context)
+        np.testing.assert_allclose(ours[row], forces - gravity, atol=1e-6)
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_the_flange_travels_as_in_drake(model: str) -> None:
+    plant, context = drake(None)
+    q, dq, ddq = states(model)
+    found = asked(q, dq, ddq, HAND_MASS)
+    flange, world = plant.GetFrameByName(FLANGE_NAME), plant.world_frame()
+    for row in range(STATES):
+        plant.SetPositions(context, q[row])
+        plant.SetVelocities(context, dq[row])
+        velocity = flange.CalcSpatialVelocityInWorld(context)
+        np.testing.assert_allclose(found.flange_m_s[row], velocity.translational(), atol=1e-9)
+        np.testing.assert_allclose(found.flange_rad_s[row], velocity.rotational(), atol=1e-9)
+        bias = plant.CalcBiasSpatialAcceleration(context, JacobianWrtVariable.kV, flange, np.zeros(3), world, world)
+        J = plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, flange, np.zeros(3), world, world)
+        spatial = J @ ddq[row]
+        np.testing.assert_allclose(found.flange_m_s2[row], spatial[3:] + bias.translational(), atol=1e-8)
+        np.testing.assert_allclose(found.flange_rad_s2[row], spatial[:3] + bias.rotational(), atol=1e-8)
+
+
+def _hand_in_flange() -> np.ndarray:
+    """The URDF turns the hand by -45°; `HAND_MASS` is said in the flange's own axes."""
+    X = np.eye(4)
+    c = np.sqrt(0.5)
+    X[:2, :2] = [[c, c], [-c, c]]
+    return X
+
+
+def _no_forces(plant: MultibodyPlant) -> object:
+    from pydrake.multibody.tree import MultibodyForces  # noqa: PLC0415
+
+    return MultibodyForces(plant)

@@ -153,7 +153,7 @@ class Fr3Server(FrankaRobotServer):
         self.plane = Plane(-1.0, 0.0, 0.0, np.zeros(3))
         self.threshold_N = float("inf")
         self._came: list[float] | None = None
-        self._answered = 0
+        self._answered, self._dropped = 0, False
 
     def start_motion(self, *mode: Any) -> None:
         self.moving, self.received = 0, []
@@ -176,7 +176,8 @@ class Fr3Server(FrankaRobotServer):
         if answers != self._answered + 1 and not self.strict:
             self.monitor.gap()  # the computer of the test was slow, which is not what the test is about
         self._answered = answers
-        if self._due(self.losing):
+        self._dropped = self._due(self.losing)
+        if self._dropped:
             return
         self._came = list(struct.unpack_from("<7d", command_data, 8))
         super()._handle_udp_command(command_data)
@@ -196,7 +197,7 @@ class Fr3Server(FrankaRobotServer):
                 sys.stderr.flush()
             self._check()
         self._recover()
-        self._came = None
+        self._came, self._dropped = None, False
         super()._post_process_commands()
 
     def _check(self) -> None:
@@ -204,7 +205,7 @@ class Fr3Server(FrankaRobotServer):
         came, wrong = self._came, tuple[str, ...]()
         if came is not None:
             wrong = self.monitor.cycle(np.array(came))
-        elif self.strict or self._due(self.losing):
+        elif self.strict or self._dropped or self._due(self.losing):
             wrong = self.monitor.cycle(None)
         else:
             self.monitor.gap()

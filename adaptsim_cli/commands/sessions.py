@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/redo`."""
+"""`adaptsim sessions list/show/redo/verify`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="Look at stored sessions, and mark a trial to be redone.", no_args_is_help=True)
+app = typer.Typer(help="Look at stored sessions, check their files, have a trial redone.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name of the session.")]
@@ -23,7 +23,7 @@ def list_sessions(as_json: _Json = False) -> None:
     from adaptsim_cli.session import shows, store, summary
 
     root = config.load().places.sessions
-    found = [summary.overview(store.SessionStore.open(root, name)) for name in store.names(root)]
+    found = [summary.overview_or_damage(root, name) for name in store.names(root)]
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(found)
@@ -49,6 +49,42 @@ def show(name: _Name, as_json: _Json = False) -> None:
         screen.data(shown)
     else:
         screen.show(shows.session(shown))
+
+
+@app.command()
+def verify(
+    names: Annotated[list[str] | None, typer.Argument(help="Names of sessions; without one, all of them.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Read every file of a session and compare it with its checksum.
+
+    Ends with exit code 8 when a file is damaged. Nothing is changed.
+
+    Example: adaptsim sessions verify scooping-ood-1-adaptsim-seed0
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.errors import SessionError
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import shows, store, verifying
+
+    root = config.load().places.sessions
+    screen = console.Screen(as_json=as_json)
+    checked = []
+    for name in names or store.names(root):
+        with screen.busy(f"Reading {name}"):
+            checked.append(verifying.verify(root, name))
+    if as_json:
+        screen.data([one.as_json() for one in checked])
+    elif checked:
+        screen.show(shows.verified(checked))
+    else:
+        screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
+    if damaged := [one for one in checked if one.damage]:
+        count = sum(len(one.damage) for one in damaged)
+        raise SessionError(
+            f"{count} damaged file{'s' if count > 1 else ''} in {', '.join(one.session for one in damaged)}. Restore "
+            "them from a copy; a trial can be done again instead: adaptsim sessions redo NAME TRIAL"
+        )
 
 
 @app.command()

@@ -128,7 +128,22 @@ def read(path: Path) -> Recording:
     """Read a recording back. Raises SessionError naming the file when it is corrupt."""
     try:
         with path.open("rb") as stream:
-            return _read(make_reader(stream))
+            return _read(make_reader(stream, validate_crcs=True))
+    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
+        raise corrupt(path, str(error)) from error
+
+
+def require_whole(path: Path) -> None:
+    """Raises SessionError where the checksums within an MCAP file do not hold; other files pass."""
+    if path.suffix != ".mcap":
+        return
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            for _ in reader.iter_attachments():
+                pass
+            for _ in reader.iter_messages():
+                pass
     except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
         raise corrupt(path, str(error)) from error
 

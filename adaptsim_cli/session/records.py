@@ -13,12 +13,15 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.storage import sealed
 from adaptsim_cli.storage.validation import place
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.types import Dimension, Space
 
-FORMAT = 1
+FORMAT = 2
+SEALED_SINCE = 2
+"""The format since which every record is sealed and every other file of a session has its SHA-256 in a record."""
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
@@ -142,6 +145,7 @@ class MotionRecord(Record):
     started: str  # ISO 8601
     stopped: str | None  # why the motion did not come to its end
     timing_s: dict[str, float]
+    checksums: dict[str, str] = {}  # name -> SHA-256 of what was recorded with it
 
 
 class TrialRecord(Record):
@@ -169,6 +173,7 @@ class TrialRecord(Record):
     started: str  # ISO 8601
     timing_s: dict[str, float]
     files: dict[str, int]  # name -> size in bytes of what lies beside, motion.json left out
+    checksums: dict[str, str] = {}  # name -> SHA-256 of what was derived from the recording
 
 
 class RigFacts(Record):
@@ -198,6 +203,7 @@ class ResultRecord(Record):
     verdict: str
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last trial to the next task policies
+    summary_sha256: str = ""
 
 
 class Note(Record):
@@ -211,23 +217,25 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def to_json(record: Record) -> bytes:
-    """Indented JSON; raises ValueError on a value that is not finite."""
-    return (json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode()
+    """Indented JSON, sealed; raises ValueError on a value that is not finite."""
+    return sealed.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
 
 
 def to_toml(record: Record) -> bytes:
-    """A record as the bytes of a TOML file."""
-    return tomli_w.dumps(record.model_dump(mode="json")).encode()
+    """A record as the bytes of a TOML file, sealed."""
+    return sealed.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
 
 
-def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
+def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> AnyRecord:
     """Read a record. Raises SessionError naming the file and what is wrong with it."""
-    data = read_object(path)
-    version = data.get("format", FORMAT)
+    data, is_sealed = _load(path)
+    version = data.get("format", 1)
     if isinstance(version, int) and version > FORMAT:
         raise SessionError(
             f"{path} is of format {version}; this version reads up to {FORMAT}. Install a newer adaptsim"
         )
+    if not is_sealed and (must_be_sealed or (isinstance(version, int) and version >= SEALED_SINCE)):
+        raise corrupt(path, "its checksum is missing")
     try:
         return kind.model_validate(data)
     except ValidationError as error:
@@ -238,14 +246,30 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
 
 def read_object(path: Path) -> dict[str, Any]:
     """A TOML or JSON file that holds one table. Raises SessionError naming the file."""
+    return _load(path)[0]
+
+
+def _load(path: Path) -> tuple[dict[str, Any], bool]:
+    """The table in a file, and whether it is sealed."""
     try:
-        text = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
+        is_sealed = sealed.is_sealed(content, path.suffix)
+        text = content.decode()
         data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # what is not UTF-8, JSON, TOML or as it was written
         raise corrupt(path, str(error)) from error
     if not isinstance(data, dict):
         raise corrupt(path, "it does not hold a table")
-    return data
+    if is_sealed:
+        data.pop(sealed.KEY, None)
+    return data, is_sealed
+
+
+def require_size(path: Path, size: int) -> None:
+    """Raises SessionError unless there is a file of `size` bytes."""
+    found = path.stat().st_size if path.is_file() else None
+    if found != size:
+        raise corrupt(path, "it is missing" if found is None else f"{found} bytes instead of {size}")
 
 
 def corrupt(path: Path, why: str) -> SessionError:

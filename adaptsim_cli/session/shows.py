@@ -15,6 +15,7 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.stages import RunTrial
+from adaptsim_cli.session.verifying import Verified
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.tasks.task import Task
@@ -125,7 +126,8 @@ def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
 
 
 def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
-    """The table of `sessions list`."""
+    """The table of `sessions list`, and below it what is damaged."""
+    whole = [s for s in found if "error" not in s]
     body = [
         (
             str(s["session"]),
@@ -135,9 +137,21 @@ def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
             "–" if s["mean_reward"] is None else f"{s['mean_reward']:.2f}",
             str(s["created"])[:16].replace("T", " "),
         )
-        for s in found
+        for s in whole
     ]
-    return views.rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
+    table = views.rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
+    damaged = [Text.assemble((str(s["session"]), "bold"), f" {s['error']}") for s in found if "error" in s]
+    return Group(table, *damaged)
+
+
+def verified(checked: Sequence[Verified]) -> RenderableType:
+    """The table of `sessions verify`, and below it every damaged file."""
+    body = [
+        (one.session, str(one.files), str(one.without_checksum), str(len(one.damage)) if one.damage else "none")
+        for one in checked
+    ]
+    table = views.rows(("session", "files", "without checksum", "damaged"), body, right=(1, 2, 3))
+    return Group(table, *(Text(message) for one in checked for message in one.damage))
 
 
 def session(shown: Mapping[str, Any]) -> RenderableType:

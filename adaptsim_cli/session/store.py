@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,8 +20,14 @@ from adaptsim_cli.storage.locking import locked
 _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
-_MOTION, _TRIAL_RECORD = "motion.json", "trial.json"
+FACTS, START = "session.toml", "start.json"
+MOTION, TRIAL = "motion.json", "trial.json"
+"""The records of a trial: of its motion, and of what it led to."""
+RESULT, SUMMARY = "result.json", "summary.json"
+
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_CREATION_S = 5.0
+"""How long a command waits for another one that begins a session."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +40,15 @@ class SessionStore:
 
     @classmethod
     def create(cls, root: Path, facts: Facts, start: Start) -> SessionStore:
-        """Make the folder of a new session below `root`. Raises UsageError on a bad name, SessionError, DiskFull."""
+        """Make the folder of a new session below `root`. Raises UsageError on a bad name, SessionError, DiskFull.
+
+        Of two commands that begin the same session at once, the second gets the SessionError.
+        """
         folder = folder_of(root, facts.name)
         durable.make_folder(root)
-        durable.write_folder(folder, {"session.toml": records.to_toml(facts), "start.json": records.to_json(start)})
+        taken = f"another session is just being begun in {root}; run the same command again"
+        with locked(root, taken, wait_s=_CREATION_S):
+            durable.write_folder(folder, {FACTS: records.to_toml(facts), START: records.to_json(start)})
         return cls(folder, facts, start)
 
     @classmethod
@@ -46,8 +58,9 @@ class SessionStore:
         if not folder.is_dir():
             known = ", ".join(names(root)) or "none yet"
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
-        facts = records.read(Facts, folder / "session.toml")
-        return cls(folder, facts, records.read(Start, folder / "start.json"))
+        facts = records.read(Facts, _facts_file(folder))
+        is_sealed = facts.format >= records.SEALED_SINCE
+        return cls(folder, facts, records.read(Start, folder / START, must_be_sealed=is_sealed))
 
     def existing(self) -> Existing:
         """What is there. Raises SessionError on names that do not belong."""
@@ -58,9 +71,9 @@ class SessionStore:
         results: dict[int, tuple[TrialKey, ...]] = {}
         shown = set()
         for iteration, folder in self._iterations():
-            for entry in _entries(folder):
+            for entry in entries(folder):
                 if match := _TRIAL.fullmatch(entry.name):
-                    folder_kind = completed if (entry / _TRIAL_RECORD).exists() else recorded
+                    folder_kind = completed if (entry / TRIAL).exists() else recorded
                     kind = {None: folder_kind, ".started.json": started, ".rejected.json": rejected}[match[3]]
                     kind.add(TrialKey(int(match[1]), int(match[2])))
                 elif not _RESULT.fullmatch(entry.name):
@@ -80,17 +93,14 @@ class SessionStore:
 
     def motion(self, iteration: int, key: TrialKey) -> MotionRecord:
         """A motion that is over. Raises SessionError when it is missing or corrupt."""
-        return records.read(MotionRecord, self.trial_folder(iteration, key) / _MOTION)
+        return records.read(MotionRecord, self.trial_folder(iteration, key) / MOTION)
 
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
         folder = self.trial_folder(iteration, key)
-        record = records.read(TrialRecord, folder / _TRIAL_RECORD)
+        record = records.read(TrialRecord, folder / TRIAL)
         for name, size in record.files.items():
-            file = folder / name
-            found = file.stat().st_size if file.is_file() else None
-            if found != size:
-                raise records.corrupt(file, "it is missing" if found is None else f"{found} bytes instead of {size}")
+            records.require_size(folder / name, size)
         return record
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
@@ -103,20 +113,24 @@ class SessionStore:
     def result(self, iteration: int) -> ResultRecord | None:
         """The newest result of an iteration, or None."""
         folder = self._newest_result(iteration)
-        return records.read(ResultRecord, folder / "result.json") if folder else None
+        return records.read(ResultRecord, folder / RESULT) if folder else None
 
     def summary(self, iteration: int) -> dict[str, Any]:
         """What `run-iteration --json` prints of an iteration that has a result. Raises SessionError."""
         folder = self._newest_result(iteration)
         if folder is None:
             raise SessionError(f"iteration {iteration + 1} of {self.facts.name} has no result yet")
-        return records.read_object(folder / "summary.json")
+        return records.read_object(folder / SUMMARY)
 
     def mark_shown(self, iteration: int, at: str) -> None:
         """Note that the operator has seen the newest result of this iteration."""
         path = self._shown(iteration)
         if not path.exists():
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
+
+    def entries(self) -> list[Path]:
+        """The folders of the iterations, and whatever lies beside them."""
+        return [entry for entry in entries(self.folder) if entry.is_dir()]
 
     def iterations(self) -> int:
         """How many iterations have begun."""
@@ -139,22 +153,23 @@ class SessionStore:
         """Store a motion that is over with all that was recorded of it, whole or not at all."""
         folder = self.trial_folder(iteration, key)
         durable.make_folder(folder.parent)
-        durable.write_folder(folder, {**files, _MOTION: records.to_json(record)})
+        summed = record.model_copy(update={"checksums": _checksums(files)})
+        durable.write_folder(folder, {**files, MOTION: records.to_json(summed)})
 
     def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
         """Complete the trial of a stored motion with what was `derived` from its recording."""
         folder = self.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
-        there = {entry.name: entry.stat().st_size for entry in _entries(folder) if entry.name != _MOTION}
+        there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = there | {name: len(content) for name, content in derived.items()}
-        sized = record.model_copy(update={"files": sizes})
-        durable.complete_folder(folder, derived, _TRIAL_RECORD, records.to_json(sized))
+        sized = record.model_copy(update={"files": sizes, "checksums": _checksums(derived)})
+        durable.complete_folder(folder, derived, TRIAL, records.to_json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:
         """Store what an iteration led to, beside an earlier result that a redo made obsolete."""
         folder = self.iteration_folder(record.iteration)
-        durable.write_folder(
-            folder / f"result-{_results(folder)}", {"summary.json": summary, "result.json": records.to_json(record)}
-        )
+        summed = record.model_copy(update={"summary_sha256": _sha256(summary)})
+        files = {SUMMARY: summary, RESULT: records.to_json(summed)}
+        durable.write_folder(folder / f"result-{_results(folder)}", files)
 
     def scratch(self, name: str, content: bytes) -> Path:
         """A throw-away file for the operator to look at, not part of the record."""
@@ -183,7 +198,7 @@ class SessionStore:
         return folder.with_name(f"{folder.name}.{kind}.json")
 
     def _iterations(self) -> Iterator[tuple[int, Path]]:
-        for entry in _entries(self.folder):
+        for entry in entries(self.folder):
             if match := _ITERATION.fullmatch(entry.name):
                 yield int(match[1]), entry
 
@@ -192,6 +207,7 @@ class SessionStore:
         """Keep every other process from writing to this session. Raises UsageError when one does already."""
         taken = f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
         with locked(self.folder, taken):
+            durable.remove_leftovers(self.folder)
             yield
 
 
@@ -203,20 +219,38 @@ def folder_of(root: Path, name: str) -> Path:
 
 
 def names(root: Path) -> tuple[str, ...]:
-    """The sessions below `root`, newest last."""
-    folders = [entry for entry in _entries(root) if (entry / "session.toml").is_file()] if root.is_dir() else []
-    return tuple(f.name for f in sorted(folders, key=lambda f: (f / "session.toml").stat().st_mtime_ns))
+    """The sessions below `root`, damaged ones too, newest last."""
+    folders = [entry for entry in entries(root) if entry.is_dir()]
+    return tuple(folder.name for folder in sorted(folders, key=_begun_ns))
 
 
 def newest(root: Path) -> str:
     """The session that was begun last. Raises SessionError when there is none."""
-    found = names(root)
+    found = [name for name in names(root) if _facts_file(root / name).is_file()]
     if not found:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
     return found[-1]
 
 
-def _entries(folder: Path) -> list[Path]:
+def _facts_file(folder: Path) -> Path:
+    return folder / FACTS
+
+
+def _begun_ns(folder: Path) -> int:
+    file = _facts_file(folder)
+    return (file if file.is_file() else folder).stat().st_mtime_ns
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: _sha256(content) for name, content in files.items()}
+
+
+def entries(folder: Path) -> list[Path]:
+    """What lies in a folder, in order of the alphabet, without what killed processes left."""
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
@@ -224,5 +258,5 @@ def _entries(folder: Path) -> list[Path]:
 
 def _results(folder: Path) -> int:
     """How many results an iteration has: the newest is one less."""
-    matches = (_RESULT.fullmatch(entry.name) for entry in _entries(folder))
+    matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
     return max((int(match[1]) + 1 for match in matches if match), default=0)

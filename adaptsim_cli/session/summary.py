@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session.records import Facts, ResultRecord, Row, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.method import Particle
@@ -74,6 +76,14 @@ def overview(store: SessionStore) -> dict[str, Any]:
         "trials": len(rewards),
         "mean_reward": float(np.mean(rewards)) if rewards else None,
     }
+
+
+def overview_or_damage(root: Path, name: str) -> dict[str, Any]:
+    """One session in one line; a damaged one with its name and an error, so that it never hides the others."""
+    try:
+        return overview(SessionStore.open(root, name))
+    except SessionError as error:
+        return {"session": name, "error": str(error)}
 
 
 def details(store: SessionStore) -> dict[str, Any]:

@@ -1,50 +1,49 @@
 """Writing that survives power loss: a file or folder is either whole under its name or not there.
 
-Everything is written under a temporary name (a leading dot), flushed to the disk, renamed, and the
-parent folder flushed. What a killed process leaves behind carries the dot and is never read.
+Everything is written under a temporary name of its own (a leading dot), flushed to the disk, given its name, and the
+parent folder is flushed. A killed process leaves such names behind; they are never read, and `remove_leftovers` removes
+them.
 """
 
 from __future__ import annotations
 
 import errno
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from adaptsim_cli.errors import DiskFull, SessionError
-from sim.storage.files import flush_file, flush_folder, publish
+from sim.storage.files import TEMPORARY, flush_file, flush_folder, publish_new, whole_file
 
 
 def write_file(path: Path, content: bytes) -> None:
     """Write `content` as `path`, which must not exist. Raises DiskFull or SessionError."""
-    with explained(path):
-        _refuse_existing(path)
-        temporary = path.with_name(f".{path.name}.writing")
-        _write(temporary, content)
-        publish(temporary, path)
+    with explained(path), whole_file(path, replace=False) as temporary:
+        temporary.write_bytes(content)
 
 
 def replace_file(path: Path, content: bytes) -> None:
     """Write `content` as `path`, in place of what may be there: for what is derived and can be made again."""
-    with explained(path):
-        temporary = path.with_name(f".{path.name}.writing")
-        _write(temporary, content)
-        publish(temporary, path)
+    with explained(path), whole_file(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
     """Write a folder of `files` (name -> content) as `path`, which must not exist. Raises DiskFull or SessionError."""
     with explained(path):
-        _refuse_existing(path)
-        temporary = path.with_name(f".{path.name}.writing")
-        if temporary.exists():
-            shutil.rmtree(temporary)
-        temporary.mkdir(parents=True)
-        for name, content in files.items():
-            _write(temporary / name, content)
-        flush_folder(temporary)
-        publish(temporary, path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".writing", dir=path.parent))
+        try:
+            for name, content in files.items():
+                (temporary / name).write_bytes(content)
+                flush_file(temporary / name)
+            temporary.chmod(0o755)
+            flush_folder(temporary)
+            publish_new(temporary, path)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
 
 
 def complete_folder(path: Path, derived: Mapping[str, bytes], name: str, record: bytes) -> None:
@@ -66,14 +65,13 @@ def make_folder(path: Path) -> None:
             flush_folder(path.parent)
 
 
-def _write(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-    flush_file(path)
-
-
-def _refuse_existing(path: Path) -> None:
-    if path.exists():
-        raise SessionError(f"{path} exists already, and stored records are never overwritten")
+def remove_leftovers(folder: Path) -> None:
+    """Remove what killed processes were writing below `folder`. Only for who holds the folder's lock."""
+    for path in folder.rglob(TEMPORARY):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -81,6 +79,8 @@ def explained(path: Path) -> Iterator[None]:
     """Turn the system's errors of writing `path` into DiskFull or SessionError."""
     try:
         yield
+    except FileExistsError as error:
+        raise SessionError(f"{path} exists already, and stored records are never overwritten") from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise DiskFull(

@@ -4,22 +4,44 @@ from __future__ import annotations
 
 import fcntl
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from adaptsim_cli.errors import UsageError
+from adaptsim_cli.errors import SessionError, UsageError
+
+LOCK = ".lock"
+"""A file of the folder, open for writing while the lock is held: a network file system locks nothing else."""
+
+_POLL_S = 0.02
 
 
 @contextmanager
-def locked(folder: Path, taken: str) -> Iterator[None]:
-    """Hold `folder`, which exists. Raises UsageError with the message `taken` where another process holds it."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold `folder`, which exists. Raises UsageError with the message `taken` where another process still holds it
+    after `wait_s`, SessionError where the folder cannot be written to.
+    """
     try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise UsageError(taken) from error
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise SessionError(f"{folder} cannot be locked: {error.strerror}; may you write there?") from error
+    try:
+        _lock(descriptor, folder, taken, time.monotonic() + wait_s)
         yield
     finally:
         os.close(descriptor)
+
+
+def _lock(descriptor: int, folder: Path, taken: str, until_s: float) -> None:
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if time.monotonic() >= until_s:
+                raise UsageError(taken) from error
+            time.sleep(_POLL_S)
+        except OSError as error:
+            raise SessionError(f"{folder} is on a file system without locks: {error.strerror}") from error
+        else:
+            return

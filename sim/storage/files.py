@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import os
 import tempfile
@@ -13,19 +14,26 @@ from typing import Any
 
 import tomli_w
 
+TEMPORARY = ".*.writing*"
+"""The pattern of the names under which files and folders are written before they get their own."""
+
 
 @contextlib.contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path`: synced to disk and renamed to it at the end, removed on an error."""
+def whole_file(path: Path, *, replace: bool = True) -> Iterator[Path]:
+    """A temporary path beside `path`: synced to disk and renamed to it at the end, removed on an error.
+
+    Raises OSError; FileExistsError where `path` exists and must not be replaced.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+    suffix = f".writing{path.suffix}"
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
         flush_file(temporary)
         temporary.chmod(0o644)
-        publish(temporary, path)
+        (publish if replace else publish_new)(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -51,6 +59,32 @@ def publish(temporary: Path, path: Path) -> None:
     """Give a file or folder whose content is on the disk its name, in one step that a power cut cannot divide."""
     os.rename(temporary, path)  # noqa: PTH104 - the atomic step, named as the system call that it is
     flush_folder(path.parent)
+
+
+def publish_new(temporary: Path, path: Path) -> None:
+    """As `publish`, but never in the place of something. Raises FileExistsError, whoever came first."""
+    if path.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    try:
+        if temporary.is_dir():
+            os.rename(temporary, path)  # noqa: PTH104 - fails on a folder that holds something
+        else:
+            _link(temporary, path)
+    except OSError as error:
+        if error.errno == errno.ENOTEMPTY:
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from error
+        raise
+    flush_folder(path.parent)
+
+
+def _link(temporary: Path, path: Path) -> None:
+    """A second name is given only where there is none; a file system without second names gets a rename."""
+    try:
+        os.link(temporary, path)
+    except OSError as error:
+        if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
+            raise
+        os.rename(temporary, path)  # noqa: PTH104
 
 
 def flush_file(path: Path) -> None:

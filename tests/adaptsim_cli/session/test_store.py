@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 
 import pytest
 from toy_session import NAME, run
@@ -10,6 +12,7 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import details, overview
+from adaptsim_cli.storage.sealed import seal_toml
 
 
 @pytest.fixture(scope="module")
@@ -65,14 +68,14 @@ def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:
 
 def test_a_value_of_another_kind_is_named(store: SessionStore) -> None:
     path = store.folder / "session.toml"
-    path.write_text(path.read_text().replace("seed = 0", 'seed = "zero"'))
+    path.write_bytes(seal_toml(unsealed(path).replace(b"seed = 0", b'seed = "zero"')))
     with pytest.raises(SessionError, match=r"session.toml is corrupt.*seed: "):
         reopened(store)
 
 
 def test_a_newer_format_asks_for_a_newer_version(store: SessionStore) -> None:
     path = store.folder / "session.toml"
-    path.write_text(path.read_text().replace("format = 1", "format = 2"))
+    path.write_bytes(seal_toml(unsealed(path).replace(b"format = 2", b"format = 3")))
     with pytest.raises(SessionError, match="Install a newer adaptsim"):
         reopened(store)
 
@@ -89,6 +92,37 @@ def test_a_session_runs_in_one_process_at_a_time(store: SessionStore) -> None:
         pass
     with store.locked():
         pass
+
+
+def test_whoever_takes_a_session_removes_what_was_left_behind(store: SessionStore) -> None:
+    left = store.folder / "iteration-00" / ".trial-005-attempt-0.x1.writing"
+    left.mkdir()
+    (left / "recording.mcap").write_bytes(b"half")
+    with store.locked():
+        assert not left.exists()
+    assert reopened(store).existing() == store.existing()
+
+
+def test_of_two_that_begin_a_session_at_once_one_wins(complete: SessionStore, tmp_path: Path) -> None:
+    for race in range(10):
+        root, gate = tmp_path / str(race), Barrier(2)
+
+        def begin(seed: int, root: Path = root, gate: Barrier = gate) -> SessionStore | None:
+            gate.wait()
+            try:
+                return SessionStore.create(root, complete.facts.model_copy(update={"seed": seed}), complete.start)
+            except SessionError:
+                return None
+
+        with ThreadPoolExecutor(2) as pool:
+            (winner,) = [made for made in pool.map(begin, (1, 2)) if made is not None]
+        assert SessionStore.open(root, complete.facts.name).facts == winner.facts
+        assert {entry.name for entry in root.iterdir()} == {complete.facts.name, ".lock"}
+
+
+def unsealed(path: Path) -> bytes:
+    body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
+    return body
 
 
 @pytest.mark.parametrize("name", ["", "../elsewhere", "a/b", ".hidden", "x" * 101])

@@ -27,6 +27,28 @@ def test_nothing_is_ever_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "a").read_bytes() == b"first"
 
 
+def test_of_two_who_write_the_same_file_the_second_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the first finishes between the second's look and its last step."""
+    monkeypatch.setattr(Path, "exists", lambda _: False)
+    for write, content in ((durable.write_file, b"1"), (durable.write_folder, {"a": b"1"})):
+        name = write.__name__
+        write(tmp_path / name, content)  # type: ignore[arg-type]
+        with pytest.raises(SessionError, match="never overwritten"):
+            write(tmp_path / name, content)  # type: ignore[arg-type]
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["write_file", "write_folder"]
+
+
+def test_a_file_system_without_second_names_does_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsupported(*_: object) -> None:
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", unsupported)
+    durable.write_file(tmp_path / "a", b"1")
+    assert (tmp_path / "a").read_bytes() == b"1"
+    with pytest.raises(SessionError, match="never overwritten"):
+        durable.write_file(tmp_path / "a", b"2")
+
+
 def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(DiskFull, match=r"trial could not be written.*run the same command again"):
@@ -50,13 +72,13 @@ def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatc
 
 def test_a_folder_is_complete_when_its_record_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     durable.write_folder(tmp_path / "trial", {"recording": b"0"})
-    rename = os.rename
+    link = os.link
 
     def no_room_for_the_record(old: Path, new: Path) -> None:
-        rename(old, new) if new.name != "record" else full_disk(0)
+        link(old, new) if new.name != "record" else full_disk(0)
 
     with monkeypatch.context() as patch, pytest.raises(DiskFull):
-        patch.setattr(os, "rename", no_room_for_the_record)
+        patch.setattr(os, "link", no_room_for_the_record)
         durable.complete_folder(tmp_path / "trial", {"image": b"1"}, "record", b"2")
     assert not (tmp_path / "trial" / "record").exists()
     durable.complete_folder(tmp_path / "trial", {"image": b"1"}, "record", b"2")

@@ -1,0 +1,129 @@
+"""Reads every file of a session and says which are not as they were written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session import recording, records
+from adaptsim_cli.session.records import SEALED_SINCE, AnyRecord, MotionRecord, Note, ResultRecord, TrialRecord
+from adaptsim_cli.session.store import MOTION, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
+from sim.storage.files import sha256
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Verified:
+    """One session, file by file."""
+
+    session: str
+    files: int  # that were read
+    without_checksum: int  # of a former version: only their size or their inner checksums could be compared
+    damage: tuple[str, ...]  # one message a file
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "session": self.session,
+            "files": self.files,
+            "without_checksum": self.without_checksum,
+            "damage": list(self.damage),
+        }
+
+
+def verify(root: Path, name: str) -> Verified:
+    """Read all of session `name` below `root`. Raises UsageError on a name that cannot be one."""
+    folder_of(root, name)
+    try:
+        store = SessionStore.open(root, name)
+    except SessionError as error:
+        return Verified(name, 1, 0, (str(error),))
+    examination = _Examination(store.facts.format >= SEALED_SINCE)
+    examination.session(store)
+    return Verified(name, examination.files, examination.without_checksum, tuple(examination.damage))
+
+
+class _Examination:
+    """What has been read so far, and what was wrong with it."""
+
+    def __init__(self, is_sealed: bool) -> None:
+        self.is_sealed = is_sealed
+        self.files = self.without_checksum = 0
+        self.damage: list[str] = []
+
+    def session(self, store: SessionStore) -> None:
+        self._count(is_checked=self.is_sealed, files=2)  # session.toml and start.json: they were read to open it
+        for folder in store.entries():
+            for entry in entries(folder):
+                if entry.is_file():
+                    self._record(Note, entry)
+                elif (entry / RESULT).exists():
+                    self._result(entry)
+                else:
+                    self._trial(entry)
+        self._look(_require_trials, store)
+
+    def _result(self, folder: Path) -> None:
+        result = self._record(ResultRecord, folder / RESULT)
+        if result is not None:
+            self._files(folder, {SUMMARY: result.summary_sha256} if result.summary_sha256 else {})
+
+    def _trial(self, folder: Path) -> None:
+        motion = self._record(MotionRecord, folder / MOTION)
+        checksums = {} if motion is None else motion.checksums
+        if not (folder / TRIAL).exists():  # what tracking derives is made again; what was recorded has to be whole
+            self._files(folder, checksums, is_complete=False)
+        elif (trial := self._record(TrialRecord, folder / TRIAL)) is not None:
+            for name, size in trial.files.items():
+                self._look(records.require_size, folder / name, size)
+            self._files(folder, checksums | trial.checksums)
+
+    def _files(self, folder: Path, checksums: Mapping[str, str], *, is_complete: bool = True) -> None:
+        there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT}
+        for name in sorted(there | set(checksums)):
+            if name in checksums or is_complete or not self.is_sealed:
+                self._count(is_checked=name in checksums)
+                self._look(self._require_same, folder / name, checksums.get(name))
+
+    def _require_same(self, path: Path, checksum: str | None) -> None:
+        if checksum is None and self.is_sealed:
+            raise records.corrupt(path, "no record names it")
+        if checksum is not None and _sha256(path) != checksum:
+            raise records.corrupt(path, "it was changed after it had been written: its SHA-256 is another")
+        recording.require_whole(path)
+
+    def _record(self, kind: type[AnyRecord], path: Path) -> AnyRecord | None:
+        self._count(is_checked=self.is_sealed)
+        return self._look(partial(records.read, kind, must_be_sealed=self.is_sealed), path)
+
+    def _look(self, read: Callable[..., T], *arguments: Any) -> T | None:
+        """What `read` returns; None where it found damage, which is kept."""
+        try:
+            return read(*arguments)
+        except SessionError as error:
+            self.damage.append(str(error))
+            return None
+
+    def _count(self, *, is_checked: bool, files: int = 1) -> None:
+        self.files += files
+        self.without_checksum += 0 if is_checked else files
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return sha256(path)
+    except OSError as error:
+        raise records.corrupt(path, error.strerror or str(error)) from error
+
+
+def _require_trials(store: SessionStore) -> None:
+    """Raises SessionError where a trial is missing on which a result rests."""
+    existing = store.existing()
+    for iteration, keys in existing.results.items():
+        for key in keys:
+            if key not in existing.completed:
+                raise records.corrupt(store.trial_folder(iteration, key), "it is missing, and a result rests on it")

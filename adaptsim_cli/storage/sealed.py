@@ -1,0 +1,42 @@
+"""Records that notice when they were changed: the end of a file holds the SHA-256 of all that stands before it."""
+
+from __future__ import annotations
+
+import hashlib
+
+_JSON = (b',\n "sealed": "', b'"\n}\n')
+_TOML = (b"# sha256 ", b"\n")
+_DIGITS = 64
+
+KEY = "sealed"
+"""The member that holds the seal of a JSON file. In a TOML file it is a comment."""
+
+
+class SealBroken(ValueError):
+    """A file is not as it was written."""
+
+
+def seal_json(text: bytes) -> bytes:
+    """Indented JSON of an object, sealed."""
+    return _sealed(text.removesuffix(b"\n}\n"), _JSON)
+
+
+def seal_toml(text: bytes) -> bytes:
+    """TOML, sealed."""
+    return _sealed(text, _TOML)
+
+
+def is_sealed(content: bytes, suffix: str) -> bool:
+    """Whether a file of this suffix is sealed; those of former versions are not. Raises SealBroken."""
+    before, after = _TOML if suffix == ".toml" else _JSON
+    start = len(content) - len(before) - _DIGITS - len(after)
+    if start < 0 or content[start : start + len(before)] != before or not content.endswith(after):
+        return False
+    if content != _sealed(content[:start], (before, after)):
+        raise SealBroken("it was changed after it had been written: its SHA-256 is another")
+    return True
+
+
+def _sealed(body: bytes, frame: tuple[bytes, bytes]) -> bytes:
+    before, after = frame
+    return body + before + hashlib.sha256(body).hexdigest().encode() + after

@@ -1,0 +1,97 @@
+"""A changed bit in any file of a session is noticed, and the damage of one session hides no other."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toy_session import NAME, run
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.summary import overview_or_damage
+from adaptsim_cli.session.verifying import verify
+
+
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+    return run(tmp_path_factory.mktemp("complete"))
+
+
+@pytest.fixture
+def root(complete: SessionStore, tmp_path: Path) -> Path:
+    """A copy to spoil."""
+    shutil.copytree(complete.folder, tmp_path / NAME)
+    return tmp_path
+
+
+def files_of(root: Path) -> list[Path]:
+    """What `verify` reads: all but the report, which is drawn from the rest, and the lock."""
+    files = [path for path in (root / NAME).rglob("*") if path.is_file() and not path.name.startswith(".")]
+    return sorted(path for path in files if path.name != "report.html")
+
+
+def test_a_session_as_it_was_written(root: Path) -> None:
+    verified = verify(root, NAME)
+    assert not verified.damage
+    assert verified.files == len(files_of(root))
+    assert verified.without_checksum == 0
+
+
+@pytest.mark.parametrize("each", [1, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_changed_bit_in_any_file_is_noticed(root: Path, each: int) -> None:
+    rng = np.random.default_rng(each)
+    files = files_of(root)
+    flips = [
+        (path, int(rng.integers(path.stat().st_size)), int(rng.integers(8))) for path in files for _ in range(each)
+    ]
+    unnoticed = []
+    for path, place, bit in flips:
+        content = path.read_bytes()
+        path.write_bytes(content[:place] + bytes([content[place] ^ (1 << bit)]) + content[place + 1 :])
+        if not any(str(path) in message for message in verify(root, NAME).damage):
+            unnoticed.append((path, place, bit))
+        path.write_bytes(content)
+    assert len(flips) >= 25 * each
+    assert not unnoticed
+
+
+def test_a_missing_file_is_noticed(root: Path) -> None:
+    for path in files_of(root):
+        content = path.read_bytes()
+        path.unlink()
+        if not path.name.endswith((".started.json", ".shown.json", "trial.json")):
+            assert any(path.name in message for message in verify(root, NAME).damage), path
+        path.write_bytes(content)
+
+
+def test_a_missing_trial_is_noticed_by_the_result_that_rests_on_it(root: Path) -> None:
+    (folder,) = (root / NAME).glob("iteration-00/trial-001-attempt-0")
+    shutil.rmtree(folder)
+    assert any("a result rests on it" in message for message in verify(root, NAME).damage)
+
+
+def test_a_file_that_no_record_names_is_noticed(root: Path) -> None:
+    (root / NAME / "iteration-00" / "trial-001-attempt-0" / "other.json").write_text("{}")
+    (message,) = verify(root, NAME).damage
+    assert "other.json" in message
+    assert "no record names it" in message
+
+
+def test_a_damaged_session_hides_no_other(root: Path, complete: SessionStore) -> None:
+    for name, file in (("cut", "start.json"), ("empty", "session.toml")):
+        shutil.copytree(complete.folder, root / name)
+        (root / name / file).unlink()
+    listed = {row["session"]: row.get("error") for row in (overview_or_damage(root, name) for name in names(root))}
+    assert listed[NAME] is None
+    assert "start.json" in str(listed["cut"])
+    assert "session.toml" in str(listed["empty"])
+
+
+def test_a_checksum_that_was_removed_is_noticed(root: Path) -> None:
+    path = root / NAME / "session.toml"
+    path.write_bytes(path.read_bytes().rpartition(b"# sha256 ")[0])
+    with pytest.raises(SessionError, match="its checksum is missing"):
+        SessionStore.open(root, NAME)

@@ -79,12 +79,9 @@ def verify(
         screen.show(shows.verified(checked))
     else:
         screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
-    if damaged := [one for one in checked if one.damage]:
-        count = sum(len(one.damage) for one in damaged)
-        raise SessionError(
-            f"{count} damaged file{'s' if count > 1 else ''} in {', '.join(one.session for one in damaged)}. Restore "
-            "them from a copy; a trial can be done again instead: adaptsim sessions redo NAME TRIAL"
-        )
+    if damage := [message for one in checked for message in one.damage]:
+        others = f" And {len(damage) - 1} more." if len(damage) > 1 else ""
+        raise SessionError(f"{damage[0]}.{others} A trial can be done again: adaptsim sessions redo NAME TRIAL")
 
 
 @app.command()

@@ -223,9 +223,12 @@ def test_a_truncated_session_ends_with_8_naming_the_file(lab: ToyLab, capfd: pyt
     capfd.readouterr()
     file = next(Path.cwd().glob("home/data/sessions/*/iteration-00/trial-002-attempt-0/trial.json"))
     file.write_bytes(file.read_bytes()[:100])
-    for command in (["sessions", "show", NAME], ["report", NAME], ["sessions", "list"], RUN):
+    for command in (["sessions", "show", NAME], ["report", NAME], ["sessions", "verify"], RUN):
         assert app.run(command) == 8, command
         assert "trial-002-attempt-0/trial.json is corrupt" in told(capfd)
+    assert app.run(["sessions", "list", "--json"]) == 0, "a damaged session hides no other"
+    (listed,) = json.loads(capfd.readouterr().out)
+    assert "trial-002-attempt-0/trial.json is corrupt" in listed["error"]
 
 
 def test_a_flag_that_contradicts_the_session_ends_with_2(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:

@@ -126,6 +126,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (hw.errors.HandError, 3),
         (hw.errors.NoContact, 3),
         (sim.errors.ClusterUnavailable, 3),
+        (sim.errors.ExtraMissing, 3),
         (calib.errors.ViewFolderError, 8),
         (calib.errors.CalibrationError, 3),
         (hw.errors.MotionRefused, 4),

@@ -299,7 +299,8 @@ def _policy(session: Session, iteration: int, particle: int) -> TrainedPolicy:
 
 def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}"):
-        session.policies[iteration, index] = session.parts.learner.train(particle)
+        before = _history(session.store, iteration - 1)
+        session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 
 def _history(store: SessionStore, last: int) -> tuple[Iteration, ...]:

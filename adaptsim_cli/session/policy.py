@@ -34,8 +34,8 @@ class Learner(Protocol):
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...
 
-    def train(self, particle: Particle) -> TrainedPolicy:
-        """Its task policy; for the same particle the same one."""
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+        """Its task policy after the iterations of `history`; for the same of both the same one."""
         ...
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]: ...

@@ -76,7 +76,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
     with screen.busy("Training the task policy"):
-        policy = parts.learner.train(Particle(mean[None]))
+        policy = parts.learner.train(Particle(mean[None]), ())
     ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
     planned = _plan(task, ready, action)

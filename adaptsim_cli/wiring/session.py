@@ -196,10 +196,10 @@ class _SolverLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.next(history, rng)
 
-    def train(self, particle: Particle) -> TrainedPolicy:
-        from sim.solvers.solver import policy_for
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+        from sim.adaptation.method import policy_of
 
-        return _Policy(policy_for(self.solver, particle.samples, self.executable))
+        return _Policy(policy_of(self.method, self.solver, particle, history, self.executable))
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation.best import choose_best

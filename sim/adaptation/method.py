@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from hw.types import Array, frozen_array
+from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,34 @@ class Method(Protocol):
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The next particles, one for each of the last iteration, given all iterations so far (oldest first)."""
         ...
+
+
+@runtime_checkable
+class OwnPolicies(Protocol):
+    """A method that acts without a simulator: its trials make its task policies, and its particles claim nothing."""
+
+    def policy(
+        self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
+    ) -> SolvedPolicy:
+        """What a particle tries after all trials of `history`; always the same."""
+        ...
+
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        """What the session would go with after all trials of `history`."""
+        ...
+
+
+def policy_of(
+    method: Method,
+    solver: Solver,
+    particle: Particle,
+    history: Sequence[Iteration],
+    executable: Executable | None = None,
+) -> SolvedPolicy:
+    """The task policy of a particle that follows `history`: the solver's for its parameters, or the method's own."""
+    if isinstance(method, OwnPolicies):
+        return method.policy(particle, history, executable)
+    return policy_for(solver, particle.samples, executable)
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,7 +217,7 @@ class ToyLearner:
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(Particle(row[None]) for row in PARAMETERS.sample(rng, n))
 
-    def train(self, particle: Particle) -> ToyPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> ToyPolicy:
         self.trained.append(tuple(particle.mean))
         return ToyPolicy(particle, 0.02 * float(np.sin(1e3 * particle.mean.sum())))
 

@@ -104,7 +104,7 @@ class MiddleLearner:
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(Particle(row[None]) for row in TASK.parameters.sample(rng, n))
 
-    def train(self, particle: Particle) -> TrainedPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
         return _Middle()
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:

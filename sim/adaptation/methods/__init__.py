@@ -15,7 +15,13 @@ METHODS = {
     "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
     "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",
     "adaptsim-history": "sim.adaptation.methods.q_policy:create_history",
+    "bo": "sim.adaptation.methods.bo:create",
+    "bo-prior": "sim.adaptation.methods.bo_prior:create",
+    "learn-in-target": "sim.adaptation.methods.learn_in_target:create",
     "random": "sim.adaptation.methods.random_search:create",
+    "sysid-bayes": "sim.adaptation.methods.sysid:create_bayes",
+    "sysid-bayes-point": "sim.adaptation.methods.sysid:create_point",
+    "sysid-bayes-state": "sim.adaptation.methods.sysid:create_state",
     "udr": "sim.adaptation.methods.udr:create",
 }
 """Name -> the function of a task and a checkpoint that makes it; imported when first asked for."""

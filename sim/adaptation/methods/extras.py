@@ -1,0 +1,34 @@
+"""Packages that only some methods need."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+import torch
+
+from sim.errors import ExtraMissing
+from sim.solvers.threads import one_thread
+
+
+def require(method: str, package: str, extra: str) -> None:
+    """Raises ExtraMissing, with the line that installs it, unless `package` is there. Imports nothing."""
+    if find_spec(package) is None:
+        raise ExtraMissing(
+            f"{method} needs the package {package}, which is not installed: install the extra with "
+            f"pip install 'adaptsim[{extra}]'"
+        )
+
+
+@contextmanager
+def calculating(seed: int) -> Iterator[None]:
+    """Inside, torch draws from `seed` and computes on one thread, and the packages' warnings are not shown.
+
+    The same numbers come out on every machine, and whoever draws from torch afterwards sees no difference.
+    """
+    with torch.random.fork_rng(devices=[]), one_thread(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.manual_seed(seed)
+        yield

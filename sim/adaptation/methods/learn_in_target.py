@@ -1,0 +1,147 @@
+"""LearnInTarget of the paper: the task policy is trained on the real trials alone, without any simulation.
+
+A network as the paper trains it would have twenty samples. A Gaussian process of the reward over context and action
+uses them better, so it stands here for the best that such a baseline can be. It explores by Thompson sampling: a trial
+gets the action that is best in one function drawn from the posterior. What it goes with is the highest mean.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, frozen_array
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.method import Iteration, Particle
+from sim.errors import NotExecutable
+from sim.rollouts.sampling import sobol, spread
+from sim.solvers.solver import Executable, SolvedPolicy
+from sim.tasks.task import Task
+
+ACTIONS = 256
+"""Actions that are compared: they fill the action space evenly."""
+
+PRIOR_MEAN, SIGNAL_STD, LENGTH = 0.3, 0.35, 0.3
+"""Of the reward over contexts and actions in fractions of their ranges, before any trial."""
+
+ATTEMPTS = 64
+"""Actions that are offered to the arm's limits before giving up."""
+
+CLAIMS = 64
+"""Samples of its particles, which fill Omega: it says nothing about parameters."""
+
+
+def create(task: Task, checkpoint: Checkpoint | None) -> LearnInTarget:
+    """The method's entry in `METHODS`; it needs no checkpoint."""
+    return LearnInTarget(task)
+
+
+@dataclass(frozen=True, eq=False)
+class LearnInTarget:
+    """A `Method` that brings its own task policies (`sim.adaptation.method.OwnPolicies`)."""
+
+    task: Task
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """`n` times all of Omega, in other samples, which tell the particles' draws apart."""
+        dimensions = len(self.task.parameters)
+        return tuple(Particle(spread(self.task.parameters, sobol(CLAIMS, dimensions, rng))) for _ in range(n))
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        return tuple(tried.particle for tried in history[-1])
+
+    def policy(
+        self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
+    ) -> SolvedPolicy:
+        """What the particle would try next; the same in every process."""
+        return self._learnt(history, executable, particle.samples.tobytes())
+
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        """What it would go with, after all trials of `history`."""
+        return self._learnt(history, None, None)
+
+    def _learnt(
+        self, history: Sequence[Iteration], executable: Executable | None, drawn_by: bytes | None
+    ) -> LearntPolicy:
+        task = self.task
+        trials = [trial for iteration in history for tried in iteration for trial in tried.trials]
+        at = [_point(task, trial.context, trial.action) for trial in trials]
+        return LearntPolicy(
+            task=task,
+            at=np.array(at).reshape(len(trials), len(task.context) + len(task.action)),
+            rewards=np.array([trial.reward for trial in trials]),
+            candidates=spread(task.action, sobol(ACTIONS, len(task.action), np.random.default_rng(0))),
+            executable=executable,
+            drawn_by=drawn_by,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LearntPolicy:
+    """A `SolvedPolicy`: the best action of a draw, or of the mean where `drawn_by` is None."""
+
+    task: Task
+    at: Array  # (N, c + a) where trials were, in fractions of the ranges
+    rewards: Array  # (N,)
+    candidates: Array  # (ACTIONS, a) in units
+    executable: Executable | None
+    drawn_by: bytes | None  # part of the seed of the draws
+    _order: dict[bytes, NDArray[np.int_]] = field(default_factory=dict, repr=False)  # of the candidates, by context
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) -> (a,). Raises NotExecutable when none of the best candidates is within the limits."""
+        for i in self._ranked(context)[:ATTEMPTS]:
+            if self.executable is None or self.executable(context, self.candidates[i]):
+                return frozen_array(self.candidates[i])
+        raise NotExecutable(
+            f"none of the {ATTEMPTS} best actions for context {np.round(context, 4)} lies within the limits of the "
+            f"arm: move the {self.task.object_name} towards the middle of its area"
+        )
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check."""
+        return np.stack([self.candidates[self._ranked(context)[0]] for context in contexts])
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of the action that is tried at `context`: mean, and two standard deviations either way."""
+        mean, covariance = self._posterior(_point(self.task, context, self(context))[None])
+        expected, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
+        low, high = np.clip((expected - 2.0 * std, expected + 2.0 * std), 0.0, 1.0)
+        return float(np.clip(expected, 0.0, 1.0)), float(low), float(high)
+
+    def _ranked(self, context: Array) -> NDArray[np.int_]:
+        """Indices of the candidates, the best first; of equals the first of the set, which fills the space."""
+        key = np.ascontiguousarray(context).tobytes()
+        if key not in self._order:
+            mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))
+            worth = mean
+            if self.drawn_by is not None:
+                seed = hashlib.sha256(self.drawn_by + key + self.rewards.tobytes()).digest()[:8]
+                rng = np.random.default_rng(int.from_bytes(seed, "big"))
+                values, vectors = np.linalg.eigh(covariance)
+                worth = mean + vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(ACTIONS))
+            self._order[key] = np.asarray(np.argsort(-worth.round(9), kind="stable"), dtype=np.int_)
+        return self._order[key]
+
+    def _posterior(self, points: Array) -> tuple[Array, Array]:
+        """Mean (P,) and covariance (P, P) of the expected reward at (P, c + a): R. & W. 2006, eq. 2.25 and 2.26."""
+        prior = _kernel(points, points)
+        if len(self.rewards) == 0:
+            return np.full(len(points), PRIOR_MEAN), prior
+        known = _kernel(self.at, self.at) + self.task.adaptation.trial_std**2 * np.eye(len(self.at))
+        shared = _kernel(points, self.at)
+        gain = np.linalg.solve(known, shared.T).T
+        return PRIOR_MEAN + gain @ (self.rewards - PRIOR_MEAN), prior - gain @ shared.T
+
+
+def _point(task: Task, context: Array, action: Array) -> Array:
+    return np.concatenate([task.context.normalise(context), task.action.normalise(action)], axis=-1)
+
+
+def _kernel(a: Array, b: Array) -> Array:
+    squared = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
+    return np.asarray(SIGNAL_STD**2 * np.exp(-0.5 * squared / LENGTH**2))

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from adaptsim_cli.commands import (
+    benchmark,
     calibrate,
     checkpoints,
     config,
@@ -26,6 +27,7 @@ from adaptsim_cli.commands import (
     run_iteration,
     sessions,
     touch_off,
+    world_tables,
 )
 
 EXIT_CODES = (
@@ -44,6 +46,8 @@ app = typer.Typer(
 )
 app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
+app.command("benchmark")(benchmark.benchmark)
+app.command("world-tables")(world_tables.world_tables)
 app.command("rollout")(rollout.rollout)
 app.command("preview")(preview.preview)
 app.command("touch-off")(touch_off.touch_off)

@@ -103,6 +103,14 @@ class Places:
         return self.data / "pretraining"
 
     @property
+    def world_tables(self) -> Path:
+        return self.data / "world-tables"
+
+    @property
+    def benchmarks(self) -> Path:
+        return self.data / "benchmarks"
+
+    @property
     def calibrations(self) -> Path:
         return self.data / "calibrations"
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import termios
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -88,17 +89,28 @@ class Screen:
                 yield draw
         else:
             said: set[tuple[str, int]] = set()
+            began: dict[str, tuple[float, int]] = {}  # when a stage was first heard of, and how far it was
 
             def say(stage: str, done: int, total: int) -> None:
                 tenth = 10 * done // max(total, 1)
+                since, before = began.setdefault(stage, (time.monotonic(), done))
                 if (stage, tenth) not in said:
                     said.add((stage, tenth))
-                    self.show(Text(f"  {stage}: {10 * tenth} % ({done} of {total})"))
+                    left = _left(time.monotonic() - since, done - before, total - done)
+                    self.show(Text(f"  {stage}: {10 * tenth} % ({done} of {total}){left}"))
 
             yield say
 
     def checks(self, found: Sequence[Check]) -> None:
         self.show(views.checks(found))
+
+
+def _left(spent_s: float, done: int, missing: int) -> str:
+    """How long what is missing takes at the speed so far; empty while nobody can know, and under ten seconds."""
+    seconds = spent_s * missing / done if done else 0.0
+    if seconds < 10.0:
+        return ""
+    return f", {seconds / 60.0:.0f} min left" if seconds >= 90.0 else f", {seconds:.0f} s left"
 
 
 def error(message: str) -> None:

@@ -37,6 +37,16 @@ def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
 
 def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
     """The results in a shard, or None where it is missing, damaged, or of other requests."""
+    found = read_shard(path)
+    if found is None:
+        return None
+    stored, results = found
+    same = all(np.array_equal(getattr(stored, name), getattr(requests, name)) for name in _REQUEST_FIELDS)
+    return results if same else None
+
+
+def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
+    """What a shard holds, or None where it is missing or damaged."""
     if not path.exists():
         return None
     try:
@@ -45,10 +55,10 @@ def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
             digest = file["digest"].tobytes().hex()
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
-    same = all(np.array_equal(columns[name], getattr(requests, name)) for name in _REQUEST_FIELDS)
-    if not same or digest != columns_digest(columns):
+    if digest != columns_digest(columns):
         return None
-    return Rollouts(**{name: columns[name] for name in _RESULT_FIELDS})
+    requests, results = ({name: columns[name] for name in names} for names in (_REQUEST_FIELDS, _RESULT_FIELDS))
+    return Requests(**requests), Rollouts(**results)
 
 
 def stored_count(path: Path) -> int:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from importlib.util import find_spec
+from io import StringIO
 
 import torch
 
@@ -24,11 +25,12 @@ def require(method: str, package: str, extra: str) -> None:
 
 @contextmanager
 def calculating(seed: int) -> Iterator[None]:
-    """Inside, torch draws from `seed` and computes on one thread, and the packages' warnings are not shown.
+    """Inside, torch draws from `seed` and computes on one thread, and the packages say nothing.
 
     The same numbers come out on every machine, and whoever draws from torch afterwards sees no difference.
     """
-    with torch.random.fork_rng(devices=[]), one_thread(), warnings.catch_warnings():
+    silent = redirect_stdout(StringIO())  # sbi says there how training went, and stdout is for data
+    with torch.random.fork_rng(devices=[]), one_thread(), warnings.catch_warnings(), silent:
         warnings.simplefilter("ignore")
         torch.manual_seed(seed)
         yield

@@ -1,0 +1,220 @@
+"""Joins the parts of a benchmark: settings -> worlds, tables, checkpoints, jobs, results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.storage.durable import make_folder
+from adaptsim_cli.storage.locking import locked
+
+if TYPE_CHECKING:
+    from adaptsim_cli.report.benchmark import Comparison
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.benchmark.jobs import Job
+    from sim.benchmark.sessions import Conditions
+    from sim.benchmark.tables import WorldTable
+    from sim.benchmark.targets import Target
+    from sim.tasks.task import Task
+
+StageProgress = Callable[[str, int, int], None]
+
+FORMAT = 1
+DEFAULT = "default"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is to be compared, checked."""
+
+    resolved: Resolved
+    task: Task
+    targets: tuple[Target, ...]
+    methods: tuple[str, ...]
+    conditions: Conditions
+    seeds: int
+    checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
+    out: Path | None
+
+    @property
+    def plan(self) -> dict[str, Any]:
+        """What results depend on, and may not change while they are gathered."""
+        return {
+            "format": FORMAT,
+            "task": self.task.name,
+            "conditions": asdict(self.conditions),
+            "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
+        }
+
+    @property
+    def folder(self) -> Path:
+        if self.out is not None:
+            return self.out.absolute()
+        digest = hashlib.sha256(json.dumps(self.plan, sort_keys=True).encode()).hexdigest()[:8]
+        name = f"{self.task.name}-budget{self.conditions.budget}-{digest}"
+        return (self.resolved.places.benchmarks / name).absolute()
+
+
+def asked(
+    resolved: Resolved, targets: str, methods: str, budget: int, seeds: int, checkpoints: str, out: Path | None
+) -> Asked:
+    """Check what is asked for before anything runs.
+
+    Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
+    """
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.adaptation.methods import METHODS, make_method
+    from sim.benchmark.jobs import COMPARED
+    from sim.benchmark.sessions import Conditions
+    from sim.benchmark.targets import targets_of
+    from sim.tasks import get_task
+
+    config = resolved.config
+    task = get_task(config.task)
+    chosen = COMPARED if methods == "all" else tuple(dict.fromkeys(_words(methods)))
+    if unknown := [name for name in chosen if name not in COMPARED]:
+        raise UsageError(f"--methods {','.join(unknown)}: there is all, or any of {', '.join(COMPARED)}")
+    if not chosen:
+        raise UsageError(f"--methods is empty: there is all, or any of {', '.join(COMPARED)}")
+    names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
+    loaded = tuple((name, load_checkpoint(task, name)) for name in names)
+    for name in chosen:
+        if name in METHODS:
+            for _, checkpoint in loaded:
+                make_method(name, task, checkpoint)
+    conditions = Conditions(budget, config.particles)
+    conditions.iterations(task)
+    return Asked(resolved, task, targets_of(task, _words(targets)), chosen, conditions, seeds, loaded, out)
+
+
+def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
+    """Run what is missing of the sessions. Raises DatasetError where a table is missing, SimError, SessionError."""
+    from adaptsim_cli.report.benchmark import Comparison
+    from sim.benchmark.run import Results, run_jobs
+    from sim.benchmark.summary import summarise
+
+    tables = _tables(asked)
+    jobs = _jobs(asked, tables)
+    make_folder(asked.folder)
+    busy = f"another benchmark is at work in {asked.folder}: wait for it, or give another --out"
+    with (
+        locked(asked.folder, busy),
+        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+    ):
+        results = Results(asked.folder)
+        results.agree(asked.plan)
+        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total))
+    return Comparison(
+        folder=asked.folder,
+        task_title=asked.task.title,
+        plan=asked.plan,
+        targets=tuple(target.name for target in asked.targets),
+        seeds=asked.seeds,
+        tabled=any(table is not None for table in tables),
+        defaults=tuple(dict.fromkeys(checkpoint.method for _, checkpoint in asked.checkpoints)),
+        rows=tuple(rows),
+        summaries=summarise(rows),
+    )
+
+
+def tables_folder(resolved: Resolved) -> Path:
+    """Where the tables of the settings' task lie."""
+    return resolved.places.world_tables / resolved.config.task
+
+
+def make_tables(
+    resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
+) -> list[dict[str, Any]]:
+    """Simulate what is missing of the tables of these worlds; one entry each, for JSON.
+
+    Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
+    """
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.benchmark.tables import build_table
+    from sim.benchmark.targets import targets_of
+    from sim.tasks import get_task
+    from sim.tasks.scene_key import scene_key
+
+    config = resolved.config
+    task = get_task(config.task)
+    if task.exact:
+        raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
+    checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
+    chosen, scene = targets_of(task, _words(targets)), scene_key(task)
+    folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
+    make_folder(folder)
+    busy = f"another process makes tables in {folder}: wait for it"
+    with (
+        locked(folder, busy),
+        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+    ):
+        for i, target in enumerate(chosen):
+            place = folder / target.set / target.name
+
+            def report(done: int, _: int, before: int = i * rollouts) -> None:
+                progress("rollouts", before + done, total)
+
+            table = build_table(
+                checkpoint.solver, checkpoint.sha256, scene, target.world, place, rollouts, executor, report
+            )
+            made.append(
+                {
+                    "set": target.set,
+                    "world": target.name,
+                    "rollouts": len(table.actions),
+                    "digest": table.digest,
+                    "folder": str(place),
+                }
+            )
+    return made
+
+
+def _tables(asked: Asked) -> list[WorldTable | None]:
+    """That of each target; none for a task that simulates its worlds."""
+    from sim.benchmark.tables import load_table
+    from sim.tasks.scene_key import scene_key
+
+    if asked.task.exact:
+        return [None] * len(asked.targets)
+    scene, folder = scene_key(asked.task), tables_folder(asked.resolved)
+    return [load_table(asked.task, t.world, scene, folder / t.set / t.name) for t in asked.targets]
+
+
+def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
+    """World by world, so that what is there already is whole worlds."""
+    from sim.benchmark.jobs import Job
+
+    return [
+        Job(
+            task=asked.task.name,
+            checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
+            set=target.set,
+            world=target.world,
+            table=table,
+            method=method,
+            seed=seed,
+            conditions=asked.conditions,
+        )
+        for target, table in zip(asked.targets, tables, strict=True)
+        for method in asked.methods
+        for seed in range(asked.seeds)
+    ]
+
+
+def _found_again(name: str, checkpoint: Checkpoint) -> str:
+    """A shipped checkpoint by its name, any other by its whole path: a worker has a current folder of its own."""
+    from sim.adaptation.checkpoint import SHIPPED
+
+    return name if checkpoint.path.is_relative_to(SHIPPED) else str(checkpoint.path.absolute())
+
+
+def _words(listed: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in listed.split(",") if word.strip())

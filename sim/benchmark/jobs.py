@@ -1,0 +1,135 @@
+"""One method in one world with one seed, from names and values alone: what is handed to a worker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.methods import METHODS, make_method
+from sim.benchmark.places import Place, Simulated, Tabled
+from sim.benchmark.sessions import (
+    Commands,
+    Conditions,
+    Judged,
+    choose_oracle,
+    judge,
+    run_session,
+    shown,
+    udr_policies,
+)
+from sim.benchmark.tables import WorldTable, world_digest
+from sim.lab.world import World
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.tasks import get_task
+
+UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
+LIMITS = (ORACLE, BEST_ACTION)
+"""What no method can know: which E, or which action, is best in the world."""
+
+COMPARED = (*METHODS, *LIMITS)
+
+WITHOUT_SIMULATION = ("learn-in-target",)
+LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """Everything that a result follows from; it can be sent to another machine with the same checkpoints."""
+
+    task: str
+    checkpoint: str  # name or folder
+    set: str
+    world: World
+    table: WorldTable | None  # None: the world is simulated
+    method: str
+    seed: int
+    conditions: Conditions
+
+    @property
+    def answers(self) -> str:
+        """Digest of what the world answers: of its table, or of what it is simulated from."""
+        return world_digest(get_task(self.task), self.world) if self.table is None else self.table.digest
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the policy earns that a session ends with, and those it would have ended with before."""
+
+    task: str
+    set: str
+    target: str
+    method: str
+    seed: int
+    reward: float
+    ci95: tuple[float, float]
+    real_trials: int
+    simulations: int  # true rollouts of Phase 1 that the method rests on
+    wall_s: float
+    curve: tuple[tuple[int, float], ...]  # (real trials, reward) after each iteration
+    shown: float | None  # what trials showed of UDR and of the oracle: they choose the targets with a gap
+
+
+def run_job(job: Job) -> Row:
+    """The session and its judgement, in this process. Raises SimError."""
+    began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
+    solver, conditions = checkpoint.solver, job.conditions
+    task, seen = solver.task, None
+    place: Place = Simulated(solver, job.world) if job.table is None else Tabled(task, job.table)
+    each = conditions.particles * task.adaptation.trials_per_iteration
+    if job.method == UDR:
+        policies = udr_policies(solver, job.seed)
+        several = [judge(task, policy.actions, place, conditions, job.seed) for policy in policies]
+        seen = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
+        return _row(job, checkpoint, [_mean(several)], 0, began, seen)
+    if job.method in LIMITS:
+        act: Commands = place.best_actions
+        if job.method == ORACLE:
+            best, seen = choose_oracle(solver, place, conditions, job.seed)
+            act = best.actions
+        return _row(job, checkpoint, [judge(task, act, place, conditions, job.seed)], 0, began, seen)
+    method = make_method(job.method, task, checkpoint)
+    chosen = run_session(solver, method, place, conditions, job.seed)
+    curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
+    return _row(job, checkpoint, curve, each, began, None)
+
+
+def _row(job: Job, checkpoint: Checkpoint, curve: Sequence[Judged], each: int, began: float, seen: float | None) -> Row:
+    return Row(
+        task=job.task,
+        set=job.set,
+        target=job.world.name,
+        method=job.method,
+        seed=job.seed,
+        reward=curve[-1].reward,
+        ci95=curve[-1].ci95,
+        real_trials=each * len(curve),
+        simulations=_simulations(job.method, checkpoint),
+        wall_s=time.perf_counter() - began,
+        curve=tuple((each * (k + 1), judged.reward) for k, judged in enumerate(curve)),
+        shown=seen,
+    )
+
+
+def _mean(judged: Sequence[Judged]) -> Judged:
+    """Of policies that were judged on the same contexts: of the interval, too, which is so on the safe side."""
+    n = len(judged)
+    low, high = (sum(j.ci95[k] for j in judged) / n for k in range(2))
+    return Judged(sum(j.reward for j in judged) / n, (low, high))
+
+
+def _simulations(method: str, checkpoint: Checkpoint) -> int:
+    name = checkpoint.method if method == "adaptsim" else method
+    if name in WITHOUT_SIMULATION:
+        return 0
+    if name in LEARNT_FROM_EPISODES or not isinstance(checkpoint.solver, EmulatorSolver):
+        return int(checkpoint.card.get("simulations", 0)) if name in LEARNT_FROM_EPISODES else 0
+    budget = checkpoint.card.get("budget", {})
+    return int(budget.get("rollouts", 0)) + int(budget.get("denser", 0))
+
+
+@lru_cache(maxsize=8)
+def _loaded(task: str, checkpoint: str) -> Checkpoint:
+    return load_checkpoint(get_task(task), checkpoint)

@@ -1,0 +1,124 @@
+"""Where sessions of a benchmark happen: a world that is simulated, or its table.
+
+A third place, the whole lab with arm and camera, would keep the same contract.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.benchmark.tables import WorldTable
+from sim.lab.rollouts import rollouts_in
+from sim.lab.world import World
+from sim.pretraining.episodes import trial_requests
+from sim.rollouts.run import Rollouts
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+SMOOTHED = 4
+"""Rollouts of a table that stand together for what an action earns, where the best one is looked for."""
+
+
+class Place(Protocol):
+    """One world. Contexts (N, c) and commanded actions (N, a) in units; chance comes from the generator alone."""
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Trials: observations (N, size) with the camera's noise, rewards (N,)."""
+        ...
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """(N,) rewards of rollouts that `play` never shows."""
+        ...
+
+    def best_actions(self, contexts: Array) -> Array:
+        """(N, a) the best there are, by what `play` would show: the limit of any method."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A `Place` where each trial is a true rollout. For tasks with exact answers, which cost next to nothing."""
+
+    solver: Solver
+    world: World
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        tracks, seen = self._rolled(contexts, actions, rng), self.solver.task.observation
+        shown = np.stack([seen(track) for track in tracks])
+        return seen.with_noise(shown, rng), self._scores(tracks, contexts)
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        return self._scores(self._rolled(contexts, actions, rng), contexts)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """Those of the exact policy for the world's own parameters."""
+        truth = self.world.parameters[None, None]
+        return self.solver.policies(truth, np.random.default_rng(0))[0].actions(contexts)
+
+    def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
+        where = np.tile(self.world.parameters, (len(contexts), 1))
+        asked, there = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
+        rows = zip(asked.parameters, asked.context, asked.action, asked.nuisance, strict=True)
+        return [there(*row) for row in rows]
+
+    def _scores(self, tracks: Sequence[ObjectTrack], contexts: Array) -> Array:
+        return np.array([self.solver.task.score(track, c) for track, c in zip(tracks, contexts, strict=True)])
+
+
+@dataclass(frozen=True, eq=False)
+class Tabled:
+    """A `Place` that answers with the rollout of a table whose executed action lies nearest, in fractions of ranges."""
+
+    task: Task
+    table: WorldTable
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        task, (_, results) = self.task, self._for_trials
+        rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
+        there = task.relocate(results.observation[rows], contexts)
+        return task.observation.with_noise(there, rng), _rewards(task, results, rows, contexts)
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        known, results = self._for_scores
+        return _rewards(self.task, results, self._nearest(known, self._executed(actions, rng)), contexts)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """Of the table's own actions, each worth the mean over its nearest ones."""
+        known, results = self._for_trials
+        unit = self.task.action.normalise(known)
+        together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]
+        best = []
+        for context in contexts:
+            earned = _rewards(self.task, results, np.arange(len(known)), np.tile(context, (len(known), 1)))
+            best.append(int(np.argmax(earned[together].mean(axis=1))))
+        return known[best]
+
+    @cached_property
+    def _for_trials(self) -> tuple[Array, Rollouts]:
+        return self.table.half(odd=False)
+
+    @cached_property
+    def _for_scores(self) -> tuple[Array, Rollouts]:
+        return self.table.half(odd=True)
+
+    def _executed(self, actions: Array, rng: np.random.Generator) -> Array:
+        return np.asarray(actions + rng.uniform(-1.0, 1.0, actions.shape) * self.task.action_noise)
+
+    def _nearest(self, known: Array, executed: Array) -> NDArray[np.intp]:
+        space = self.task.action
+        gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
+        return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
+
+
+def _rewards(task: Task, results: Rollouts, rows: NDArray[np.intp], contexts: Array) -> Array:
+    succeeded = results.succeeded[rows]
+    end = np.where(succeeded[:, None], results.end_state[rows], 0.0)
+    return np.where(succeeded, task.reward_of_success(end, contexts), 0.0)

@@ -1,0 +1,187 @@
+"""World tables: true rollouts of a world, run once, so that sessions in it are looked up and not simulated.
+
+What a world answers depends on the executed action alone, since contexts differ by `Task.relocate`. So a table is a
+set of executed actions with what each did: half of them fill the action space, half are what policies of E command, at
+drawn contexts, with offsets and with the error of execution. Rows with even numbers are for sessions and for choices,
+those with odd numbers for scores: no score rests on a rollout that chose anything.
+
+A table is a folder with `table.toml` (which world, scene and policies) and shards with digests. A killed run goes on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from sim.errors import DatasetError
+from sim.lab.drawn import as_toml
+from sim.lab.rollouts import rollouts_in
+from sim.lab.world import World
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
+from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.shards import read_rollouts, read_shard, write_rollouts
+from sim.solvers.solver import Solver
+from sim.storage.files import read_toml, write_toml
+from sim.tasks.task import Task
+
+ROLLOUTS = 320
+"""Rollouts of a world: with 40 drawn worlds of each seed and the named ones, less than an hour of two cores a task."""
+
+SHARD = 64
+
+POLICIES = 32
+"""E, evenly over Omega, whose policies command half of the actions."""
+
+OFFSET = 0.08
+"""Standard deviation of the offsets of these actions, in fractions of the ranges; every second one has none."""
+
+MANIFEST = "table.toml"
+FORMAT = 1
+_MADE_OF = ("format", "task", "world", "scene", "size", "policies")
+
+
+@dataclass(frozen=True, eq=False)
+class WorldTable:
+    """True rollouts of one world."""
+
+    world: str
+    actions: Array  # (N, a) executed, in units
+    rollouts: Rollouts  # at the task's reference context, without camera noise
+    digest: str
+
+    def half(self, odd: bool) -> tuple[Array, Rollouts]:
+        """The rows for scores (odd) or those for everything else."""
+        rows = slice(1 if odd else 0, None, 2)
+        r = self.rollouts
+        return self.actions[rows], Rollouts(r.observation[rows], r.end_state[rows], r.succeeded[rows], r.outcome[rows])
+
+
+def build_table(
+    solver: Solver,
+    policies_of: str,
+    scene: str,
+    world: World,
+    folder: Path,
+    size: int,
+    executor: Executor,
+    progress: Progress,
+) -> WorldTable:
+    """Simulate what is missing of the table in `folder`, and return the whole.
+
+    `policies_of` is the digest of the checkpoint whose `solver` it is, `scene` the task's `scene_key`. Raises
+    DatasetError where the folder holds a table of something else, RolloutError, ClusterUnavailable.
+    """
+    task = solver.task
+    plan = {
+        "format": FORMAT,
+        "task": task.name,
+        "world": world_digest(task, world),
+        "scene": scene,
+        "size": size,
+        "policies": policies_of,
+    }
+    before = _manifest(folder)
+    if before is None:
+        write_toml(folder / MANIFEST, {**plan, "digest": ""})
+    elif different := [key for key in _MADE_OF if before.get(key) != plan[key]]:
+        raise DatasetError(
+            f"{folder} holds a table of another {', '.join(different)}: remove it and run the same command again"
+        )
+    there, done = replace(task, simulate=rollouts_in(world)), 0
+    for path, part in _shards(folder, table_requests(solver, world, size)):
+        if read_rollouts(path, part) is None:
+            write_rollouts(path, part, run_many(there, part, executor))
+        done += len(part)
+        progress(done, size)
+    table = _read(folder, world, size)
+    write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
+    return table
+
+
+def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:
+    """The finished table of `world` in `folder`. Raises DatasetError where there is none, or of something else."""
+    again = f"make it with `adaptsim world-tables --task {task.name} --targets {world.name}`"
+    manifest = _manifest(folder)
+    if manifest is None or not manifest["digest"]:
+        raise DatasetError(f"there is no finished table of world {world.name} in {folder}: {again}")
+    if (manifest["world"], manifest["scene"]) != (world_digest(task, world), scene):
+        raise DatasetError(
+            f"the table in {folder} is of another version of world {world.name}, or of another scene: remove the "
+            f"folder, then {again}"
+        )
+    table = _read(folder, world, int(manifest["size"]))
+    if table.digest != manifest["digest"]:
+        raise DatasetError(f"the shards in {folder} are not those of {MANIFEST}: remove the folder, then {again}")
+    return table
+
+
+def table_requests(solver: Solver, world: World, size: int) -> Requests:
+    """The rollouts of a table: a function of the world's name, the policies and the size."""
+    task = solver.task
+    rng = np.random.default_rng(int.from_bytes(hashlib.sha256(world.name.encode()).digest()[:8], "big"))
+    a, evenly = len(task.action), size // 2
+    low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
+    filling = low + sobol(evenly, a, rng) * (high - low)
+    grid = spread(task.parameters, sobol(POLICIES, len(task.parameters), np.random.default_rng(0)))
+    policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
+    count = size - evenly
+    contexts = task.context.sample(rng, count)
+    commanded = np.stack([policies[i % POLICIES].actions(contexts[i : i + 1])[0] for i in range(count)])
+    offset = OFFSET * rng.standard_normal((count, a)) * (rng.random((count, 1)) < 0.5)
+    commanded = task.action.denormalise(np.clip(task.action.normalise(commanded) + offset, 0.0, 1.0))
+    executed = commanded + rng.uniform(-1.0, 1.0, (count, a)) * task.action_noise
+    order = rng.permutation(size)
+    return Requests(
+        parameters=np.tile(world.parameters, (size, 1)),
+        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (size, 1)),
+        action=np.concatenate([filling, executed])[order],
+        nuisance=np.tile(world.nuisance, (size, 1)),
+    )
+
+
+def world_digest(task: Task, world: World) -> str:
+    """Sixteen hexadecimal digits of all that decides a directly driven rollout in a world."""
+    values = world.parameters.tobytes() + world.nuisance.tobytes()
+    return hashlib.sha256(as_toml(task, world).encode() + values).hexdigest()[:16]
+
+
+def _shards(folder: Path, requests: Requests) -> Iterator[tuple[Path, Requests]]:
+    for start in range(0, len(requests), SHARD):
+        yield folder / f"shard-{start // SHARD:04d}.npz", requests[start : start + SHARD]
+
+
+def _read(folder: Path, world: World, size: int) -> WorldTable:
+    """All shards, each against its own digest."""
+    actions, parts, total = [], [], hashlib.sha256()
+    for start in range(0, size, SHARD):
+        path = folder / f"shard-{start // SHARD:04d}.npz"
+        found = read_shard(path)
+        if found is None:
+            raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, it remakes that one")
+        requests, results = found
+        actions.append(requests.action)
+        parts.append(results)
+        for column in (requests.action, results.observation, results.end_state, results.succeeded):
+            total.update(np.ascontiguousarray(column).tobytes())
+    return WorldTable(world.name, np.concatenate(actions), concatenate(parts), total.hexdigest()[:16])
+
+
+def _manifest(folder: Path) -> dict[str, Any] | None:
+    path = folder / MANIFEST
+    if not path.exists():
+        return None
+    try:
+        manifest = read_toml(path)
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DatasetError(f"{path} cannot be read ({error}): remove the folder and make the table again") from error
+    if missing := {*_MADE_OF, "digest"} - manifest.keys():
+        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and make the table again")
+    return manifest

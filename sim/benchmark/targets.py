@@ -1,0 +1,68 @@
+"""Which worlds a benchmark means by a name.
+
+`develop` and `drawn` are forty worlds each, as `sim.lab.drawn` draws them, none thrown away. Methods are developed on
+`develop`; `drawn` is for what is reported. `named` are the worlds that ship: they were selected (by how the policies of
+one checkpoint fail there, or by the paper). Any other name is one of them, or a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from sim.errors import UnknownName
+from sim.lab.drawn import drawn_world
+from sim.lab.world import World, list_worlds, load_world
+from sim.tasks.task import Task
+
+DRAWN = 40
+DEVELOP_SEED, REPORT_SEED = 0, 1
+NAMED = "named"
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A world, and the set it belongs to: results of different sets are never pooled."""
+
+    set: str
+    world: World
+
+    @property
+    def name(self) -> str:
+        return self.world.name
+
+
+def _drawn(seed: int) -> Callable[[Task], tuple[World, ...]]:
+    return lambda task: tuple(drawn_world(task, seed, number) for number in range(DRAWN))
+
+
+def _named(task: Task) -> tuple[World, ...]:
+    return tuple(load_world(name, task) for name in list_worlds(task))
+
+
+SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
+    "develop": _drawn(DEVELOP_SEED),
+    "drawn": _drawn(REPORT_SEED),
+    NAMED: _named,
+}
+"""Every set of worlds by its name: the only place that lists them."""
+
+
+def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
+    """The worlds of `names` (sets, names of worlds, files), each once, in order. Raises UnknownName, WorldError."""
+    found: dict[str, Target] = {}
+    for name in names:
+        for target in _meant(task, name):
+            found.setdefault(target.name, target)
+    if not found:
+        raise UnknownName("no target was named: give names of worlds, or develop, drawn, named")
+    return tuple(found.values())
+
+
+def _meant(task: Task, name: str) -> tuple[Target, ...]:
+    if name in SETS:
+        return tuple(Target(name, world) for world in SETS[name](task))
+    try:
+        return (Target(NAMED, load_world(name, task)),)
+    except UnknownName as error:
+        raise UnknownName(f"{error}; sets of worlds are {', '.join(SETS)}") from error

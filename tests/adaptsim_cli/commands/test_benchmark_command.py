@@ -1,0 +1,96 @@
+"""`adaptsim benchmark` and `adaptsim world-tables`: from the command line to page, CSV and JSON."""
+
+import csv
+import json
+
+import pytest
+
+from adaptsim_cli.app import run
+
+PENDULUM = ["benchmark", "--task", "pendulum", "--targets", "wd,ood-1", "--budget", "4", "--seeds", "2"]
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.setenv("ADAPTSIM_WORKERS", "1")
+    return tmp_path
+
+
+def said(capsys):
+    captured = capsys.readouterr()
+    return captured.out, captured.err
+
+
+def test_it_compares_writes_everything_down_and_goes_on(capsys, home):
+    assert run([*PENDULUM, "--methods", "udr,random,oracle,best-action", "--json"]) == 0
+    out, err = said(capsys)
+    found = json.loads(out)
+    assert len(found["rows"]) == 2 * 4 * 2
+    assert found["rows"][0].keys() >= {
+        "task", "target", "method", "seed", "reward", "ci95", "real_trials", "simulations", "wall_s",
+    }  # fmt: skip
+    by_name = {m["method"]: m for m in found["summary"][0]["methods"]}
+    assert by_name["best-action"]["reward"] == pytest.approx(1.0)
+    assert by_name["udr"]["reward"] < by_name["oracle"]["reward"]
+    assert "named: 2 worlds, 2 seeds, 2 with a gap between oracle and udr" in err
+    folder = home / "data/benchmarks"
+    (page,) = folder.glob("pendulum-budget4-*/report.html")
+    assert str(page) == found["report"]
+    text = page.read_text()
+    assert text.count("<svg") == 2
+    assert "Worlds with a gap: wd, ood-1." in text
+    with (page.parent / "rows.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == 16
+    assert float(table[0]["reward"]) == found["rows"][0]["reward"]
+    assert json.loads((page.parent / "benchmark.json").read_text()) == found
+
+    assert run([*PENDULUM, "--methods", "udr,random,bo-prior", "--json"]) == 0
+    out, err = said(capsys)
+    again = json.loads(out)
+    assert "sessions: 60 % (8 of 12)" in err
+    kept = {(r["target"], r["method"], r["seed"]): r for r in found["rows"]}
+    shared = [r for r in again["rows"] if r["method"] != "bo-prior"]
+    assert shared == [kept[r["target"], r["method"], r["seed"]] for r in shared]
+
+
+def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
+    for flags, code, message in (
+        (["--methods", "udr,magic"], 2, "--methods magic: there is all, or any of adaptsim"),
+        (["--methods", ","], 2, "--methods is empty"),
+        (["--targets", "marsh"], 2, "no world 'marsh' for pendulum"),
+        (["--budget", "1"], 2, "a budget of 1 trials is less than one iteration of pendulum"),
+        (["--checkpoints", "nowhere"], 8, "no checkpoint 'nowhere' for pendulum"),
+    ):
+        assert run([*PENDULUM, "--methods", "udr", *flags]) == code
+        assert message in " ".join(said(capsys)[1].split())
+    assert not (home / "data/benchmarks").exists()
+
+
+def test_a_missing_extra_gives_its_install_line(capsys, monkeypatch):
+    monkeypatch.setattr("sim.adaptation.methods.extras.find_spec", lambda name: None)
+    assert run([*PENDULUM, "--methods", "all"]) == 3
+    assert "pip install 'adaptsim[" in said(capsys)[1]
+
+
+def test_tables_are_made_for_contact_tasks_alone_and_missing_ones_name_the_command(capsys):
+    assert run(["world-tables", "--task", "pendulum"]) == 2
+    assert "pendulum needs no tables" in said(capsys)[1]
+    assert run(["benchmark", "--task", "pushing", "--targets", "wd", "--methods", "udr"]) == 8
+    assert "make it with `adaptsim world-tables --task pushing --targets wd`" in said(capsys)[1]
+
+
+def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
+    """A table far too small for anything but this."""
+    assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "16", "--json"]) == 0
+    (made,) = json.loads(said(capsys)[0])["tables"]
+    assert (made["set"], made["world"], made["rollouts"]) == ("named", "wd", 16)
+    flags = ["--targets", "wd", "--methods", "udr,adaptsim,best-action", "--seeds", "1", "--budget", "4", "--json"]
+    assert run(["benchmark", "--task", "pushing", *flags]) == 0
+    found = json.loads(said(capsys)[0])
+    assert [row["method"] for row in found["rows"]] == ["udr", "adaptsim", "best-action"]
+    assert found["rows"][1]["real_trials"] == 4
+    assert all(0.0 <= row["reward"] <= 1.0 for row in found["rows"])
+    assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "32"]) == 8
+    assert "holds a table of another size" in said(capsys)[1]

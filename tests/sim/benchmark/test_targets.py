@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from sim.benchmark.targets import DRAWN, targets_of
+from sim.errors import UnknownName
+from sim.lab.world import list_worlds
+from sim.tasks import get_task
+
+PUSHING = get_task("pushing")
+
+
+def test_drawn_worlds_are_always_the_same_forty_and_none_is_of_both_sets():
+    develop, drawn = (targets_of(PUSHING, [name]) for name in ("develop", "drawn"))
+    assert len(develop) == len(drawn) == DRAWN
+    assert [t.name for t in drawn[:2]] == ["drawn-1-0", "drawn-1-1"]
+    again = targets_of(PUSHING, ["drawn"])
+    assert all(np.array_equal(a.world.parameters, b.world.parameters) for a, b in zip(drawn, again, strict=True))
+    assert drawn[0].world.parameters.tolist() == pytest.approx([0.30613, 20775.8, 0.905325, -0.0602139], rel=1e-4)
+    values = {t.world.parameters.tobytes() for t in (*develop, *drawn)}
+    assert len(values) == 2 * DRAWN
+
+
+def test_a_world_that_is_named_twice_is_one_target_of_the_set_that_named_it_first():
+    found = targets_of(PUSHING, ["wd", "named", "wd"])
+    assert [t.name for t in found[:1]] == ["wd"]
+    assert sorted(t.name for t in found) == list(list_worlds(PUSHING))
+    assert {t.set for t in found} == {"named"}
+
+
+def test_an_unknown_target_names_the_worlds_and_the_sets():
+    with pytest.raises(UnknownName, match=r"no world 'marsh' for pushing; there are .*wd.*sets of worlds are develop"):
+        targets_of(PUSHING, ["marsh"])
+    with pytest.raises(UnknownName, match="no target was named"):
+        targets_of(PUSHING, [])

@@ -12,7 +12,7 @@ STAMP  := $(VENV)/.installed
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-lowest check format bench lock clean system
+.PHONY: setup demo test test-slow test-lowest check format bench lock clean system docs site
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -61,6 +61,10 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The pages of docs/ that follow from the code: commands, parameters, files, messages.
+docs: $(STAMP)
+	$(BIN)/python docs/generate.py
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

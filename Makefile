@@ -12,7 +12,7 @@ STAMP  := $(VENV)/.installed
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-lowest check format bench lock clean system docs site
+.PHONY: setup demo test test-slow test-lowest check format bench lock clean system docs site package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -66,6 +66,23 @@ check: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py
 
+# The same Markdown as a site, in build/site; every link and anchor is checked.
+site:
+	$(PYTHON) -m venv .venv-site
+	.venv-site/bin/python -m pip install --quiet --disable-pip-version-check 'mkdocs>=1.6,<2'
+	.venv-site/bin/mkdocs build --strict --quiet --site-dir build/site
+
+# What a user gets: the wheel, installed in an empty environment and used outside of the checkout.
+package:
+	rm -rf .venv-package build/package && mkdir -p build/package
+	$(PYTHON) -m venv .venv-package
+	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/package .
+	$(if $(TORCH_INDEX),.venv-package/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
+	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock build/package/*.whl
+	cd build/package && export ADAPTSIM_HOME=$$PWD/home PATH=$(CURDIR)/.venv-package/bin:$$PATH && \
+	  adaptsim --version && adaptsim --help >/dev/null && adaptsim lab list && adaptsim doctor && \
+	  adaptsim run-iteration --task pendulum --world wd --yes
+
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -82,4 +99,4 @@ lock:
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock .venv-lowest build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lock .venv-lowest .venv-site .venv-package build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

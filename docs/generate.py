@@ -413,6 +413,7 @@ SAID = {
     "bottle_mass_scale": "mass of the bottle, relative to training",
     "patch_size_scale": "side of the patch, relative to training",
     "started": "when the motion began",
+    "summary_sha256": "hash of summary.json beside it",
     "extrinsic_error_mm": "how far off the nominal calibration is",
     "extrinsic_error_deg": "how far off the nominal calibration is turned",
     "weighed": "when it was weighed",

@@ -1,9 +1,9 @@
 """The operator's guide, command by command in the simulated lab: they work, and print what the guide shows.
 
-A fence ```` ```sh run ```` is run, line by line, in the order of the guide and in one home and folder. `exit=3` beside
-it is the exit code that is expected. A fence
-```` ```text ```` right after it is what these commands print, shortened: every line of it must be printed,
-numbers aside; `…` stands for anything. A fence ```` ```toml NAME ```` is a file that the reader writes.
+A fence below `<!-- run -->` is run, line by line, in the order of the guide and in one home and folder. `exit=3` in the
+comment is the exit code that is expected. A fence ```` ```text ```` right after it is what these commands print,
+shortened: every line of it must be printed, numbers aside; `…` stands for anything. A fence below
+`<!-- file NAME -->` is a file that the reader writes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 GUIDE, WORLDS = ROOT / "docs/guide/operators-guide.md", ROOT / "sim/worlds/scooping"
-FENCE = re.compile(r"^```(?P<info>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(
+    r"^(?:<!-- (?P<mark>[^\n]*) -->\n)?```(?P<info>[^\n]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL
+)
 NUMBER = re.compile(r"[-−+]?\d[\d.,]*(?:e[-+]?\d+)?|\bnan\b")
 ELLIPSIS = "…"
 
@@ -40,8 +42,8 @@ class Step:
 def steps(text: str) -> Iterator[Step]:
     fences = list(FENCE.finditer(text))
     for index, fence in enumerate(fences):
-        words = fence["info"].split()
-        if words[:2] != ["sh", "run"]:
+        words = (fence["mark"] or "").split()
+        if words[:1] != ["run"]:
             continue
         code = next((int(word.removeprefix("exit=")) for word in words if word.startswith("exit=")), 0)
         commands = tuple(line for line in fence["body"].splitlines() if line.strip())
@@ -58,8 +60,8 @@ def _shown(text: str, fence: re.Match[str], after: list[re.Match[str]]) -> tuple
 
 def files(text: str) -> dict[str, str]:
     """Name -> content of every file that the reader is asked to write."""
-    named = ((fence["info"].split(), fence["body"]) for fence in FENCE.finditer(text))
-    return {words[1]: body for words, body in named if len(words) == 2 and words[0] == "toml"}
+    named = (((fence["mark"] or "").split(), fence["body"]) for fence in FENCE.finditer(text))
+    return {words[1]: body for words, body in named if len(words) == 2 and words[0] == "file"}
 
 
 def plain(line: str) -> str:
@@ -131,9 +133,8 @@ def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code
 
 
 def test_what_a_guide_shows_is_compared_with_what_was_printed() -> None:
-    text = (
-        "```sh run exit=3\nadaptsim doctor  # why\n```\n\n```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
-    )
+    text = "<!-- run exit=3 -->\n```sh\nadaptsim doctor  # why\n```\n\n"
+        "```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
     (step,) = steps(text)
     assert step == Step(("adaptsim doctor  # why",), 3, ("✓  disk   75.5 GB …", "…"))
     assert missing(step.shown, "✓ disk 2 GB free\n") == []

@@ -1,0 +1,56 @@
+"""What `pyproject.toml` cannot say: addresses that follow from where the repository is published.
+
+`ADAPTSIM_REPOSITORY_URL` names it (CI sets it), else the remote `origin`. README's links are relative in the
+repository; in the metadata they become absolute, so that they work on a package index. In a checkout that was never
+published, links into the repository keep their words and lose their target.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+from setuptools import setup
+
+ROOT = Path(__file__).parent
+PAPER = "https://arxiv.org/abs/2302.04903"
+LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
+BRANCH = "main"
+
+
+def repository() -> str:
+    """Address of the published repository without a slash at the end, empty when there is none."""
+    url = os.environ.get("ADAPTSIM_REPOSITORY_URL", "")
+    if not url:
+        asked = ["git", "config", "--get", "remote.origin.url"]
+        done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
+        url = re.sub(r"^git@([^:]+):", r"https://\1/", done.stdout.strip())
+    return url.removesuffix("/").removesuffix(".git") if url.startswith("https://") else ""
+
+
+def readme(text: str, url: str) -> str:
+    """README with absolute links, or with none into the repository where `url` is empty."""
+
+    def absolute(link: re.Match[str]) -> str:
+        picture, words, path = link.groups()
+        if not url:
+            return "" if picture else words
+        return f"{picture}[{words}]({url}/{'raw' if picture else 'blob'}/{BRANCH}/{path})"
+
+    return LINK.sub(absolute, text)
+
+
+def urls(url: str) -> dict[str, str]:
+    """The addresses of the project."""
+    known = {"Source": url, "Changelog": f"{url}/blob/{BRANCH}/CHANGELOG.md", "Issues": f"{url}/issues"} if url else {}
+    return {"Paper": PAPER, **known}
+
+
+if __name__ == "__main__":
+    setup(
+        long_description=readme((ROOT / "README.md").read_text(encoding="utf-8"), repository()),
+        long_description_content_type="text/markdown",
+        project_urls=urls(repository()),
+    )

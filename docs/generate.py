@@ -608,7 +608,7 @@ def _template(node: ast.expr) -> str:
 
 
 def _escaped(text: str) -> str:
-    return re.sub(r"([*_<>\[\]|])", r"\\\1", text)
+    return re.sub(r"([*_<>\[\]|])", r"\\\1", text.replace("`", ""))
 
 
 PAGES = {

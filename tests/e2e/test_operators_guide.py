@@ -134,7 +134,7 @@ def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code
 
 def test_what_a_guide_shows_is_compared_with_what_was_printed() -> None:
     text = "<!-- run exit=3 -->\n```sh\nadaptsim doctor  # why\n```\n\n"
-        "```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
+    text += "```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
     (step,) = steps(text)
     assert step == Step(("adaptsim doctor  # why",), 3, ("✓  disk   75.5 GB …", "…"))
     assert missing(step.shown, "✓ disk 2 GB free\n") == []

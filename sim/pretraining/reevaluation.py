@@ -38,8 +38,8 @@ ROUNDING = 1e-3
 PER_TARGET = 2
 """Rollouts of a policy in one target, where they cost something: many targets tell more than many rollouts."""
 
-EXACT_TARGETS = 64
-"""Targets where rollouts cost nothing."""
+EXACT_TARGETS, ASKED_A_TARGET = 64, 3
+"""Where rollouts cost nothing: the most targets, and how many rollouts somebody has to ask for to get one more."""
 
 AT_ONCE = 16
 """Rollouts between two reports of progress."""
@@ -66,15 +66,16 @@ class Figure:
 
 
 def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
-    """Those figures of the card that about `rollouts` true rollouts can tell; where they cost nothing, all of them.
+    """Those figures of the card that about `rollouts` true rollouts can tell.
 
+    Where rollouts cost nothing, whole sessions are run, in more targets the more rollouts are asked for.
     Empty where the checkpoint holds neither an emulator nor exact policies: then there is nothing to ask before a
     session trains its policies.
     """
     solver, rng = checkpoint.solver, np.random.default_rng(seed)
     task, card = solver.task, checkpoint.card
     if task.exact is not None:
-        return _sessions(checkpoint, roll, rng, progress)
+        return _sessions(checkpoint, roll, _exact_targets(rollouts), rng, progress)
     if not isinstance(solver, EmulatorSolver):
         return []
     counted = _Counted(roll, rollouts, progress)
@@ -155,17 +156,23 @@ def _policies(
     ]
 
 
-def _sessions(checkpoint: Checkpoint, roll: Roll, rng: np.random.Generator, progress: Progress) -> list[Figure]:
-    """Whole sessions in fresh targets, for a task whose rollouts cost next to nothing."""
+def _exact_targets(rollouts: int) -> int:
+    return max(4, min(EXACT_TARGETS, rollouts // ASKED_A_TARGET))
+
+
+def _sessions(
+    checkpoint: Checkpoint, roll: Roll, count: int, rng: np.random.Generator, progress: Progress
+) -> list[Figure]:
+    """Whole sessions in `count` fresh targets, for a task whose rollouts cost next to nothing."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
     method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
     earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
-    for i, target in enumerate(sample_targets(task, settings.kind, EXACT_TARGETS, rng)):
+    for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):
         session = run_session(solver, method, target, roll, settings, rng)
         earned["adaptsim"].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
         earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
-        progress(i + 1, EXACT_TARGETS)
+        progress(i + 1, count)
     behind = int(stored.get("targets", 0))
     last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}
     said = {"adaptsim": last.get(checkpoint.method), "udr": stored.get("udr")}

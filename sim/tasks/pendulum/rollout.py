@@ -42,9 +42,8 @@ def simulate_many(
     closed = closed_loop(parameters, gains)
     costs, (_, best) = cost(closed, gains), optimal(parameters)
     with np.errstate(over="ignore", invalid="ignore"):
-        states = motion(closed, float(TIMES_S[1]), len(TIMES_S) - 1)
         excess = np.minimum(costs / best - 1.0, WORST)
-    states = np.clip(np.nan_to_num(states, nan=HELD_RAD), -HELD_RAD, HELD_RAD)
+    states = _motions(closed)
     rows = np.concatenate([states, np.broadcast_to(excess[:, None, None], (*states.shape[:2], 1))], axis=-1)
     return tuple(_track(row, bool(np.isfinite(j))) for row, j in zip(rows, costs, strict=True))
 
@@ -52,6 +51,20 @@ def simulate_many(
 def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None) -> ObjectTrack:
     """One rollout: the stack of one."""
     return simulate_many(parameters[None], context[None], action[None], nuisance[None], unmodelled)[0]
+
+
+def observed_many(parameters: Array, action: Array) -> Array:
+    """Observations (N, 24) of N rollouts, parameters (N, 4), action (N, 8), without what else a track holds."""
+    gains = np.asarray(action, dtype=np.float64).reshape(-1, INPUTS, STATES)
+    states = _motions(closed_loop(np.asarray(parameters, dtype=np.float64), gains))
+    return OBSERVATION.normalise(states[:, ::BETWEEN, list(OBSERVATION.columns)])
+
+
+def _motions(closed: Array) -> Array:
+    """States (N, T, 4) at `TIMES_S` in the closed loops (N, 4, 4), held where they mean nothing any more."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = motion(closed, float(TIMES_S[1]), len(TIMES_S) - 1)
+    return np.clip(np.nan_to_num(states, nan=HELD_RAD), -HELD_RAD, HELD_RAD)
 
 
 def _track(rows: Array, stable: bool) -> ObjectTrack:

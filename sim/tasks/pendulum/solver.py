@@ -10,7 +10,7 @@ from hw.types import Array, frozen_array
 from sim.tasks.pendulum.lqr import INPUTS, STATES, excess, optimal
 from sim.tasks.pendulum.observe import reward_of_success
 from sim.tasks.pendulum.params import OBSERVATION
-from sim.tasks.pendulum.rollout import simulate_many
+from sim.tasks.pendulum.rollout import observed_many
 from sim.tasks.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
@@ -66,8 +66,7 @@ class LqrSolver:
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
         """(N, 24)"""
-        tracks = simulate_many(parameters, nuisance, np.broadcast_to(action, (len(parameters), 8)), nuisance)
-        return np.stack([OBSERVATION(track) for track in tracks])
+        return observed_many(parameters, np.broadcast_to(action, (len(parameters), 8)))
 
     @property
     def residual_std(self) -> Array:

@@ -99,6 +99,15 @@ def test_a_stack_and_its_single_rollouts_are_the_same():
         assert alone.outcome is track.outcome
 
 
+def test_trajectories_are_the_observations_of_rollouts():
+    targets, actions = draws(9), optimal(TASK.parameters.sample(np.random.default_rng(3), 9))[0].reshape(9, 8)
+    targets, actions = np.vstack([targets, targets[:1]]), np.vstack([actions, np.zeros((1, 8))])
+    tracks = [TASK.simulate(t, NOTHING, a, NOTHING) for t, a in zip(targets, actions, strict=True)]
+    assert tracks[-1].outcome is Outcome.DIVERGED
+    expected = np.stack([TASK.observation(track) for track in tracks])
+    assert np.allclose(SOLVER.trajectories(targets, actions, np.zeros((10, 0))), expected, rtol=0.0, atol=1e-12)
+
+
 def test_a_track_starts_hanging_and_ends_upright_and_its_score_is_the_exact_reward():
     target = TASK.parameters.low
     action = optimal(np.full(4, 1.6))[0].reshape(8)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "hw" / "franka"))
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from fr3_process import RELAXED, Fr3Process, arm_at, fr3
 
 from hw.collision import Tool

@@ -31,7 +31,7 @@ def test_a_disk_that_fails_at_any_call_costs_nothing(tmp_path: Path) -> None:
 
 
 def fail(folder: Path, failures: int) -> Any:
-    script = Path(__file__).parent / "failing_disk_session.py"
+    script = Path(__file__).parents[1] / "support" / "failing_disk_session.py"
     command = [sys.executable, str(script), str(folder), str(failures)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -40,11 +40,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import franky_sim.franka_server as base
 import numpy as np
+from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
 from franky_sim.franka_robot_protocol import (
     COMMAND_PORT,
     AutomaticErrorRecoveryCommand,
@@ -59,9 +59,6 @@ from franky_sim.franka_robot_protocol import (
 )
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
-
-sys.path.append(str(Path(__file__).parents[2] / "support"))
-from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
 
 from hw.kinematics import forward, jacobian
 

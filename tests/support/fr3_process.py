@@ -15,10 +15,8 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
-
-sys.path.append(str(Path(__file__).parents[1]))
 from cells import cell
+from numpy.typing import ArrayLike
 
 from hw.collision import BARE_HAND, Tool
 from hw.franka.arm import FrankaArm, Pedal, franka

@@ -18,7 +18,7 @@ from calib.geometry import adjoint, angle_deg, distance_mm, inverse, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Setup, Solution, Verdict, View
 from hw.types import Array, Intrinsics
-from perception.board.types import Board
+from perception.board.types import Target
 
 SQUARE_LIMIT = 0.003
 """Share by which the board may differ from its stated size before it is said; also 4 of its standard deviations."""
@@ -39,6 +39,9 @@ def square_size(solution: Solution) -> Check:
     """Is the board as large as stated? The arm's motion has a scale of its own; the focal length enters as well."""
     off, sigma = solution.square_scale - 1.0, solution.square_scale_sigma
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
+    if not solution.size_known:
+        found = f"not stated; by the arm's motion it is a {solution.target}, to ± {100 * sigma:.2f} %"
+        return Check("square size", Verdict.GOOD, found)
     message = f"the arm's motion asks for squares {100 * off:+.2f} % (± {100 * sigma:.2f}) of their stated size"
     if abs(off) <= limit:
         return Check("square size", Verdict.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
@@ -155,7 +158,7 @@ def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward
     return predict(State(solution.X_AC, solution.X_HM, offsets), moved)
 
 
-def depth_residuals(X_DM: Array, board: Board, depth_mm: Array, camera: Intrinsics) -> Array:
+def depth_residuals(X_DM: Array, board: Target, depth_mm: Array, camera: Intrinsics) -> Array:
     """(K,) measured less expected depth in metres, on the inner part of the board.
 
     `depth_mm` (H, W), 0 = no reading; `X_DM` (4, 4) the board in the depth camera.

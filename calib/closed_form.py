@@ -38,6 +38,27 @@ def robust_start(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
     return X_AC[0], X_HM[0]
 
 
+def size_by_motion(X_AH: Array, X_CM: Array) -> float:
+    """How much larger the target is than the size with which X_CM (N, 4, 4) were found, N >= 4; the median of subsets.
+
+    Rotations do not depend on the size; given them, R_AH p_HM + p_AH = R_AC (s p_CM) + p_AC is linear in the rest.
+    """
+    n, size = len(X_AH), min(SUBSET + 2, len(X_AH))
+    rng = np.random.default_rng(20130102)
+    found = []
+    for _ in range(SUBSETS):
+        rows = rng.permutation(n)[:size]
+        R_AC = shah(X_AH[rows][None], X_CM[rows][None])[0][0, :3, :3]
+        turned = X_CM[rows, :3, 3] @ R_AC.T
+        A = np.concatenate(
+            [X_AH[rows, :3, :3], np.broadcast_to(-np.eye(3), (size, 3, 3)), -turned[..., None]], axis=2
+        ).reshape(3 * size, 7)
+        x, _, rank, _ = np.linalg.lstsq(A, -X_AH[rows, :3, 3].ravel(), rcond=1e-9)
+        if rank == 7 and x[6] > 0:
+            found.append(float(x[6]))
+    return float(np.median(found)) if found else 1.0
+
+
 def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
     """(S, N, 4, 4) each -> X_AC and X_HM (S, 4, 4), least squares of X_AH X_HM = X_AC X_CM."""
     Ra, Rb = X_AH[..., :3, :3], X_CM[..., :3, :3]
@@ -100,7 +121,7 @@ def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
         except cv2.error:
             continue
         out[name] = inverse(_one(R, p))
-    return {name: X for name, X in out.items() if np.isfinite(X).all()}
+    return {name: X for name, X in out.items() if np.isfinite(X).all() and np.linalg.det(X[:3, :3]) > 0.5}
 
 
 def _one(R: Array, p: Array) -> Array:

@@ -11,19 +11,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.errors import BoardDisagrees, TooFewViews
+from calib.errors import TooFewViews
 from calib.geometry import move
 from calib.projection import project, project_with_jacobian
 from hw.types import Array, Intrinsics
-from perception.board.types import Board, Corners
+from perception.board.detection import in_a_row, starts
+from perception.board.types import Corners, Target
 
-MIN_CORNERS = 6
 _HUBER = 2.5  # in standard deviations of a corner
 _NOISE_FLOOR_PX = 0.02
+_FAR_RAD = 1.5
+_ROUGH = 2.0
+"""A view whose corners lie so many times worse than the others' counts with its own noise: a bent print, a lens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,8 @@ class Sight:
     X_CM: Array  # (2, N, 4, 4) best poses; the first fits better
     information: Array  # (2, N, 6, 6) inverse covariance of the twist in the board's axes
     rms_px: Array  # (2, N) distances of corners in that pose; inf where there is no second pose
-    corner_px: float  # standard deviation of a corner along an axis
+    corner_px: float  # standard deviation of a corner along an axis, in most views
+    own_px: Array  # (N,) the same of each view: more where its own corners say so
 
     def rms_at(self, X_CM: Array) -> Array:
         """(N,) root mean square distance of the corners if the boards stood at `X_CM` (N, 4, 4)."""
@@ -46,14 +49,29 @@ class Sight:
         return np.asarray(np.sqrt(np.sum(squares * there, axis=1) / there.sum(axis=1)))
 
 
-def condense(names: Sequence[str], corners: Sequence[Corners], board: Board, camera: Intrinsics) -> Sight:
-    """Fit every view by itself. Raises BoardDisagrees or TooFewViews, naming the view."""
+def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
+    """Why a view with these corners cannot be condensed; "" where it can."""
+    if len(corners) and corners.ids[-1] >= target.corners:
+        return (
+            f"corner {corners.ids[-1]}, but a {target.name} has corners 0 to {target.corners - 1}: state the right one"
+        )
+    points = target.p_MK_m[corners.ids]
+    if len(corners) < target.least or in_a_row(points, target.spacing_m):
+        return f"{len(corners)} corners, fewer than {target.least} or all in one row"
+    if not starts(points, corners.px, camera):
+        return f"no pose of the {target.name} explains its corners: wrong target or intrinsics"
+    return ""
+
+
+def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, camera: Intrinsics) -> Sight:
+    """Fit every view by itself. Raises TooFewViews, naming a view that is `unusable`."""
     if not corners:
         raise TooFewViews("there are no views: record some")
     for name, seen in zip(names, corners, strict=True):
-        _check(name, seen, board)
+        if why := unusable(seen, board, camera):
+            raise TooFewViews(f"view {name}: {why}: leave the view out")
     p, px, mask = _padded(corners, board)
-    start = np.stack([_starts(p[i, : len(c)], c.px, camera, names[i]) for i, c in enumerate(corners)], axis=1)
+    start = np.stack([_both(starts(p[i, : len(c)], c.px, camera)) for i, c in enumerate(corners)], axis=1)
     twin = np.repeat(p, 2, axis=0).reshape(len(p), 2, *p.shape[1:]).swapaxes(0, 1)
     X = start.copy()
     weight = np.broadcast_to(mask, (2, *mask.shape)).copy()
@@ -67,28 +85,31 @@ def condense(names: Sequence[str], corners: Sequence[Corners], board: Board, cam
             weight = mask * np.minimum(1.0, _HUBER * np.sqrt(2.0) * noise / np.maximum(off, 1e-9))
     rms = np.sqrt(np.sum(off**2 * mask, axis=-1) / mask.sum(axis=-1))
     X, weight, rms = _best_first(X, weight, rms)
+    own = np.maximum(noise, _own_noise(rms[0], mask) / _ROUGH)
     J = np.stack([project_with_jacobian(camera, X[s], p)[1] for s in range(2)])
-    information = np.einsum("snkai,snk,snkaj->snij", J, weight, J) / noise**2
-    return Sight(camera, p, px, weight[0], X, information, rms, noise)
+    information = np.einsum("snkai,snk,snkaj->snij", J, weight, J) / own[:, None, None] ** 2
+    return Sight(camera, p, px, weight[0], X, information, rms, noise, own)
 
 
-def _check(name: str, corners: Corners, board: Board) -> None:
-    if len(corners) and corners.ids[-1] >= board.corners:
-        raise BoardDisagrees(
-            f"view {name}: corner {corners.ids[-1]}, but a board of {board.squares_across} x {board.squares_down}"
-            f" squares has corners 0 to {board.corners - 1}: state the board that was used"
-        )
-    flat = board.p_MK_m[corners.ids][:, :2]
-    if (
-        len(corners) < MIN_CORNERS
-        or np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[-1] < 0.5 * board.square_m
-    ):
-        raise TooFewViews(
-            f"view {name}: {len(corners)} corners, fewer than {MIN_CORNERS} or all in one row: leave the view out"
-        )
+def about(sight: Sight, X_CM: Array) -> tuple[Array, Array]:
+    """The same views, condensed about poses (N, 4, 4) that a fit predicts -> poses (N, 4, 4), information (N, 6, 6).
+
+    A small target nearly head-on has no well-defined best pose of its own, and the error about it is no parabola. About
+    the prediction it is one, so a fit and this in turn reach the optimum over all pixels.
+    """
+    uv, J = project_with_jacobian(sight.camera, X_CM, sight.p_M_m)
+    off = np.linalg.norm(uv - sight.px, axis=-1)
+    limit = _HUBER * np.sqrt(2.0) * np.maximum(sight.own_px, np.median(off, axis=1))[:, None]
+    weight = (sight.weight > 0) * np.minimum(1.0, limit / np.maximum(off, 1e-9))
+    A = np.einsum("nkai,nk,nkaj->nij", J, weight, J)
+    A += 1e-9 * np.einsum("nii->n", A)[:, None, None] * np.eye(6)
+    b = np.einsum("nkai,nk,nka->ni", J, weight, sight.px - uv)
+    step = np.linalg.solve(A, b[..., None])[..., 0]
+    too_far = np.maximum(1.0, np.linalg.norm(step[:, :3], axis=1) / _FAR_RAD)
+    return move(X_CM, step / too_far[:, None]), A / sight.own_px[:, None, None] ** 2
 
 
-def _padded(corners: Sequence[Corners], board: Board) -> tuple[Array, Array, Array]:
+def _padded(corners: Sequence[Corners], board: Target) -> tuple[Array, Array, Array]:
     most = max(len(c) for c in corners)
     p, px, mask = (np.zeros((len(corners), most, *tail)) for tail in ((3,), (2,), ()))
     for i, c in enumerate(corners):
@@ -98,17 +119,8 @@ def _padded(corners: Sequence[Corners], board: Board) -> tuple[Array, Array, Arr
     return p, px, mask
 
 
-def _starts(p: Array, px: Array, camera: Intrinsics, name: str) -> Array:
+def _both(poses: Sequence[Array]) -> Array:
     """(2, 4, 4) both poses of a flat board; the same twice where there is one."""
-    _, rvecs, tvecs, _ = cv2.solvePnPGeneric(p, px, camera.K, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
-    poses = []
-    for r, t in zip(rvecs, tvecs, strict=True):
-        X = np.eye(4)
-        X[:3, :3], X[:3, 3] = cv2.Rodrigues(r)[0], t.ravel()
-        if np.isfinite(X).all() and X[2, 3] > 0:
-            poses.append(X)
-    if not poses:
-        raise BoardDisagrees(f"view {name}: no pose of the board explains its corners: wrong board or intrinsics")
     return np.stack([poses[0], poses[-1]])
 
 
@@ -132,6 +144,12 @@ def _corner_noise(off: Array, mask: NDArray[np.bool_]) -> float:
     middle = np.array([np.median(row[there]) for row, there in zip(off, mask, strict=True)])
     # the median of a Rayleigh variable is 1.1774 sigma; six parameters were fitted to 2 n numbers
     return max(float(np.median(middle / 1.1774 / np.sqrt(1 - 6 / (2 * n)))), _NOISE_FLOOR_PX)
+
+
+def _own_noise(rms: Array, mask: NDArray[np.bool_] | Array) -> Array:
+    """(N,) standard deviation along an axis by each view's own best fit."""
+    n = mask.sum(axis=1)
+    return np.asarray(rms / np.sqrt(2.0) / np.sqrt(1 - 6 / (2 * n)))
 
 
 def _best_first(X: Array, weight: Array, rms: Array) -> tuple[Array, Array, Array]:

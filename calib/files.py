@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +17,14 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from calib.chains import denavit_hartenberg, urdf
 from calib.errors import ViewFolderError
-from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
-from calib.types import Mounting, Setup
+from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
+from calib.target_records import BoardRecord, PointsRecord
+from calib.types import Forward, Mounting, Setup
+from hw.kinematics import JOINTS, forward
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from perception.board.types import Board
+from perception.board.types import Board, Corners
 
 SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
 PREFIX = "view-"
@@ -33,18 +36,10 @@ class StoredView:
 
     name: str
     record: ViewRecord
-    colour: NDArray[np.uint8]  # (H, W, 3) RGB
+    colour: NDArray[np.uint8] | None  # (H, W, 3) RGB; None where the view gives corners instead
     infrared: NDArray[np.uint16] | None
     depth_mm: NDArray[np.uint16] | None
     sha256: str  # of the record's file, which holds the hashes of the images
-
-    @property
-    def q_rad(self) -> Array | None:
-        return None if self.record.q_rad is None else np.array(self.record.q_rad)
-
-    @property
-    def X_BF(self) -> Array | None:
-        return self.record.flange()
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +49,7 @@ class Folder:
     setup: SetupRecord
     views: tuple[StoredView, ...]  # in order of their names
     damaged: tuple[str, ...]  # sentences: which view cannot be used, and why
+    forward: Forward | None  # of the arm that the views' joints belong to; None where they give poses
 
 
 def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None = None) -> SetupRecord:
@@ -85,7 +81,23 @@ def as_setup(record: SetupRecord) -> Setup:
         colour=record.colour.intrinsics(),
         infrared=record.depth.intrinsics() if record.depth else None,
         X_CD=np.array(record.X_CD) if record.X_CD else None,
+        size_known=record.board.size_known,
     )
+
+
+def kinematics(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
+    """Forward kinematics of the arm that the views' joints are of, and how many they are; None and 0 where not known.
+
+    Raises ViewFolderError.
+    """
+    given = record.kinematics
+    if given is None:
+        return (None, 0) if record.arm == "other" else (forward, JOINTS)
+    if given.dh is not None:
+        assert given.dh_convention is not None  # the record's own check
+        return denavit_hartenberg(given.dh, given.dh_convention)
+    assert given.urdf is not None
+    return urdf(folder / given.urdf, given.base, given.tip)
 
 
 def depth_intrinsics(record: SetupRecord) -> Intrinsics | None:
@@ -153,39 +165,90 @@ def read_folder(folder: Path) -> Folder:
     if not folder.is_dir():
         raise ViewFolderError(f"there is no folder {folder}")
     setup = read(SetupRecord, folder / SETUP)
+    arm, joints = kinematics(setup, folder)
     views: list[StoredView] = []
     damaged: list[str] = []
     for path in sorted(folder.glob(f"{PREFIX}*.json")):
         try:
-            views.append(_read_view(path, setup))
+            views.append(_read_view(path, setup, joints))
         except ViewFolderError as error:
             damaged.append(str(error))
     if not views:
         why = f"; {damaged[0]}" if damaged else f": a view is a file {PREFIX}NAME.json with its image"
         raise ViewFolderError(f"{folder} holds no usable view{why}")
-    return Folder(setup, tuple(views), tuple(damaged))
+    return Folder(_with_points(setup, views), tuple(views), tuple(damaged), arm)
 
 
-def _read_view(path: Path, setup: SetupRecord) -> StoredView:
+def _with_points(setup: SetupRecord, views: Sequence[StoredView]) -> SetupRecord:
+    """Points that the views bring with them are those of the target: each place once, sorted."""
+    if not isinstance(setup.board, PointsRecord):
+        return setup
+    places = {tuple(row) for view in views for row in as_millimetres(view.record.points())}
+    return setup.model_copy(update={"board": setup.board.model_copy(update={"points_mm": tuple(sorted(places))})})
+
+
+def as_millimetres(points_m: Array | None) -> list[tuple[float, float, float]]:
+    """Places (K, 3) in mm to a thousandth, so that the same point of two views is the same."""
+    rows = [] if points_m is None else np.round(1e3 * points_m, 3).tolist()
+    return [(float(x), float(y), float(z)) for x, y, z in rows]
+
+
+def given_corners(view: StoredView, setup: SetupRecord) -> Corners:
+    """The corners that a view of kind "points" brings with it."""
+    assert isinstance(setup.board, PointsRecord)
+    assert view.record.corners_px is not None
+    numbers = {place: k for k, place in enumerate(setup.board.points_mm)}
+    ids = np.array([numbers[place] for place in as_millimetres(view.record.points())])
+    order = np.argsort(ids)
+    return Corners(ids[order], np.array(view.record.corners_px)[order])
+
+
+def _read_view(path: Path, setup: SetupRecord, joints: int) -> StoredView:
     record = read(ViewRecord, path)
-    if record.q_rad is not None and setup.arm == "other":
-        raise ViewFolderError(f"{path} gives joints of an unknown arm: give X_BF, or name the arm in {SETUP}")
-    if record.q_rad is not None and len(record.q_rad) != 7:
-        raise ViewFolderError(f"{path} gives {len(record.q_rad)} joints; the {setup.arm} has 7")
-    colour = _image(path, record.sha256, record.image, cv2.IMREAD_COLOR)
-    size = (setup.colour.width, setup.colour.height)
-    if (colour.shape[1], colour.shape[0]) != size:
+    q = record.joints or record.q_rad or record.q_deg
+    if q is not None and not joints:
         raise ViewFolderError(
-            f"{path.parent / record.image} is {colour.shape[1]} x {colour.shape[0]}, the intrinsics in {SETUP} are for "
-            f"{size[0]} x {size[1]}: give those of this resolution"
+            f"{path} gives joints of an unknown arm: give poses, or name the arm or its [kinematics] in {SETUP}"
+        )
+    if q is not None and len(q) != joints:
+        raise ViewFolderError(f"{path} gives {len(q)} joints; this arm has {joints}")
+    if isinstance(setup.board, PointsRecord) != (record.corners_px is not None):
+        raise ViewFolderError(
+            f'{path}: corners_px goes with kind = "points" under [board] of {SETUP}, and only with it'
         )
     return StoredView(
         name=path.stem.removeprefix(PREFIX),
         record=record,
-        colour=np.ascontiguousarray(colour[..., ::-1], dtype=np.uint8),
+        colour=_colour(path, record, setup),
         infrared=_sensor_image(path, record, record.infrared),
         depth_mm=_sensor_image(path, record, record.depth),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+    )
+
+
+def _colour(path: Path, record: ViewRecord, setup: SetupRecord) -> NDArray[np.uint8] | None:
+    if record.image is None:
+        return None
+    colour = _image(path, record.sha256, record.image, cv2.IMREAD_COLOR)
+    width, height = setup.colour.width, setup.colour.height
+    if colour.shape[:2] != (height, width):
+        raise ViewFolderError(
+            f"{path.parent / record.image} is {colour.shape[1]} x {colour.shape[0]}, the intrinsics in {SETUP} are for "
+            f"{width} x {height}: give those of this resolution{_by_factor(colour.shape[1], colour.shape[0], setup)}"
+        )
+    return np.ascontiguousarray(colour[..., ::-1], dtype=np.uint8)
+
+
+def _by_factor(width: int, height: int, setup: SetupRecord) -> str:
+    """What the intrinsics of a smaller or larger picture of the same camera would be; "" where it is another cut."""
+    factor = width / setup.colour.width
+    if abs(factor * setup.colour.height - height) > 1.0:
+        return ""
+    (fx, _, cx), (_, fy, cy) = setup.colour.K[0], setup.colour.K[1]
+    cx, cy = (factor * (c + 0.5) - 0.5 for c in (cx, cy))
+    return (
+        f". The pictures are those of the same camera scaled by {factor:.4g}: width = {width}, height = {height}, "
+        f"K = [[{factor * fx:.3f}, 0.0, {cx:.3f}], [0.0, {factor * fy:.3f}, {cy:.3f}], [0.0, 0.0, 1.0]]"
     )
 
 

@@ -11,55 +11,15 @@ from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from calib.errors import ViewFolderError
+from calib.pose_records import PoseKeys, PosesRecord
+from calib.record import FORMAT, Matrix, Numbers, Record
+from calib.target_records import AnyTargetRecord
 from hw.types import Array, Intrinsics
-from perception.board.types import Board
-
-FORMAT = 1
-
-Numbers = tuple[float, ...]
-Matrix = tuple[Numbers, ...]
-
-
-class Record(BaseModel):
-    """Base of everything that a calibration stores: frozen, finite, and unknown keys are an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)
-
-
-class BoardRecord(Record):
-    """The board as printed; its square as measured on the print."""
-
-    squares_across: int
-    squares_down: int
-    square_mm: float = Field(gt=2.0, lt=500.0)
-    marker_mm: float = Field(gt=1.0, lt=500.0)
-    dictionary: str
-
-    @classmethod
-    def of(cls, board: Board) -> Self:
-        return cls(
-            squares_across=board.squares_across,
-            squares_down=board.squares_down,
-            square_mm=round(1e3 * board.square_m, 6),
-            marker_mm=round(1e3 * board.marker_m, 6),
-            dictionary=board.dictionary,
-        )
-
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()  # its own checks: a ValueError becomes part of the message
-        return self
-
-    def board(self) -> Board:
-        return Board(
-            self.squares_across, self.squares_down, 1e-3 * self.square_mm, 1e-3 * self.marker_mm, self.dictionary
-        )
 
 
 class IntrinsicsRecord(Record):
@@ -91,71 +51,100 @@ class IntrinsicsRecord(Record):
         )
 
 
+class KinematicsRecord(Record):
+    """`[kinematics]` of setup.toml: an arm that is not known here, as a Denavit-Hartenberg table or as a URDF."""
+
+    dh: tuple[Numbers, ...] | None = None  # rows of a in m, alpha in rad, d in m, theta in rad
+    dh_convention: Literal["craig", "classic"] | None = None  # never assumed
+    urdf: str | None = None  # file beside setup.toml
+    base: str | None = None  # links of the URDF; its root
+    tip: str | None = None  # and its end
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.dh is None) == (self.urdf is None):
+            raise ValueError("give either dh, a table, or urdf, a file")
+        if self.dh is not None and self.dh_convention is None:
+            raise ValueError(
+                'say dh_convention: "craig" (modified, a and alpha of the link before) or "classic" (of the link after)'
+            )
+        for row in self.dh or ():
+            if len(row) not in (4, 5):
+                raise ValueError("a row of dh is [a m, alpha rad, d m, theta rad], and 0 after it where nothing moves")
+            if abs(row[0]) > 10 or abs(row[2]) > 10:
+                raise ValueError(f"dh holds a length of {max(abs(row[0]), abs(row[2])):g}: lengths are in m, not in mm")
+            if abs(row[1]) > 6.3 or abs(row[3]) > 6.3:
+                raise ValueError(
+                    f"dh holds an angle of {max(abs(row[1]), abs(row[3])):g}: angles are in rad, not in degrees"
+                )
+        if self.urdf is not None and ("/" in self.urdf or self.urdf.startswith(".")):
+            raise ValueError("the URDF is named without a folder: it lies beside setup.toml")
+        return self
+
+
 class SetupRecord(Record):
     """setup.toml: what stays the same in all views of a folder."""
 
     format: int = FORMAT
     camera: Literal["fixed", "wrist"]
-    arm: Literal["panda", "fr3", "other"] = "other"  # of "other", views give flange poses
+    arm: Literal["panda", "fr3", "other"] = "other"  # of "other", views give flange poses, or [kinematics] stands here
     serial: str = ""  # of the camera
-    board: BoardRecord
+    kinematics: KinematicsRecord | None = None
+    poses: PosesRecord = PosesRecord()
+    board: AnyTargetRecord
     colour: IntrinsicsRecord
     depth: IntrinsicsRecord | None = None  # of depth and infrared images
     X_CD: Matrix | None = None  # 4 rows: the depth camera in the colour camera
     X_HM: Matrix | None = None  # 4 rows: the board as it is meant to be held, for saying so where it is not
 
+    @model_validator(mode="after")
+    def _one_arm(self) -> Self:
+        if self.kinematics is not None and self.arm != "other":
+            raise ValueError(f"the kinematics of the {self.arm} are known: leave out either arm or [kinematics]")
+        return self
 
-class ViewRecord(Record):
+
+class ViewRecord(PoseKeys):
     """view-NAME.json: one look at the board, arm at rest. Written last, so it exists only with its images."""
 
     format: int = FORMAT
-    image: str  # file beside this one, PNG or JPEG
+    image: str | None = None  # file beside this one, PNG or JPEG
     infrared: str | None = None  # 16-bit PNG
     depth: str | None = None  # 16-bit PNG, mm
-    q_rad: Numbers | None = None
-    X_BF: Matrix | None = None
-    position_m: Numbers | None = None  # of the flange in the base, with `quaternion_wxyz`: another way to give X_BF
-    quaternion_wxyz: Numbers | None = None
+    corners_px: Matrix | None = None  # (K, 2) found by another program, for kind = "points"
+    points_m: Matrix | None = None  # (K, 3) where on the target they are; or
+    points_mm: Matrix | None = None
     t_camera_s: float | None = None
     t_arm_s: float | None = None
     pose: int | None = None  # number of the planned pose, to continue after an interruption
-    temperatures_C: dict[str, float] = {}  # of those devices that tell theirs: "arm", "camera"
-    sha256: dict[str, str] = {}  # file -> hash
+    temperatures_C: dict[str, float] = Field(default_factory=dict)  # of those devices that tell theirs: "arm", "camera"
+    sha256: dict[str, str] = Field(default_factory=dict)  # file -> hash
 
     @model_validator(mode="after")
-    def _one_pose(self) -> Self:
-        given = [self.q_rad is not None, self.X_BF is not None, self.position_m is not None]
-        if sum(given) != 1:
-            raise ValueError("give exactly one of q_rad, X_BF, or position_m with quaternion_wxyz")
-        if (self.position_m is None) != (self.quaternion_wxyz is None):
-            raise ValueError("position_m and quaternion_wxyz go together")
-        if any("/" in name or name.startswith(".") for name in (self.image, self.infrared or "", self.depth or "")):
+    def _complete(self) -> Self:
+        if any(
+            "/" in name or name.startswith(".") for name in (self.image or "", self.infrared or "", self.depth or "")
+        ):
             raise ValueError("images are named without a folder: they lie beside the view")
-        self.flange()
+        if self.image is None and self.corners_px is None:
+            raise ValueError("give an image, or corners_px with points_m")
+        if self.corners_px is not None:
+            places = self.points_m if self.points_mm is None else self.points_mm
+            if (self.points_m is None) == (self.points_mm is None) or places is None:
+                raise ValueError("corners_px goes with exactly one of points_m and points_mm")
+            if {len(row) for row in self.corners_px} != {2} or {len(row) for row in places} != {3}:
+                raise ValueError("corners_px has rows of two, points_m rows of three")
+            if len(places) != len(self.corners_px) or len(set(places)) < len(places):
+                raise ValueError(
+                    f"{len(self.corners_px)} corners_px and {len(places)} points: as many, each point once"
+                )
         return self
 
-    def flange(self) -> Array | None:
-        """X_BF (4, 4) where given. Raises ValueError for what is no pose, or looks like millimetres or degrees."""
-        if self.q_rad is not None:
-            if max(map(abs, self.q_rad)) > 7.0:
-                raise ValueError(f"q_rad holds {max(map(abs, self.q_rad)):g}: joints are in rad, not in degrees")
-            return None
-        X = np.eye(4)
-        if self.X_BF is not None:
-            if np.shape(self.X_BF) != (4, 4) or self.X_BF[3] != (0.0, 0.0, 0.0, 1.0):
-                raise ValueError("X_BF is four rows of four, the last one 0 0 0 1")
-            X = np.array(self.X_BF, dtype=np.float64)
-        else:
-            X[:3, :3], X[:3, 3] = _rotation(self.quaternion_wxyz or ()), _vector(self.position_m or ())
-        if np.abs(X[:3, :3] @ X[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(X[:3, :3]) < 0:
-            raise ValueError("the rotation is not one: its axes are not of length 1, at right angles, right-handed")
-        if np.linalg.norm(X[:3, 3]) > 10.0:
-            raise ValueError(
-                f"the flange is {np.linalg.norm(X[:3, 3]):g} m from the base: positions are in metres, not mm"
-            )
-        u, _, vt = np.linalg.svd(X[:3, :3])
-        X[:3, :3] = u @ vt
-        return X
+    def points(self) -> Array | None:
+        """(K, 3) in m, in the order of `corners_px`, where the view gives them."""
+        if self.points_mm is not None:
+            return 1e-3 * np.array(self.points_mm)
+        return None if self.points_m is None else np.array(self.points_m)
 
 
 class TouchRecord(Record):
@@ -166,7 +155,7 @@ class TouchRecord(Record):
     corner: int = Field(ge=0)  # id of the inner corner: along X first, from 0
     q_rad: Matrix | None = None  # a row a touch, as the arm reports it
     X_BF: tuple[Matrix, ...] | None = None  # four rows of four a touch, where joints are not known
-    sha256: dict[str, str] = {}
+    sha256: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _one_pose(self) -> Self:
@@ -186,25 +175,6 @@ class TouchRecord(Record):
             return None
         found = [ViewRecord(image=self.image, X_BF=X).flange() for X in self.X_BF]
         return np.stack([X for X in found if X is not None])
-
-
-def _vector(values: Numbers) -> Array:
-    if len(values) != 3:
-        raise ValueError("position_m has three numbers")
-    return np.array(values)
-
-
-def _rotation(wxyz: Numbers) -> Array:
-    if len(wxyz) != 4 or abs(np.linalg.norm(wxyz) - 1) > 1e-2:
-        raise ValueError("quaternion_wxyz has four numbers, w first, of length 1")
-    w, x, y, z = np.array(wxyz) / np.linalg.norm(wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:

@@ -13,7 +13,8 @@ import numpy as np
 from pydantic import Field
 
 from calib import timing
-from calib.records import FORMAT, BoardRecord, Matrix, Numbers, Record
+from calib.record import FORMAT, Matrix, Numbers, Record
+from calib.target_records import AnyTargetRecord
 from calib.types import Acceptance, Check, HandEye, Mounting, Solution, Verdict
 from hw.types import Array
 
@@ -115,7 +116,7 @@ class SavedCalibration(Record):
     hw: str
     arm: str
     camera: str  # serial
-    board: BoardRecord
+    board: AnyTargetRecord
     temperatures_C: dict[str, float | None] = Field(default_factory=dict)  # median over the views; null: not told
     versions: dict[str, str]
 
@@ -161,7 +162,7 @@ class Origin:
 def saved(
     solution: Solution,
     points_m: Array,
-    board: BoardRecord,
+    board: AnyTargetRecord,
     checks: Sequence[Check],
     acceptance: Acceptance,
     origin: Origin,

@@ -1,8 +1,9 @@
 """From views to a calibration: `solve`.
 
-1. Views are sorted; each is condensed to the board's pose and its information.
+1. Views are sorted; each is condensed to the board's pose and its information. One that cannot be is left out.
 2. A closed form on random subsets gives a start that a minority of spoilt views cannot bend.
-3. Views that disagree are rejected, with joint offsets and board size free, so that no view pays for those.
+3. Views that disagree are rejected, with joint offsets and board size free, so that no view pays for those. Where a
+   view by itself says little about its tilt (one small marker), it is condensed again about the fit.
 4. Joint offsets are adopted if the Bayesian information criterion asks for them and every fifth view, held out, is
    predicted no worse with them.
 5. The final fit uses all views that were kept, the held-out ones too: five samples more are worth more than a
@@ -19,8 +20,8 @@ from numpy.typing import NDArray
 
 from calib.bundle import Fit, Model, Motion, State, fit, joint_spread, motion_of, observable_joints, predict
 from calib.closed_form import cross_check, robust_start
-from calib.condense import Sight, condense
-from calib.errors import DegenerateViews, TooFewViews, UnusableViews
+from calib.condense import Sight, about, condense, unusable
+from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
 from calib.geometry import inverse, rotation_vector
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, reject
 from calib.types import Forward, JointOffsets, Noise, Setup, Solution, View, ViewFit
@@ -31,6 +32,8 @@ MIN_VIEWS = 6
 HELD_OUT_EVERY = 5
 BIC_LIMIT = -2.0  # "positive evidence"; by chance alone once in some 5,000 calibrations
 HELD_OUT_MARGIN = 1.1  # four held-out views tell their own error to about a tenth
+VAGUE_RAD = 0.03
+"""Own standard deviation of a view's tilt: our board at 1 m has a tenth of it, a marker of 4 cm ten times as much."""
 MIN_TURN_DEG = 1.5
 """Rotations about the second axis under this leave some direction all but free."""
 
@@ -39,11 +42,11 @@ Rows = NDArray[np.int64]
 
 def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solution:
     """Calibrate. `forward` is needed where the views have joints. Raises UnusableViews, one of its kinds."""
-    ordered = _sorted(views)
-    data, start = _agreeing(_data(ordered, setup, forward))
-    plain = data.fit(data.kept, _without_extras(start), Model())
+    ordered, left_out = _usable(_sorted(views), setup)
+    data, start = _agreeing(_data(ordered, setup, forward), setup)
+    data, plain = _settled(data, _without_extras(start), Model(scale=not setup.size_known))
     final, joints, held = _with_offsets_where_supported(data, plain)
-    return _solution(ordered, setup, data, final, joints, held)
+    return _solution(ordered, setup, data, final, joints, held, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,7 @@ class _Data:
     distance2: Array  # (N,) of each view from a fit without it
     kept: Rows  # rows of views that agree
     mirrored: NDArray[np.bool_]  # (N,) the pose that fits the picture better contradicts the arm; the other was taken
+    own_X_CM: Array  # (N, 4, 4) what each picture by itself says
 
     def fit(self, rows: Rows, start: State, model: Model) -> Fit:
         return fit(self.moved.take(rows), self.X_CM[rows], self.information[rows], start, model)
@@ -88,14 +92,29 @@ def _sorted(views: Sequence[View]) -> list[View]:
     return sorted(views, key=lambda view: view.name)
 
 
+def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[ViewFit, ...]]:
+    """Those whose corners have a pose, and the others with the reason. Raises BoardDisagrees or TooFewViews."""
+    reasons = {view.name: unusable(view.corners, setup.board, setup.colour) for view in views}
+    bad = [name for name, reason in reasons.items() if reason]
+    if 2 * len(bad) > len(views):
+        raise BoardDisagrees(f"{len(bad)} of {len(views)} views cannot be used; view {bad[0]}: {reasons[bad[0]]}")
+    good = [view for view in views if not reasons[view.name]]
+    if len(good) < MIN_VIEWS:
+        told = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
+        raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({told})")
+    nan = float("nan")
+    return good, tuple(ViewFit(n, False, reasons[n], nan, nan, nan, nan, False, nan, False) for n in bad)
+
+
 def _data(views: Sequence[View], setup: Setup, forward: Forward | None) -> _Data:
     sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
     moved = motion_of(views, setup.mounting, forward)
     none = np.zeros(len(views), dtype=bool)
-    return _Data(sight, moved, sight.X_CM[0], sight.information[0], np.zeros(len(views)), np.arange(len(views)), none)
+    X_CM, rows = sight.X_CM[0], np.arange(len(views))
+    return _Data(sight, moved, X_CM, sight.information[0], np.zeros(len(views)), rows, none, X_CM)
 
 
-def _agreeing(data: _Data) -> tuple[_Data, State]:
+def _agreeing(data: _Data, setup: Setup) -> tuple[_Data, State]:
     """Reject views, choose among the mirror poses. Raises DegenerateViews or TooFewViews."""
     n = data.moved.joints
     _demand_variety(data.X_CM)
@@ -105,17 +124,22 @@ def _agreeing(data: _Data) -> tuple[_Data, State]:
         data.sight.X_CM,
         data.sight.information,
         State(X_AC, X_HM, np.zeros(n)),
-        _flexible(n, len(data.X_CM)),
+        _flexible(n, len(data.X_CM), setup),
     )
-    rows, every = np.flatnonzero(kept), np.arange(len(kept))
+    every = np.arange(len(kept))
     chosen = replace(
         data,
         X_CM=data.sight.X_CM[side, every],
         information=data.sight.information[side, every],
         distance2=both[side, every],
-        kept=rows,
+        kept=np.flatnonzero(kept),
         mirrored=(side == 1) & (both[0] > MARGIN * LIMIT),
+        own_X_CM=data.sight.X_CM[side, every],
     )
+    if _vague(chosen):
+        chosen, now = _judged_again(chosen, now, setup)
+        kept = np.isin(every, chosen.kept)
+    rows = chosen.kept
     if len(rows) < max(MIN_VIEWS - 1, (len(kept) + 1) // 2):
         raise TooFewViews(
             f"only {len(rows)} of {len(kept)} views agree with one another: is the board tight on its holder, the"
@@ -125,8 +149,43 @@ def _agreeing(data: _Data) -> tuple[_Data, State]:
     return chosen, now.state
 
 
-def _flexible(joints: int, views: int) -> Model:
-    return Model(observable_joints(joints) if views >= MIN_TO_FREE else (), scale=views >= MIN_TO_FREE)
+def _vague(data: _Data) -> bool:
+    """Does a view by itself say little about its tilt? Then its error about its own best pose is no parabola."""
+    spread = np.linalg.inv(data.information)[:, :3, :3]
+    return bool(np.median(np.sqrt(np.linalg.eigvalsh(spread)[:, -1])) > VAGUE_RAD)
+
+
+def _judged_again(data: _Data, now: Fit, setup: Setup) -> tuple[_Data, Fit]:
+    """Views judged by their corners about the prediction instead of by their own poses."""
+    flexible = _flexible(data.moved.joints, len(data.X_CM), setup)
+    for _ in range(3):
+        X, information = about(data.sight, predict(now.state, data.moved))
+        twice = np.stack([X, X]), np.stack([information, information])
+        kept, _, now, both = reject(data.moved, *twice, now.state, flexible)
+        changed = not np.array_equal(np.flatnonzero(kept), data.kept)
+        data = replace(data, X_CM=X, information=information, distance2=both[0], kept=np.flatnonzero(kept))
+        if not changed:
+            break
+    return data, now
+
+
+def _settled(data: _Data, start: State, model: Model) -> tuple[_Data, Fit]:
+    """The fit to the views kept; for vague views at the optimum over all pixels."""
+    found = data.fit(data.kept, start, model)
+    if not _vague(data):
+        return data, found
+    for _ in range(4):
+        X, information = about(data.sight, predict(found.state, data.moved))
+        data = replace(data, X_CM=X, information=information)
+        before, found = found, data.fit(data.kept, found.state, model)
+        if np.abs(found.state.X_AC - before.state.X_AC).max() < 1e-6:
+            break
+    return data, found
+
+
+def _flexible(joints: int, views: int, setup: Setup) -> Model:
+    enough = views >= MIN_TO_FREE
+    return Model(observable_joints(joints) if enough else (), scale=enough or not setup.size_known)
 
 
 def _without_extras(state: State) -> State:
@@ -159,13 +218,13 @@ def _with_offsets_where_supported(data: _Data, plain: Fit) -> tuple[Fit, JointOf
         reason = f"{len(data.kept)} views are too few to tell joint offsets, {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
         return plain, JointOffsets(none, unknown, False, none, np.nan, held.rms_px, np.nan, reason), held
-    free = data.fit(data.kept, plain.state, Model(observable_joints(n)))
+    free = data.fit(data.kept, plain.state, Model(observable_joints(n), plain.model.scale))
     held_free = _held_out(data, free)
     numbers = 6 * len(data.kept)
     delta_bic = -2 * (free.log_likelihood - plain.log_likelihood) + len(free.model.offsets) * np.log(numbers)
     adopted = delta_bic < BIC_LIMIT and held_free.rms_px < HELD_OUT_MARGIN * held.rms_px
     sigma = np.full(n, np.nan)
-    sigma[list(free.model.offsets)] = np.sqrt(np.diagonal(jackknife(free))[12:])
+    sigma[list(free.model.offsets)] = np.sqrt(np.diagonal(jackknife(free))[12 : 10 + n])
     reason = (
         f"{'supported' if adopted else 'not supported'}: information criterion {delta_bic:+.1f} (limit"
         f" {BIC_LIMIT:+.0f}), held-out error {held_free.rms_px:.2f} px with offsets, {held.rms_px:.2f} px without"
@@ -185,21 +244,27 @@ def _held_out(data: _Data, full: Fit) -> _HeldOut:
     return _HeldOut(rows, data.sight.rms_at(predict(without.state, data.moved))[rows])
 
 
-def _square_scale(data: _Data, plain: Fit) -> tuple[float, float]:
+def _square_scale(data: _Data, plain: Fit, setup: Setup) -> tuple[float, float]:
     """Size of the board by the arm's motion over the size given, and one standard deviation."""
-    model = Model(_flexible(data.moved.joints, len(data.kept)).offsets, scale=True)
+    model = Model(_flexible(data.moved.joints, len(data.kept), setup).offsets, scale=True)
     free = data.fit(data.kept, plain.state, model)
     return free.state.scale, float(np.sqrt(jackknife(free)[-1, -1]))
 
 
 def _solution(
-    views: Sequence[View], setup: Setup, data: _Data, final: Fit, joints: JointOffsets | None, held: _HeldOut
+    views: Sequence[View],
+    setup: Setup,
+    data: _Data,
+    final: Fit,
+    joints: JointOffsets | None,
+    held: _HeldOut,
+    left_out: tuple[ViewFit, ...],
 ) -> Solution:
     kept, moved = data.kept, data.moved
     predicted = predict(final.state, moved)
     rms = data.sight.rms_at(predicted)
     X_AH = moved.X_AH(final.state.offsets_rad)[kept]
-    scale, scale_sigma = _square_scale(data, final)
+    scale, scale_sigma = _square_scale(data, final, setup)
     centre = setup.board.outline_m.mean(axis=0)
     seen = data.X_CM[kept, :3, :3] @ centre + data.X_CM[kept, :3, 3]
     return Solution(
@@ -207,7 +272,7 @@ def _solution(
         X_AC=final.state.X_AC,
         X_HM=final.state.X_HM,
         joints=joints,
-        views=_view_fits(views, data, predicted, rms, centre, held),
+        views=tuple(sorted((*_view_fits(views, data, predicted, rms, centre, held), *left_out), key=lambda v: v.name)),
         fit_px=float(np.sqrt(np.mean(rms[kept] ** 2))),
         held_out_px=held.rms_px,
         noise=_noise(data, final, centre),
@@ -215,6 +280,8 @@ def _solution(
         methods=cross_check(X_AH, data.X_CM[kept], final.state.X_AC),
         square_scale=scale,
         square_scale_sigma=scale_sigma,
+        target=setup.board.name,
+        size_known=setup.size_known,
         tilt_spread_deg=float(_spread_deg(data.X_CM[kept])[1]),
         pose_span_m=float(np.linalg.norm(np.ptp(seen, axis=0))),
     )
@@ -223,7 +290,7 @@ def _solution(
 def _view_fits(
     views: Sequence[View], data: _Data, predicted: Array, rms: Array, centre: Array, held: _HeldOut
 ) -> tuple[ViewFit, ...]:
-    off = inverse(predicted) @ data.X_CM
+    off = inverse(predicted) @ data.own_X_CM
     off_mm = 1e3 * np.linalg.norm(off[:, :3, :3] @ centre + off[:, :3, 3] - centre, axis=1)
     off_deg = np.rad2deg(np.linalg.norm(rotation_vector(off[:, :3, :3]), axis=1))
     kept, out = set(data.kept.tolist()), dict(zip(held.rows.tolist(), held.px.tolist(), strict=True))
@@ -233,7 +300,7 @@ def _view_fits(
             used=i in kept,
             reason="" if i in kept else _reason(off_mm[i], off_deg[i], data.distance2[i]),
             rms_px=float(rms[i]),
-            own_rms_px=float(data.sight.rms_at(data.X_CM)[i]),
+            own_rms_px=float(data.sight.rms_at(data.own_X_CM)[i]),
             off_mm=float(off_mm[i]),
             off_deg=float(off_deg[i]),
             held_out=i in out,

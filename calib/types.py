@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 
 from hw.types import Array, Intrinsics, frozen_array
-from perception.board.types import Board, Corners
+from perception.board.types import Corners, Target
 
 Forward = Callable[[Array], Array]
 """Forward kinematics: joints (..., n) in rad -> X_BF (..., 4, 4). `hw.kinematics.forward` is one."""
@@ -55,11 +55,12 @@ class Setup:
     """What stays the same in all views."""
 
     mounting: Mounting
-    board: Board
+    board: Target
     colour: Intrinsics
     infrared: Intrinsics | None = None  # the depth camera's infrared image, where the views have it
     X_CD: Array | None = None  # (4, 4) factory pose of the depth camera in the colour camera
     work_points_m: Array | None = None  # (P, 3) in A, where the stated error is evaluated; None: `default_work_points`
+    size_known: bool = True  # False: only the target's proportions are, and the arm's motion gives its size
 
     def __post_init__(self) -> None:
         if self.X_CD is not None:
@@ -203,6 +204,8 @@ class Solution:
     methods: tuple[Method, ...]
     square_scale: float  # board size that the arm's motion asks for, over the size given
     square_scale_sigma: float
+    target: str  # what was seen, in words, with its size
+    size_known: bool  # False: the target's size comes from the arm's motion, and the stated error counts that
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few
     pose_span_m: float  # diagonal of the box of board centres in the camera
 

@@ -17,7 +17,7 @@ from calib.geometry import inverse
 from calib.timing import time_offset
 from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
 from hw.types import Array, Intrinsics
-from perception.board import detect
+from perception.board import find
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
 
@@ -107,7 +107,7 @@ def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | 
         X_BF = forward(np.array(record.q_rad) + offsets)
     assert X_BF is not None  # the record has one of the two
     try:
-        return touch.check(solution, setup, detect(colour, setup.board, setup.colour), record.corner, X_BF)
+        return touch.check(solution, setup, find(colour, setup.board, setup.colour), record.corner, X_BF)
     except BoardNotFound as error:
         return Check(touch.NAME, Verdict.NOT_MEASURED, f"{record.image}: {error}")
 

@@ -78,6 +78,8 @@ def check(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Store
     if known is None:
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
     board = known.board.board()
+    if not isinstance(board, Board):
+        raise UsageError(f"this rig was calibrated with a {board.name}; a check needs our board: adaptsim calibrate")
     with (
         store.locked(),
         _continued("adaptsim calibrate check"),
@@ -97,6 +99,8 @@ def solve(folder: Path, out: Path | None, *, as_json: bool) -> None:
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board and solving"):
         solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
+    for sentence in solved.recognised:
+        screen.note(f"  {sentence}")
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
     screen.show(shows.calibration(solved.record))
@@ -105,7 +109,7 @@ def solve(folder: Path, out: Path | None, *, as_json: bool) -> None:
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
     if as_json:
-        screen.data(summary(solved.record) | {"report": str(path)})
+        screen.data(summary(solved.record) | {"report": str(path), "recognised": solved.recognised})
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
 

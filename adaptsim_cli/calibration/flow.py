@@ -87,6 +87,7 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
         return sights
     folder = files.read_folder(series.folder)
     for view in folder.views:
+        assert view.colour is not None  # our own views always have a picture
         corners = detect(view.colour, rig.board, camera)
         sights = sights.with_view(view.name, corners, locate(corners, rig.board, camera).X_VM)
     for sentence in folder.damaged:

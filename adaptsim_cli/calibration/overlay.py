@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.types import Board, Corners
+from perception.board.types import Corners, Target
 
 _HEIGHT_PX = 720
 _QUALITY = 85
@@ -20,7 +20,7 @@ def draw(
     corners: Corners,
     X_CM: Array,
     before: Sequence[Corners],
-    board: Board,
+    board: Target,
     camera: Intrinsics,
 ) -> bytes:
     """JPEG of the picture (H, W, 3 RGB): corners in the order of their ids from blue to red, earlier ones faint."""
@@ -37,7 +37,7 @@ def draw(
         bgr = tuple(int(c) for c in cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0])
         cv2.circle(image, (round(16 * u), round(16 * v)), 16 * 4 * scale, bgr, scale, cv2.LINE_AA, shift=4)
         cv2.circle(image, (round(16 * u), round(16 * v)), 16 * scale // 2, bgr, -1, cv2.LINE_AA, shift=4)
-    axes = np.vstack([np.zeros(3), 2 * board.square_m * np.eye(3)]) @ X_CM[:3, :3].T + X_CM[:3, 3]
+    axes = np.vstack([np.zeros(3), 2 * board.spacing_m * np.eye(3)]) @ X_CM[:3, :3].T + X_CM[:3, 3]
     px = cv2.projectPoints(axes, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)
     for end, bgr in zip(px[1:], ((40, 40, 230), (60, 180, 40), (230, 90, 30)), strict=True):
         cv2.arrowedLine(image, _whole(px[0]), _whole(end), bgr, 2 * scale, cv2.LINE_AA, tipLength=0.2)

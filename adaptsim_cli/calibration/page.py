@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from importlib import resources
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -36,6 +35,8 @@ def render(solved: Solved) -> str:
         verdict=_verdict(record),
         used=len(used),
         not_seen=solved.not_seen,
+        recognised=solved.recognised,
+        board=record.board.board().name,
         figure_coverage=figures.coverage(solved.views, used, solved.setup.colour),
         figure_residuals=figures.residuals(record.views),
         figure_work=figures.work_volume(record.uncertainty, (X[0, 3], X[1, 3])) if fixed else "",
@@ -61,7 +62,8 @@ def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
     chosen = [good[i] for i in np.linspace(0, len(good) - 1, PICTURES - len(odd)).astype(int)] if good else []
     shown = []
     for view in dict.fromkeys([*odd, *chosen]):
-        image = cv2.imread(str(Path(solved.images[view.name])), cv2.IMREAD_COLOR)
+        path = solved.images.get(view.name)
+        image = None if path is None else cv2.imread(str(path), cv2.IMREAD_COLOR)
         if image is None:
             continue
         try:

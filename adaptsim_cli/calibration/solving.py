@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from adaptsim_cli.calibration import checking
+from adaptsim_cli.calibration import checking, sights
 from calib import files
-from calib.errors import TooFewViews
 from calib.records import SetupRecord
 from calib.saved import Origin, SavedCalibration, saved
-from calib.types import Forward, Setup, View
-from perception.board.types import Corners
-from perception.errors import BoardNotFound
+from calib.types import Setup, View
 
 DEVICES = ("arm", "camera")
 """Whose temperatures are kept with a calibration, where they tell them."""
@@ -29,18 +26,19 @@ class Solved:
     views: tuple[View, ...]
     images: Mapping[str, Path]  # by the view's name
     not_seen: tuple[str, ...]  # sentences: views without a board, damaged ones
+    recognised: tuple[str, ...]  # sentences: what of the folder was found rather than told
 
 
 def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str]) -> Solved:
-    """Raises ViewFolderError, WrongBoard, BoardMirrored, CalibrationError."""
+    """Raises ViewFolderError, PerceptionError where no view shows the board, CalibrationError."""
     from calib.gates import judge
-    from calib.solve import solve
+    from calib.sizing import solve_any_size
 
     stored = files.read_folder(folder)
-    setup = files.as_setup(stored.setup)
-    seen, not_seen = detected(stored, setup)
-    forward = kinematics(stored.setup)
-    solution = solve(list(seen), setup, forward)
+    looked = sights.look(stored)
+    seen, forward = looked.views, stored.forward
+    solution, setup = solve_any_size(list(seen), looked.setup, forward)
+    target = stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m)
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
     origin = Origin(
         folder=folder.name,  # by its name alone, so that the data folder can be moved
@@ -53,59 +51,13 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         versions=versions,
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
-    record = saved(solution, setup.p_AP_m, stored.setup.board, checks, judge(solution, setup, checks), origin)
-    images = {view.name: folder / view.record.image for view in stored.views}
-    return Solved(record, setup, seen, images, (*stored.damaged, *not_seen))
-
-
-def detected(stored: files.Folder, setup: Setup) -> tuple[tuple[View, ...], tuple[str, ...]]:
-    """The views with a board, and sentences about the others. Raises WrongBoard, BoardMirrored, TooFewViews."""
-    from perception.board import detect
-
-    views: list[View] = []
-    without: list[str] = []
-    for view in stored.views:
-        try:
-            corners = detect(view.colour, setup.board, setup.colour)
-        except BoardNotFound as error:
-            without.append(f"view {view.name}: {error}")
-            continue
-        views.append(
-            View(
-                name=view.name,
-                corners=corners,
-                q_rad=view.q_rad,
-                X_BF=view.X_BF,
-                infrared=_infrared(view, setup),
-                t_camera_s=view.record.t_camera_s,
-                t_arm_s=view.record.t_arm_s,
-            )
-        )
-    if not views:
-        raise TooFewViews(f"none of {len(stored.views)} views shows the board: {without[0]}")
-    return tuple(views), tuple(without)
+    record = saved(solution, setup.p_AP_m, target, checks, judge(solution, setup, checks), origin)
+    images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
+    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised)
 
 
 def _median(values: list[float]) -> float | None:
     return median(values) if values else None
-
-
-def kinematics(setup: SetupRecord) -> Forward | None:
-    """Of the arm that the views name; None where they give poses."""
-    from hw.kinematics import forward
-
-    return None if setup.arm == "other" else forward
-
-
-def _infrared(view: files.StoredView, setup: Setup) -> Corners | None:
-    from perception.board import detect
-
-    if view.infrared is None or setup.infrared is None:
-        return None
-    try:
-        return detect(view.infrared, setup.board, setup.infrared)
-    except BoardNotFound:
-        return None  # the infrared image is a check of its own, not a condition
 
 
 def _source(setup: SetupRecord, hw: str, created: str) -> str:

@@ -17,7 +17,8 @@ from adaptsim_cli.touch_off.flow import Found
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Estimate, Touched
 from calib.errors import ViewFolderError
-from calib.records import Record, read
+from calib.record import Record
+from calib.records import read
 from hw.collision import Table
 from sim.panda.correction import ToolCorrection
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from perception.board.detection import detect, draw, locate
-from perception.board.types import Board, BoardPose, Corners
+from perception.board.finding import find
+from perception.board.types import Board, BoardPose, Corners, Target
 
-__all__ = ["Board", "BoardPose", "Corners", "detect", "draw", "locate"]
+__all__ = ["Board", "BoardPose", "Corners", "Target", "detect", "draw", "find", "locate"]

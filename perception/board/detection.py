@@ -12,17 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.types import DICTIONARIES, Board, BoardPose, Corners
+from perception.board.types import DICTIONARIES, Board, BoardPose, Corners, Target
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 
 Grey = NDArray[np.uint8]
 
-MIN_CORNERS = 8
-"""A pose from fewer is too weak to be worth a view."""
-
 _MIN_MARKERS = 3
 _AMBIGUOUS = 1.5  # the mirror pose fits less than this factor worse
 _STRAY_PX = 1.0  # a refined corner farther than this (or 5 sigma) from where the others put it is not one
+_BENT = 0.15  # of a marker's edge: a corner so far from the plane of the others still belongs to the board
 _SCALES = (1, 2, 3)  # images are tried enlarged where too few markers are read
 _MAX_PX = 2.5e7  # but not beyond this many pixels
 
@@ -44,7 +42,7 @@ def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: 
             f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x"
             f" {camera.height}: take those of this resolution"
         )
-    grey = _grey(image)
+    grey = in_grey(image)
     points, px = _markers(grey, board)
     if len(points) < 4 * _MIN_MARKERS:
         _explain(grey, board, len(points) // 4)
@@ -52,24 +50,52 @@ def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: 
     return _refine(grey, predicted, board, camera)
 
 
-def locate(corners: Corners, board: Board, camera: Intrinsics) -> BoardPose:
-    """Pose of the board in the camera. Raises BoardNotFound for fewer than `MIN_CORNERS` corners or all on one line.
+def locate(corners: Corners, board: Target, camera: Intrinsics) -> BoardPose:
+    """Pose of the board in the camera. Raises BoardNotFound for fewer than `board.least` points or all on one line.
 
     A flat board seen from afar or nearly head-on has a second pose, tilted the other way, that explains the image
     nearly as well. The better one is given; `ambiguous` says that the other one cannot be excluded.
     """
     points = board.p_MK_m[corners.ids]
-    flat = points[:, :2] - points[:, :2].mean(axis=0) if len(points) else np.zeros((1, 2))
-    if len(points) < MIN_CORNERS or np.linalg.svd(flat, compute_uv=False)[-1] < 0.5 * board.square_m:
+    if len(points) < board.least or in_a_row(points, board.spacing_m):
         raise BoardNotFound(f"{len(points)} corners of the board, not enough in both directions for a pose")
     return _poses(points, corners.px, camera)
 
 
-def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
-    _, rvecs, tvecs, _ = cv2.solvePnPGeneric(points, px, camera.K, camera.distortion, flags=cv2.SOLVEPNP_IPPE)
+def in_a_row(points_m: Array, spacing_m: float) -> bool:
+    """Whether points (K, 3) lie along one line, which leaves a turn about it free."""
+    spread = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False) if len(points_m) > 2 else np.zeros(2)
+    return bool(spread[1] < 0.5 * spacing_m)
+
+
+def is_flat(points_m: Array) -> bool:
+    """Whether points (K, 3) lie in a plane, to a thousandth of their extent."""
+    spread = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False)
+    return len(spread) < 3 or bool(spread[2] < 1e-3 * spread[0])
+
+
+def starts(points_m: Array, px: Array, camera: Intrinsics) -> list[Array]:
+    """Poses X_CM (4, 4) in front of the camera that explain points (K, 3) at pixels (K, 2): two where they are flat."""
+    method = cv2.SOLVEPNP_IPPE if is_flat(points_m) else cv2.SOLVEPNP_SQPNP
+    try:
+        _, rvecs, tvecs, _ = cv2.solvePnPGeneric(points_m, px, camera.K, camera.distortion, flags=method)
+    except cv2.error:
+        return []
     found = []
-    for start_r, start_t in zip(rvecs, tvecs, strict=True):
-        r, t = cv2.solvePnPRefineLM(points, px, camera.K, camera.distortion, start_r.copy(), start_t.copy())
+    for r, t in zip(rvecs, tvecs, strict=True):
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = cv2.Rodrigues(r)[0], np.ravel(t)
+        if np.isfinite(X).all() and X[2, 3] > 0:
+            found.append(X)
+    return found
+
+
+def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
+    found = []
+    for start in starts(points, px, camera):
+        r, t = cv2.solvePnPRefineLM(
+            points, px, camera.K, camera.distortion, cv2.Rodrigues(start[:3, :3])[0], start[:3, 3:].copy()
+        )
         again, _ = cv2.projectPoints(points, r, t, camera.K, camera.distortion)
         rms = float(np.sqrt(np.mean(np.sum((again.reshape(-1, 2) - px) ** 2, axis=1))))
         X = np.eye(4)
@@ -86,7 +112,7 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
     return BoardPose(X, rms, other, float(other_rms), bool(other_rms < _AMBIGUOUS * rms))
 
 
-def _grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
+def in_grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
     """Eight-bit grey; an infrared image, dark with a few glaring spots, is stretched between its percentiles."""
     if image.ndim == 3:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
@@ -97,7 +123,8 @@ def _grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
     return np.asarray(np.clip(np.rint(stretched), 0, 255), dtype=np.uint8)
 
 
-def _dictionary(name: str) -> cv2.aruco.Dictionary:
+def dictionary_named(name: str) -> cv2.aruco.Dictionary:
+    """OpenCV's dictionary of that name, a key of DICTIONARIES."""
     wanted = f"DICT_{name}".lower()
     number = next(getattr(cv2.aruco, key) for key in dir(cv2.aruco) if key.lower() == wanted)
     return cv2.aruco.getPredefinedDictionary(number)
@@ -105,7 +132,9 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 
 def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     size = (board.squares_across, board.squares_down)
-    return cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, _dictionary(board.dictionary))
+    made = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary_named(board.dictionary))
+    made.setLegacyPattern(board.legacy)
+    return made
 
 
 def _read(grey: Grey, dictionary: str, scale: int) -> tuple[NDArray[np.int64], Array]:
@@ -115,7 +144,7 @@ def _read(grey: Grey, dictionary: str, scale: int) -> tuple[NDArray[np.int64], A
     parameters.minMarkerPerimeterRate = 0.01
     parameters.relativeCornerRefinmentWinSize = 0.2
     big = grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    corners, ids, _ = cv2.aruco.ArucoDetector(_dictionary(dictionary), parameters).detectMarkers(big)
+    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary_named(dictionary), parameters).detectMarkers(big)
     if ids is None:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2))
     px = (np.concatenate(corners).astype(np.float64) + 0.5) / scale - 0.5
@@ -177,8 +206,12 @@ def _predict(points: Array, px: Array, board: Board, camera: Intrinsics) -> Arra
     """(corners, 2) where the inner corners should be. Raises WrongBoard if the markers do not lie as on the board."""
     flat = cv2.undistortPoints(px[:, None], camera.K, camera.distortion).reshape(-1, 2)
     focal = float(np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
-    H, good = cv2.findHomography(points[:, :2], focal * flat, cv2.RANSAC, 3.0)
-    share = 0.0 if H is None else float(np.mean(good))
+    marker_px = float(np.median(np.linalg.norm(np.diff(px.reshape(-1, 4, 2), axis=1), axis=-1)))
+    for limit_px in (3.0, max(3.0, _BENT * marker_px)):  # the second for a bent print, or a lens that is not stated
+        H, good = cv2.findHomography(points[:, :2], focal * flat, cv2.RANSAC, limit_px)
+        share = 0.0 if H is None else float(np.mean(good))
+        if share >= 0.6:
+            break
     if share < 0.6:
         raise WrongBoard(
             f"only {100 * share:.0f} % of the marker corners lie as on a board of {board.squares_across} x"
@@ -198,7 +231,7 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
     rim = half + 2
     inside = ((predicted > rim) & (predicted < [camera.width - 1 - rim, camera.height - 1 - rim])).all(axis=1)
     ids = np.flatnonzero(inside)
-    if len(ids) >= MIN_CORNERS:
+    if len(ids) >= board.least:
         start = predicted[ids].astype(np.float32)[:, None]
         stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-3)
         # a wide window finds the corner from the markers' prediction, but the markers' own corners in it pull by up to
@@ -210,9 +243,9 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
         keep = near & _saddle(grey, refined, half)
         ids, px = ids[keep], refined[keep]
         ids, px = _without_strays(ids, px, board, camera)
-    if len(ids) < MIN_CORNERS:
+    if len(ids) < board.least:
         raise BoardNotFound(
-            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, {MIN_CORNERS} are needed:"
+            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, {board.least} are needed:"
             " show more of the board, closer, and keep it still"
         )
     return Corners(ids, px)
@@ -250,7 +283,7 @@ def _without_strays(
     ids: NDArray[np.int64], px: Array, board: Board, camera: Intrinsics
 ) -> tuple[NDArray[np.int64], Array]:
     for _ in range(5):
-        if len(ids) < MIN_CORNERS:
+        if len(ids) < board.least:
             break
         pose = _poses(board.p_MK_m[ids], px, camera)
         rvec = cv2.Rodrigues(pose.X_VM[:3, :3])[0]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,57 @@ from hw.types import Array, frozen_array
 
 DICTIONARIES: Final = {
     **{f"{bits}x{bits}_{size}": size for bits in (4, 5, 6, 7) for size in (50, 100, 250, 1000)},
+    "apriltag_16h5": 30,
+    "apriltag_25h9": 35,
+    "apriltag_36h10": 2320,
     "apriltag_36h11": 587,
+    "aruco_original": 1024,
+    "aruco_mip_36h12": 250,
 }
 """Marker dictionaries and how many markers each has: OpenCV's names without `DICT_`, in small letters."""
+
+
+class Target(Protocol):
+    """Anything that shows points whose places on it are known, up to its size. Frame M is its own."""
+
+    @property
+    def p_MK_m(self) -> Array:
+        """(K, 3) the points, row number = id."""
+        ...
+
+    @property
+    def corners(self) -> int:
+        """How many points: K."""
+        ...
+
+    @property
+    def spacing_m(self) -> float:
+        """Distance of neighbouring points."""
+        ...
+
+    @property
+    def outline_m(self) -> Array:
+        """(4, 3) corners of a rectangle about it."""
+        ...
+
+    @property
+    def least(self) -> int:
+        """Points that a view must show to count."""
+        ...
+
+    @property
+    def turns(self) -> tuple[NDArray[np.int64], ...]:
+        """Other ids (K,) that the same points could have in a picture: a plain chessboard may be read upside down."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """In words, with its size."""
+        ...
+
+    def scaled(self, factor: float) -> Self:
+        """The same, larger by `factor`."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +82,7 @@ class Board:
     square_m: float = 0.040  # as measured on the print
     marker_m: float = 0.030
     dictionary: str = "4x4_50"  # a key of DICTIONARIES: few bits, so that a marker is read from afar
+    legacy: bool = False  # the pattern of OpenCV before 4.6; it differs for an even number of `squares_down`
 
     def __post_init__(self) -> None:
         if self.dictionary not in DICTIONARIES:
@@ -65,6 +114,34 @@ class Board:
         """(corners, 3) inner corners in the board frame, row number = id."""
         x, y = np.meshgrid(np.arange(1, self.squares_across), np.arange(1, self.squares_down))
         return self.square_m * np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3).astype(np.float64)
+
+    @property
+    def spacing_m(self) -> float:
+        """Edge of a square."""
+        return self.square_m
+
+    @property
+    def least(self) -> int:
+        """A pose from fewer corners is too weak to be worth a view."""
+        return 8
+
+    @property
+    def turns(self) -> tuple[NDArray[np.int64], ...]:
+        """None: the markers tell the corners apart."""
+        return ()
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        pattern = ", legacy pattern" if self.legacy else ""
+        return (
+            f"ChArUco board of {self.squares_across} x {self.squares_down} squares of {1e3 * self.square_m:.4g} mm"
+            f" ({self.dictionary}{pattern})"
+        )
+
+    def scaled(self, factor: float) -> Board:
+        """The same print, larger by `factor`."""
+        return replace(self, square_m=factor * self.square_m, marker_m=factor * self.marker_m)
 
     @property
     def outline_m(self) -> Array:

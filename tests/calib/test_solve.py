@@ -212,7 +212,30 @@ def test_other_refusals() -> None:
         solve(views, small, forward)
     few = replace(views[0], corners=Corners(views[0].corners.ids[:4], views[0].corners.px[:4]))
     with pytest.raises(TooFewViews, match="view-000: 4 corners"):
-        solve([few, *views[1:]], rig.SETUP, forward)
+        solve([few, *views[1:6]], rig.SETUP, forward)
+
+
+def test_one_view_without_a_pose_is_left_out_and_named() -> None:
+    views = rig.views(rig.truth(), count=12)
+    few = replace(views[3], corners=Corners(views[3].corners.ids[:4], views[3].corners.px[:4]))
+    found = solve([*views[:3], few, *views[4:]], rig.SETUP, forward)
+    (left_out,) = found.rejected
+    assert left_out.name == few.name
+    assert "4 corners, fewer than 8" in left_out.reason
+    assert distance_mm(found.X_AC, rig.truth().X_AC) < 0.5
+
+
+def test_a_view_that_fits_badly_in_itself_is_used_with_its_own_residual() -> None:
+    true = rig.truth()
+    views = rig.views(true, count=15)
+    bent = 0.15 * (views[4].corners.px - views[4].corners.px.mean(axis=0)) ** 2 / 20.0
+    rough = replace(views[4], corners=Corners(views[4].corners.ids, views[4].corners.px + bent))
+    found = solve([*views[:4], rough, *views[5:]], rig.SETUP, forward)
+    fit = next(view for view in found.views if view.name == rough.name)
+    others = [view.own_rms_px for view in found.views if view.name != rough.name]
+    assert fit.used
+    assert fit.own_rms_px > 5 * max(others)
+    assert distance_mm(found.X_AC, true.X_AC) < 0.5
 
 
 def test_poses_alone_are_enough() -> None:

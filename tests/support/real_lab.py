@@ -18,8 +18,8 @@ from adaptsim_cli.devices.openers import Openers
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
-from calib.records import BoardRecord
 from calib.saved import SavedCalibration, UncertaintyRecord
+from calib.target_records import BoardRecord
 from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.fake import FakeArm, FakeCamera, FakeClock, FakeGuardedArm, FakeHand

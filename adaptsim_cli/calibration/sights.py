@@ -1,0 +1,131 @@
+"""What the pictures of a folder show, and where the arm was: stored views become views that can be solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from calib import files
+from calib.condense import unusable
+from calib.conventions import recognise
+from calib.errors import TooFewViews
+from calib.labelling import told_apart
+from calib.pose_records import Convention
+from calib.types import Setup, View
+from perception.board import find
+from perception.board.types import Board, Corners, Target
+from perception.errors import BoardNotFound, PerceptionError
+
+MIN_TO_RECOGNISE = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """The views with a target, and what became of the others."""
+
+    setup: Setup
+    views: tuple[View, ...]
+    left_out: tuple[str, ...]  # sentences: which picture shows no target, and why
+    recognised: tuple[str, ...]  # sentences: what was found rather than told
+
+
+def look(stored: files.Folder) -> Looked:
+    """Find the target in every picture and read every pose.
+
+    A picture without it is left out and named. Raises PerceptionError where none shows it, UnusableViews where poses
+    can be read in two ways.
+    """
+    setup, said = _with_pattern(stored, files.as_setup(stored.setup))
+    found: list[tuple[files.StoredView, Corners]] = []
+    failed: list[tuple[str, PerceptionError]] = []
+    for view in stored.views:
+        try:
+            found.append((view, corners_of(view, stored, setup.board)))
+        except PerceptionError as error:
+            failed.append((view.name, error))
+    if not found:
+        _give_up(failed)
+    how, told = _convention(stored, setup, found)
+    views = [
+        View(
+            name=view.name,
+            corners=corners,
+            q_rad=view.record.joints_rad(how),
+            X_BF=view.record.flange(how),
+            infrared=_infrared(view, setup),
+            t_camera_s=view.record.t_camera_s,
+            t_arm_s=view.record.t_arm_s,
+        )
+        for view, corners in found
+    ]
+    left_out = tuple(f"view {name}: {error}" for name, error in failed)
+    return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*said, *told))
+
+
+def corners_of(view: files.StoredView, stored: files.Folder, target: Target) -> Corners:
+    """Found in the picture, or brought along. Raises PerceptionError."""
+    if view.colour is None:
+        return files.given_corners(view, stored.setup)
+    return find(view.colour, target, stored.setup.colour.intrinsics())
+
+
+def _give_up(failed: Sequence[tuple[str, PerceptionError]]) -> None:
+    """Raise for a folder in which no picture shows the target: what is wrong with most of them."""
+    kinds = [type(error) for _, error in failed]
+    most = max(dict.fromkeys(kinds), key=kinds.count)
+    name, error = next((name, error) for name, error in failed if type(error) is most)
+    if most is BoardNotFound:
+        raise TooFewViews(f"none of {len(failed)} views shows the board: view {name}: {error}")
+    raise most(f"none of {len(failed)} views can be used: view {name}: {error}")
+
+
+def _with_pattern(stored: files.Folder, setup: Setup) -> tuple[Setup, tuple[str, ...]]:
+    """A ChArUco board with an even number of rows exists in two patterns: the one that the pictures show."""
+    board = setup.board
+    if not isinstance(board, Board) or board.squares_down % 2:
+        return setup, ()
+    other = replace(board, legacy=not board.legacy)
+    for view in stored.views:
+        if view.colour is None or _shows(view, stored, board):
+            return setup, ()
+        if _shows(view, stored, other):
+            which = "legacy pattern (OpenCV before 4.6)" if other.legacy else "pattern of OpenCV 4.6 and later"
+            said = f"the board is of the {which}, not as stated; used so (legacy = {str(other.legacy).lower()})"
+            return replace(setup, board=other), (said,)
+    return setup, ()
+
+
+def _shows(view: files.StoredView, stored: files.Folder, board: Board) -> bool:
+    try:
+        corners_of(view, stored, board)
+    except PerceptionError:
+        return False
+    return True
+
+
+def _convention(
+    stored: files.Folder, setup: Setup, found: Sequence[tuple[files.StoredView, Corners]]
+) -> tuple[Convention, tuple[str, ...]]:
+    """How the poses are to be read: as they say, as `[poses]` says, or as the pictures ask for."""
+    told = {key: value for key, value in stored.setup.poses if value is not None}
+    asked = frozenset[str]().union(*(view.record.questions() for view, _ in found))
+    if asked <= set(told):
+        return replace(Convention(), **told), ()
+    good = [(v, c) for v, c in found if not unusable(c, setup.board, setup.colour)]
+    if len(good) < MIN_TO_RECOGNISE:
+        raise TooFewViews(
+            f"{len(good)} usable views are too few to recognise how poses are to be read: state in [poses] of"
+            f" {files.SETUP} {', '.join(sorted(asked - set(told)))}"
+        )
+    names = [(view.name, corners) for view, corners in good]
+    seen = recognise(names, [view.record for view, _ in good], stored.setup.poses, setup, stored.forward)
+    return seen.convention, seen.sentences
+
+
+def _infrared(view: files.StoredView, setup: Setup) -> Corners | None:
+    if view.infrared is None or setup.infrared is None:
+        return None
+    try:
+        return find(view.infrared, setup.board, setup.infrared)
+    except BoardNotFound:
+        return None  # the infrared image is a check of its own, not a condition

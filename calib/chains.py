@@ -1,0 +1,134 @@
+"""Kinematics of any arm: a table of Denavit-Hartenberg parameters, or a URDF, as forward kinematics.
+
+Only the chain from base to tip counts; every joint of it that moves takes one number, in order from the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calib.errors import ViewFolderError
+from calib.types import Forward
+from hw.types import Array
+
+_TURNING, _SLIDING, _RIGID = ("revolute", "continuous"), ("prismatic",), ("fixed",)
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A constant pose, then a motion about or along an axis; none for a rigid joint."""
+
+    X: Array  # (4, 4)
+    axis: Array  # (3,) of length 1
+    kind: Literal["turning", "sliding", "rigid"]
+
+
+def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["craig", "classic"]) -> tuple[Forward, int]:
+    """Rows of (a m, alpha rad, d m, theta rad), all joints turning -> forward kinematics, and how many joints.
+
+    craig: Rot_x(alpha) Trans_x(a) Rot_z(theta + q) Trans_z(d) ("modified"); classic: Rot_z Trans_z Trans_x Rot_x.
+    A row whose joint does not move (a flange) has a fifth number 0.
+    """
+    z = np.array([0.0, 0.0, 1.0])
+    links = []
+    for row in rows:
+        if len(row) not in (4, 5):
+            raise ValueError("a row of dh is [a m, alpha rad, d m, theta rad], and 0 after it where nothing moves")
+        a, alpha, d, theta = row[:4]
+        across = _pose(Rotation.from_rotvec([alpha, 0.0, 0.0]), (a, 0.0, 0.0))
+        along = _pose(Rotation.from_rotvec([0.0, 0.0, theta]), (0.0, 0.0, d))
+        kind: Literal["turning", "rigid"] = "rigid" if len(row) == 5 and row[4] == 0 else "turning"
+        if convention == "craig":  # what follows a turn about Z along Z may as well stand before it
+            links.append(Link(across @ along, z, kind))
+        else:
+            links += [Link(np.eye(4), z, kind), Link(along @ across, z, "rigid")]
+    return _forward(links)
+
+
+def urdf(path: Path, base: str | None, tip: str | None) -> tuple[Forward, int]:
+    """The chain between two links of a URDF; by default its root and its only end. Raises ViewFolderError."""
+    try:
+        robot = ElementTree.fromstring(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        raise ViewFolderError(f"{path} cannot be read as URDF ({error})") from error
+    joints = {_attribute(joint, "child", "link"): joint for joint in robot.findall("joint")}
+    parents = {child: _attribute(joint, "parent", "link") for child, joint in joints.items()}
+    if tip is None:
+        ends = sorted(set(parents) - set(parents.values()))
+        if len(ends) != 1:
+            raise ViewFolderError(f"{path} has {len(ends)} ends ({', '.join(ends[:8])}): name one as tip")
+        tip = ends[0]
+    chain, link = [], tip
+    while link != base and link in joints:
+        chain.append(joints[link])
+        link = parents[link]
+    if (base is not None and link != base) or not chain:
+        raise ViewFolderError(f"{path} has no chain from {base or 'its root'} to {tip}: check base and tip")
+    return _forward([_link(joint, path) for joint in reversed(chain)])
+
+
+def _link(joint: ElementTree.Element, path: Path) -> Link:
+    origin, axis = joint.find("origin"), joint.find("axis")
+    xyz = _numbers(origin, "xyz", "0 0 0")
+    rpy = _numbers(origin, "rpy", "0 0 0")
+    direction = _numbers(axis, "xyz", "1 0 0")
+    kind = joint.get("type", "")
+    if joint.find("mimic") is not None or kind not in (*_TURNING, *_SLIDING, *_RIGID):
+        raise ViewFolderError(
+            f"{path}: joint {joint.get('name')} is of a kind that is not supported ({kind}, or mimic)"
+        )
+    name: Literal["turning", "sliding", "rigid"] = (
+        "turning" if kind in _TURNING else "sliding" if kind in _SLIDING else "rigid"
+    )
+    length = float(np.linalg.norm(direction)) or 1.0
+    return Link(_pose(Rotation.from_euler("xyz", rpy), xyz), direction / length, name)
+
+
+def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
+    found = joint.find(tag)
+    return "" if found is None else found.get(name, "")
+
+
+def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
+    text = default if element is None else element.get(name, default)
+    return np.array([float(word) for word in text.split()])
+
+
+def _forward(links: Sequence[Link]) -> tuple[Forward, int]:
+    count = sum(link.kind != "rigid" for link in links)
+
+    def forward(q: Array) -> Array:
+        q = np.asarray(q, dtype=np.float64)
+        if q.shape[-1:] != (count,):
+            raise ValueError(f"joints have shape {q.shape}, this arm has {count}")
+        X = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
+        at = 0
+        for link in links:
+            X = X @ link.X
+            if link.kind == "rigid":
+                continue
+            step = np.zeros((*q.shape[:-1], 4, 4))
+            step[...] = np.eye(4)
+            if link.kind == "turning":
+                turns = (q[..., at, None] * link.axis).reshape(-1, 3)
+                step[..., :3, :3] = Rotation.from_rotvec(turns).as_matrix().reshape(*q.shape[:-1], 3, 3)
+            else:
+                step[..., :3, 3] = q[..., at, None] * link.axis
+            X = X @ step
+            at += 1
+        return np.ascontiguousarray(X)
+
+    return forward, count
+
+
+def _pose(turn: Rotation, shift_m: Sequence[float] | Array) -> Array:
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = turn.as_matrix(), shift_m
+    return X

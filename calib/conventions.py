@@ -1,0 +1,152 @@
+"""Which units and orders do poses have that do not say it? Every reading is tried against what the pictures show.
+
+Closed forms rank the readings; the best few are solved in full. A reading is taken only where most views agree under it
+and no other comes near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from calib.closed_form import robust_start, size_by_motion
+from calib.condense import condense
+from calib.errors import UnusableViews
+from calib.geometry import difference, inverse
+from calib.labelling import told_apart
+from calib.pose_records import EULER, Convention, PoseKeys, PosesRecord
+from calib.sizing import roughly_sized
+from calib.solve import solve
+from calib.types import Forward, Mounting, Setup, View
+from hw.types import Array
+from perception.board.types import Corners
+
+_CLEAR = 3.0
+"""The next best reading must fit so many times worse."""
+_SOLVED = 3
+_MOST = 0.6  # of the views must agree under a reading
+_LEVER_M = 0.5
+_FAR_M = 10.0  # no flange is so far from its base: a number beyond is in millimetres
+_TURN_RAD = 7.0  # no joint turns so far: a number beyond is in degrees
+
+_OPTIONS = {
+    "length": ("m", "mm"),
+    "angle": ("rad", "deg"),
+    "quaternion": ("wxyz", "xyzw"),
+    "euler": EULER,
+    "gives": ("flange_in_base", "base_in_flange"),
+}
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """The reading, and what of it was found rather than told."""
+
+    convention: Convention
+    sentences: tuple[str, ...]
+
+
+def recognise(
+    seen: Sequence[tuple[str, Corners]],
+    poses: Sequence[PoseKeys],
+    told: PosesRecord,
+    setup: Setup,
+    forward: Forward | None,
+) -> Recognised:
+    """The reading of `poses` (N) under which the arm moved as the pictures show: name and corners of each, as many.
+
+    Raises UnusableViews where none fits, or two do: it names what `[poses]` must say.
+    """
+    asked = frozenset[str]().union(*(keys.questions() for keys in poses))
+    given = {key: value for key, value in told if value is not None}
+    open_ones = {key: _by_size(key, poses) for key in sorted(asked - set(given))}
+    known = replace(Convention(), **given, **{key: values[0] for key, values in open_ones.items()})
+    undecided = {key: values for key, values in open_ones.items() if len(values) > 1}
+    if not undecided:
+        return Recognised(known, _sentences(known, open_ones))
+    readings = [replace(known, **dict(zip(undecided, chosen, strict=True))) for chosen in product(*undecided.values())]
+    sight = condense([name for name, _ in seen], [corners for _, corners in seen], setup.board, setup.colour)
+    rough = np.array([_score(poses, reading, sight.X_CM[0], setup, forward) for reading in readings])
+    hopeful = [int(i) for i in np.argsort(rough, kind="stable")[:_SOLVED] if np.isfinite(rough[i])]
+    fits = sorted((_misfit_px(seen, poses, readings[i], setup, forward), i) for i in hopeful)
+    names = ", ".join(f"{key} ({' or '.join(values)})" for key, values in undecided.items())
+    if not fits or not np.isfinite(fits[0][0]):
+        raise UnusableViews(
+            f"no reading of the poses fits the pictures: state in [poses] of setup.toml {names}; if it is stated"
+            " rightly, pictures and poses do not belong together"
+        )
+    best = readings[fits[0][1]]
+    if len(fits) > 1 and fits[1][0] < _CLEAR * fits[0][0]:
+        other = readings[fits[1][1]]
+        alike = [f"{key} {getattr(best, key)} or {getattr(other, key)}" for key in undecided]
+        raise UnusableViews(
+            f"the poses can be read in two ways that both fit the pictures ({'; '.join(alike)}): state in [poses] of"
+            f" setup.toml {names}"
+        )
+    return Recognised(best, _sentences(best, open_ones))
+
+
+def _misfit_px(
+    seen: Sequence[tuple[str, Corners]],
+    poses: Sequence[PoseKeys],
+    how: Convention,
+    setup: Setup,
+    forward: Forward | None,
+) -> float:
+    """Root mean square distance of the corners in a full solution; inf where too few views agree on one."""
+    X_BF = motion(poses, how, forward)
+    views = [View(name, corners, X_BF=X) for (name, corners), X in zip(seen, X_BF, strict=True)]
+    try:
+        views = list(told_apart(views, setup, None))
+        solution = solve(views, roughly_sized(views, setup, None), None)
+    except UnusableViews:
+        return float("inf")
+    return solution.fit_px if len(solution.used) >= _MOST * len(views) else float("inf")
+
+
+def _by_size(key: str, poses: Sequence[PoseKeys]) -> tuple[str, ...]:
+    """Readings that the sizes of the numbers leave."""
+    if key == "length":
+        far = [np.linalg.norm(p.position or [row[3] for row in (p.matrix or ())[:3]] or [0.0]) for p in poses]
+        return ("mm",) if float(np.median(far)) > _FAR_M else ("m",)
+    if key == "angle":
+        most = max(max(map(abs, p.joints or p.rotation_vector or p.euler or (0.0,))) for p in poses)
+        return ("deg",) if most > _TURN_RAD else _OPTIONS[key]
+    return _OPTIONS[key]
+
+
+def _sentences(found: Convention, open_ones: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
+    if not open_ones:
+        return ()
+    told = ", ".join(f'{key} = "{getattr(found, key)}"' for key in open_ones)
+    return (f"[poses] of setup.toml does not say how to read the poses; recognised: {told}",)
+
+
+def _score(poses: Sequence[PoseKeys], how: Convention, X_CM: Array, setup: Setup, forward: Forward | None) -> float:
+    """How far the median view is from a closed form of this reading, in metres; inf for what is no pose."""
+    try:
+        X_BF = motion(poses, how, forward)
+    except ValueError:
+        return float("inf")
+    X_AH = X_BF if setup.mounting is Mounting.FIXED else inverse(X_BF)
+    seen = X_CM.copy()
+    if not setup.size_known:
+        seen[:, :3, 3] *= size_by_motion(X_AH, X_CM)
+    X_AC, X_HM = robust_start(X_AH, seen)
+    off = difference(inverse(X_AC) @ X_AH @ X_HM, seen)
+    return float(np.median(np.linalg.norm(off[:, 3:], axis=1) + _LEVER_M * np.linalg.norm(off[:, :3], axis=1)))
+
+
+def motion(poses: Sequence[PoseKeys], how: Convention, forward: Forward | None) -> Array:
+    """(N, 4, 4) X_BF. Raises ValueError for what is no pose in this reading."""
+    found = []
+    for keys in poses:
+        q_rad = keys.joints_rad(how)
+        X = keys.flange(how) if q_rad is None else None if forward is None else forward(q_rad)
+        if X is None:
+            raise ValueError("joints of an arm whose kinematics are not known")
+        found.append(X)
+    return np.stack(found)

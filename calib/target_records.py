@@ -1,0 +1,173 @@
+"""`[board]` of setup.toml: what the views show, of which kind and size."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from calib.record import Record
+from perception.board.targets import Chessboard, Circles, Markers, Points, marker_grid, single
+from perception.board.types import Board
+
+Millimetres = Annotated[float, Field(gt=1.0, lt=2000.0)]
+
+
+class TargetRecord(Record):
+    """What every kind has. With `size = "unknown"` lengths only give proportions."""
+
+    size: Literal["stated", "unknown"] = "stated"
+
+    @property
+    def size_known(self) -> bool:
+        """Whether the lengths are true ones."""
+        return self.size == "stated"
+
+    def scaled(self, factor: float) -> Self:
+        """The same with every length larger by `factor`."""
+        lengths = {key: value for key, value in self if key.endswith("_mm") and value is not None}
+        return self.model_copy(update={key: factor * value for key, value in lengths.items()})
+
+
+class BoardRecord(TargetRecord):
+    """A ChArUco board as printed; its square as measured on the print."""
+
+    kind: Literal["charuco"] = "charuco"
+    squares_across: int
+    squares_down: int
+    square_mm: float = Field(gt=2.0, lt=500.0)
+    marker_mm: float = Field(gt=1.0, lt=500.0)
+    dictionary: str
+    legacy: bool = False  # the pattern of OpenCV before 4.6
+
+    @classmethod
+    def of(cls, board: Board) -> Self:
+        return cls(
+            squares_across=board.squares_across,
+            squares_down=board.squares_down,
+            square_mm=round(1e3 * board.square_m, 6),
+            marker_mm=round(1e3 * board.marker_m, 6),
+            dictionary=board.dictionary,
+            legacy=board.legacy,
+        )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()  # its own checks: a ValueError becomes part of the message
+        return self
+
+    def board(self) -> Board:
+        return Board(
+            self.squares_across,
+            self.squares_down,
+            1e-3 * self.square_mm,
+            1e-3 * self.marker_mm,
+            self.dictionary,
+            self.legacy,
+        )
+
+
+class ChessboardRecord(TargetRecord):
+    """A plain chessboard."""
+
+    kind: Literal["chessboard"]
+    squares_across: int
+    squares_down: int
+    square_mm: Millimetres
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()
+        return self
+
+    def board(self) -> Chessboard:
+        return Chessboard(self.squares_across, self.squares_down, 1e-3 * self.square_mm)
+
+
+class MarkerRecord(TargetRecord):
+    """One ArUco or AprilTag marker; `marker_mm` is the edge of its black square."""
+
+    kind: Literal["marker"]
+    dictionary: str
+    id: int
+    marker_mm: Millimetres
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()
+        return self
+
+    def board(self) -> Markers:
+        return single(self.dictionary, self.id, 1e-3 * self.marker_mm)
+
+
+class MarkerGridRecord(TargetRecord):
+    """Markers in rows, numbered along each row first."""
+
+    kind: Literal["markers"]
+    dictionary: str
+    first_id: int = 0
+    across: int = Field(ge=1, le=100)
+    down: int = Field(ge=1, le=100)
+    marker_mm: Millimetres
+    gap_mm: float = Field(ge=0.0, lt=2000.0)  # between two black squares
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()
+        return self
+
+    def board(self) -> Markers:
+        shape = (self.across, self.down)
+        return marker_grid(self.dictionary, self.first_id, shape, 1e-3 * self.marker_mm, 1e-3 * self.gap_mm)
+
+
+class CirclesRecord(TargetRecord):
+    """A grid of circles; in staggered rows `spacing_mm` is half the distance of neighbours in a row."""
+
+    kind: Literal["circles"]
+    across: int
+    down: int
+    spacing_mm: Millimetres
+    staggered: bool = False
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()
+        return self
+
+    def board(self) -> Circles:
+        return Circles(self.across, self.down, 1e-3 * self.spacing_mm, self.staggered)
+
+
+class PointsRecord(TargetRecord):
+    """Points that another program found: every view gives them with their places."""
+
+    kind: Literal["points"]
+    points_mm: tuple[tuple[float, float, float], ...] = ()  # filled in from the views
+
+    def scaled(self, factor: float) -> Self:
+        """The same with every length larger by `factor`."""
+        grown = tuple((factor * x, factor * y, factor * z) for x, y, z in self.points_mm)
+        return self.model_copy(update={"points_mm": grown})
+
+    def board(self) -> Points:
+        return Points(1e-3 * np.array(self.points_mm).reshape(-1, 3))
+
+
+def _kind(value: Any) -> str:
+    found = value.get("kind", "charuco") if isinstance(value, dict) else getattr(value, "kind", "charuco")
+    return str(found)
+
+
+AnyTargetRecord = Annotated[
+    Annotated[BoardRecord, Tag("charuco")]
+    | Annotated[ChessboardRecord, Tag("chessboard")]
+    | Annotated[MarkerRecord, Tag("marker")]
+    | Annotated[MarkerGridRecord, Tag("markers")]
+    | Annotated[CirclesRecord, Tag("circles")]
+    | Annotated[PointsRecord, Tag("points")],
+    Discriminator(_kind),
+]
+"""Of the kind named; a board without a kind is a ChArUco board."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.geometry import cross_matrix
@@ -47,3 +49,32 @@ def _distorted(camera: Intrinsics, xy: Array) -> tuple[Array, Array]:
     A = camera.K[:2, :2]
     uv: Array = np.stack([u, v], axis=-1) @ A.T + camera.K[:2, 2]
     return uv, A @ J
+
+
+LENS = 5
+"""What of a lens may be free: log of the focal length, centre u and v in px, k1, k2; all as changes."""
+
+
+def with_lens(camera: Intrinsics, lens: Array) -> Intrinsics:
+    """The camera with its lens changed by (LENS,)."""
+    K, distortion = camera.K.copy(), camera.distortion.copy()
+    K[[0, 1], [0, 1]] *= np.exp(lens[0])
+    K[:2, 2] += lens[1:3]
+    distortion[:2] += lens[3:]
+    return replace(camera, K=K, distortion=distortion)
+
+
+def lens_jacobian(camera: Intrinsics, X_CM: Array, p_M_m: Array) -> Array:
+    """Poses (N, 4, 4) and points (N, K, 3) -> (N, K, 2, LENS), how a pixel moves with the lens."""
+    p = p_M_m @ np.swapaxes(X_CM[:, :3, :3], 1, 2) + X_CM[:, None, :3, 3]
+    xy = p[..., :2] / p[..., 2:]
+    uv, _ = _distorted(camera, xy)
+    r2 = np.sum(xy**2, axis=-1)
+    below = 1 + r2 * (camera.distortion[5] + r2 * (camera.distortion[6] + r2 * camera.distortion[7]))
+    J = np.zeros((*xy.shape, LENS))
+    J[..., 0] = uv - camera.K[:2, 2]
+    J[..., 0, 1] = J[..., 1, 2] = 1.0
+    outwards = (xy @ camera.K[:2, :2].T) / below[..., None]
+    J[..., 3] = outwards * r2[..., None]
+    J[..., 4] = outwards * (r2**2)[..., None]
+    return J

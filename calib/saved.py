@@ -14,9 +14,10 @@ from pydantic import Field
 
 from calib import timing
 from calib.record import FORMAT, Matrix, Numbers, Record
+from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
 from calib.types import Acceptance, Check, HandEye, Mounting, Solution, Verdict
-from hw.types import Array
+from hw.types import Array, Intrinsics
 
 FILE = "calibration.json"
 
@@ -117,6 +118,7 @@ class SavedCalibration(Record):
     arm: str
     camera: str  # serial
     board: AnyTargetRecord
+    refined_intrinsics: IntrinsicsRecord | None = None  # found from the views and used in place of the stated ones
     temperatures_C: dict[str, float | None] = Field(default_factory=dict)  # median over the views; null: not told
     versions: dict[str, str]
 
@@ -166,6 +168,7 @@ def saved(
     checks: Sequence[Check],
     acceptance: Acceptance,
     origin: Origin,
+    refined: Intrinsics | None = None,
 ) -> SavedCalibration:
     """All of it as one record. `points_m` (P, 3) are the corners of the work volume."""
     joints, u = solution.joints, solution.uncertainty
@@ -233,6 +236,7 @@ def saved(
         arm=origin.arm,
         camera=origin.camera,
         board=board,
+        refined_intrinsics=None if refined is None else IntrinsicsRecord.of(refined),
         temperatures_C=dict(origin.temperatures_C),
         versions=dict(origin.versions),
     )

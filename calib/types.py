@@ -61,6 +61,7 @@ class Setup:
     X_CD: Array | None = None  # (4, 4) factory pose of the depth camera in the colour camera
     work_points_m: Array | None = None  # (P, 3) in A, where the stated error is evaluated; None: `default_work_points`
     size_known: bool = True  # False: only the target's proportions are, and the arm's motion gives its size
+    lens_covariance: Array | None = None  # (6, 6) of X_AC's twist in C's axes, where intrinsics were found from views
 
     def __post_init__(self) -> None:
         if self.X_CD is not None:

@@ -51,6 +51,8 @@ def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | No
     n, p = 6 * len(fit.residual), fit.model.size
     factor = FACTOR_OFFSETS if offsets else FACTOR_PLAIN
     inside = factor**2 * 0.5 * (jackknife(fit) + np.linalg.inv(fit.normal))[:6, :6]
+    if setup.lens_covariance is not None:
+        inside = inside + setup.lens_covariance
     R = fit.state.X_AC[:3, :3]
     axes = np.kron(np.eye(2), R)
     covariance = axes @ inside @ axes.T + np.diag([np.deg2rad(FLOOR_DEG) ** 2] * 3 + [(1e-3 * FLOOR_MM) ** 2] * 3)

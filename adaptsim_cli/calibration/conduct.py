@@ -14,7 +14,7 @@ from rich.text import Text
 from adaptsim_cli.calibration import drift, flow, printing, shows
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.calibration.solving import solve_folder
+from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Places, Resolved
@@ -94,24 +94,32 @@ def check(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Store
         screen.data(drift.as_json(found))
 
 
-def solve(folder: Path, out: Path | None, *, as_json: bool) -> None:
+def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
     """Views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board and solving"):
-        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
+        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions(), wishes=wishes)
     for sentence in solved.recognised:
         screen.note(f"  {sentence}")
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
     screen.show(shows.calibration(solved.record))
+    for fault in solved.faults:
+        screen.note(f"  {fault.sentence}" + (f". To use them so: {fault.option}" if fault.option else ""))
     path = (out or folder / REPORT).absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
     if as_json:
-        screen.data(summary(solved.record) | {"report": str(path), "recognised": solved.recognised})
+        screen.data(summary(solved.record) | {"report": str(path), "recognised": solved.recognised} | _told(solved))
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
+
+
+def _told(solved: Solved) -> dict[str, Any]:
+    return {
+        "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults]
+    }
 
 
 def board(
@@ -158,6 +166,8 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
         "views_used": [view.name for view in record.views if view.used],
         "views_rejected": {view.name: view.reason for view in record.views if not view.used},
         "joint_offsets_mrad": [1e3 * float(q) for q in record.offsets_rad()],
+        "target": record.board.board().name,
+        "refined_intrinsics": None if record.refined_intrinsics is None else record.refined_intrinsics.model_dump(),
         "temperatures_C": record.temperatures_C,
         "uncertainty": u.model_dump(),
         "checks": [c.model_dump() for c in record.checks],

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
 from adaptsim_cli.calibration import checking, sights
-from calib import files
+from calib import files, pairing
+from calib.errors import UnusableViews
+from calib.pairing import Fault
 from calib.records import SetupRecord
 from calib.saved import Origin, SavedCalibration, saved
-from calib.types import Setup, View
+from calib.types import Forward, Setup, Solution, View
 
 DEVICES = ("arm", "camera")
 """Whose temperatures are kept with a calibration, where they tell them."""
@@ -27,19 +29,41 @@ class Solved:
     images: Mapping[str, Path]  # by the view's name
     not_seen: tuple[str, ...]  # sentences: views without a board, damaged ones
     recognised: tuple[str, ...]  # sentences: what of the folder was found rather than told
+    faults: tuple[Fault, ...]  # what is wrong with views that do not fit
 
 
-def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str]) -> Solved:
+@dataclass(frozen=True)
+class Wishes:
+    """What the operator asks for beyond a plain solution."""
+
+    refine_intrinsics: bool = False  # use those that the views ask for
+    exchange: tuple[tuple[str, str], ...] = ()  # pairs of views whose poses were mixed up
+    shift: int = 0  # each picture belongs to the pose of the view so many places later
+    first: str = ""  # leave out the views before this one
+    last: str = ""  # and those after this one
+
+
+PLAIN = Wishes()
+
+
+def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
     """Raises ViewFolderError, PerceptionError where no view shows the board, CalibrationError."""
     from calib.gates import judge
     from calib.sizing import solve_any_size
+    from calib.trial import adopted, suspicious, trial
+    from calib.trial import check as intrinsics_check
 
     stored = files.read_folder(folder)
     looked = sights.look(stored)
-    seen, forward = looked.views, stored.forward
-    solution, setup = solve_any_size(list(seen), looked.setup, forward)
+    seen, forward = _as_wished(looked.views, wishes), stored.forward
+    solution, setup = _solution(seen, looked.setup, forward)
+    tried = trial(seen, setup, solution, forward) if wishes.refine_intrinsics or suspicious(solution) else None
+    if wishes.refine_intrinsics and tried is not None:
+        solution, setup = solve_any_size(seen, adopted(setup, tried), forward)
+    wrong = pairing.faults(seen, setup, forward, solution)
     target = stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m)
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
+    checks.append(intrinsics_check(tried, refined=wishes.refine_intrinsics and tried is not None))
     origin = Origin(
         folder=folder.name,  # by its name alone, so that the data folder can be moved
         view_sha256={view.name: view.sha256 for view in stored.views},
@@ -51,9 +75,41 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         versions=versions,
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
-    record = saved(solution, setup.p_AP_m, target, checks, judge(solution, setup, checks), origin)
+    record = saved(
+        solution,
+        setup.p_AP_m,
+        target,
+        checks,
+        judge(solution, setup, checks),
+        origin,
+        setup.colour if setup.lens_covariance is not None else None,
+    )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
-    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised)
+    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong)
+
+
+def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:
+    """Raises UnusableViews that says what is wrong with the series, where that can be told."""
+    from calib.sizing import solve_any_size
+
+    try:
+        return solve_any_size(views, setup, forward)
+    except UnusableViews as error:
+        for fault in pairing.faults(views, setup, forward, None):
+            error.add_note(f"{fault.sentence}{f'. Try again with {fault.option}' if fault.option else ''}")
+        raise
+
+
+def _as_wished(views: Sequence[View], wishes: Wishes) -> tuple[View, ...]:
+    """The views that count, each with the pose that belongs to it. Raises UnusableViews."""
+    names = {view.name for view in views}
+    for option, name in (("--from", wishes.first), ("--until", wishes.last)):
+        if name and name not in names:
+            raise UnusableViews(f"{option} names view {name}; there are {', '.join(sorted(names))}")
+    chosen = pairing.exchanged(views, wishes.exchange)
+    if wishes.shift:
+        chosen = pairing.shifted(chosen, wishes.shift)
+    return tuple(v for v in chosen if wishes.first <= v.name and (not wishes.last or v.name <= wishes.last))
 
 
 def _median(values: list[float]) -> float | None:

@@ -98,6 +98,18 @@ def check(
 def solve(
     folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the report; else into the folder.")] = None,
+    refine_intrinsics: Annotated[
+        bool,
+        typer.Option("--refine-intrinsics", help="Use the focal length, centre and distortion that the views show."),
+    ] = False,
+    exchange: Annotated[
+        list[str] | None, typer.Option("--exchange", help="Two views whose poses were mixed up, as 25:26; repeatable.")
+    ] = None,
+    shift: Annotated[
+        int, typer.Option("--shift", min=-5, max=5, help="Each picture belongs to the pose so many views later.")
+    ] = 0,
+    first: Annotated[str, typer.Option("--from", help="Leave out the views before this one.")] = "",
+    last: Annotated[str, typer.Option("--until", help="Leave out the views after this one.")] = "",
     as_json: _Json = False,
 ) -> None:
     """Solve from views that were recorded elsewhere, on any robot: the same checks, report and refusals.
@@ -105,5 +117,11 @@ def solve(
     Example: adaptsim calibrate solve my-views --json
     """
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration.solving import Wishes
+    from adaptsim_cli.errors import UsageError
 
-    conduct.solve(folder, out, as_json=as_json)
+    pairs = tuple(tuple(pair.split(":")) for pair in exchange or ())
+    if any(len(pair) != 2 for pair in pairs):
+        raise UsageError("--exchange takes two names of views with a colon between them, as 25:26")
+    wishes = Wishes(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
+    conduct.solve(folder, out, wishes, as_json=as_json)

@@ -1,0 +1,264 @@
+"""Do pictures and poses belong together, and did anything move that should not have? What ails rejected views.
+
+Each kind of fault leaves its own mark. Exchanged views fit each other's poses. A lost or doubled picture makes later
+ones fit the pose of a neighbour. Stale joints repeat those of the view before while the picture changes. A slipped
+target changes where it sits in the holder and nothing else; a camera that was moved changes where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.bundle import motion_of
+from calib.errors import UnusableViews
+from calib.geometry import angle_deg, distance_mm, move
+from calib.pixels import Looks, Place, adjust, looks, poses, rms_px
+from calib.projection import LENS
+from calib.sizing import solve_any_size
+from calib.types import Forward, Setup, Solution, View
+from hw.types import Array
+
+MIN_SEGMENT = 4
+_FITS = 4.0  # times the usual error of the views that agree
+_FITS_PX = 2.0
+_STRAINED = 5.0
+"""A fit that leaves so many times the corners' noise is a compromise between two arrangements."""
+_WORSE = 4.0
+"""A rejected view must be so many times nearer under another pose than under its own."""
+_SAME_MM, _SAME_DEG = 0.5, 0.05
+_TELLS = 1.5
+"""One explanation of a change counts where the other leaves so many times as much."""
+_TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong, in words, and the option of `calibrate solve` that mends it ("" where none does)."""
+
+    kind: str  # exchanged, shifted, stale, repeated picture, slipped, moved
+    sentence: str
+    option: str
+    views: tuple[str, ...]
+
+
+def faults(
+    views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+) -> tuple[Fault, ...]:
+    """What is wrong with views that the solution rejects, or with all of them where there is none. Views by name."""
+    ordered = sorted(views, key=lambda view: view.name)
+    if solution is None or len(solution.used) < 0.7 * len(ordered):
+        whole = _shift_of_all(ordered, setup, forward, solution)
+        if whole is not None:
+            return (whole,)
+    if solution is not None:
+        seen = _crossed(ordered, solution, setup, forward)
+        found = _explained(seen)
+        strained = solution.fit_px > _STRAINED * np.sqrt(2.0) * solution.noise.corner_px
+        if found or (len(seen.bad) < MIN_SEGMENT and not strained):
+            return found
+    for half, sized in _halves(ordered, setup, forward):
+        found = _explained(_crossed(ordered, half, sized, forward))
+        if found:
+            return found
+    return ()
+
+
+def _explained(seen: _Crossed) -> tuple[Fault, ...]:
+    stale = seen.stale()
+    left = [i for i in seen.bad if seen.views[i].name not in {name for fault in stale for name in fault.views}]
+    exchanged = seen.exchanged(left)
+    left = [i for i in left if seen.views[i].name not in {name for fault in exchanged for name in fault.views}]
+    return (*stale, *exchanged, *seen.shifted_tail(left), *seen.slipped_or_moved(left))
+
+
+def exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[View]:
+    """The views with the poses of each pair of names exchanged. Raises UnusableViews for a name that is not there."""
+    by_name = {view.name: view for view in views}
+    for pair in pairs:
+        missing = [name for name in pair if name not in by_name]
+        if missing:
+            raise UnusableViews(f"--exchange names view {missing[0]}; there are {', '.join(sorted(by_name))}")
+        a, b = (by_name[name] for name in pair)
+        by_name[a.name], by_name[b.name] = _posed(a, b), _posed(b, a)
+    return [by_name[view.name] for view in views]
+
+
+def shifted(views: Sequence[View], by: int) -> list[View]:
+    """Each picture with the pose of the view `by` places later by name; those without one are left out."""
+    ordered = sorted(views, key=lambda view: view.name)
+    at = [(i, i + by) for i in range(len(ordered)) if 0 <= i + by < len(ordered)]
+    return [_posed(ordered[i], ordered[j]) for i, j in at]
+
+
+def _posed(view: View, other: View) -> View:
+    return replace(view, q_rad=other.q_rad, X_BF=other.X_BF)
+
+
+@dataclass(frozen=True, eq=False)
+class _Crossed:
+    """Every picture under every pose."""
+
+    views: Sequence[View]
+    looks: Looks
+    place: Place
+    px: Array  # (N, N) error of picture i with the pose of view j
+    bad: tuple[int, ...]
+    limit_px: float
+    noise_px: float
+    scale: bool
+
+    def fits(self, i: int, j: int) -> bool:
+        """Does picture i belong to the pose of view j?"""
+        return bool(self.px[i, j] < self.limit_px and self.px[i, j] * _WORSE < self.px[i, i])
+
+    def stale(self) -> tuple[Fault, ...]:
+        """Poses, or pictures, that are those of the view before once more."""
+        found = []
+        for i in self.bad:
+            if i == 0:
+                continue
+            name, before = self.views[i].name, self.views[i - 1].name
+            X, X_before = self.looks.X_AH[i], self.looks.X_AH[i - 1]
+            if distance_mm(X, X_before) < _SAME_MM and angle_deg(X, X_before) < _SAME_DEG:
+                said = (
+                    f"the pose of view {name} is that of {before} once more while the picture has changed:"
+                    " joints that were read too early; the view is left out"
+                )
+                found.append(Fault("stale", said, "", (name,)))
+            elif self._same_picture(i, i - 1):
+                said = f"the picture of view {name} is that of {before} once more: an old frame; the view is left out"
+                found.append(Fault("repeated picture", said, "", (name,)))
+        return tuple(found)
+
+    def _same_picture(self, i: int, j: int) -> bool:
+        both = self.looks.seen[i] & self.looks.seen[j]
+        apart = np.linalg.norm(self.looks.px[i] - self.looks.px[j], axis=-1)[both]
+        return len(apart) > 0 and float(np.median(apart)) < 3.0 * self.noise_px and self.fits(i, j)
+
+    def exchanged(self, rows: Sequence[int]) -> tuple[Fault, ...]:
+        """Pairs that fit with each other's pose."""
+        pairs = [(i, j) for i in rows for j in rows if i < j and self.fits(i, j) and self.fits(j, i)]
+        return tuple(
+            Fault(
+                "exchanged",
+                f"{self.views[i].name} and {self.views[j].name} look swapped: with each other's pose they fit to"
+                f" {self.px[i, j]:.1f} and {self.px[j, i]:.1f} px, with their own to {self.px[i, i]:.0f} and"
+                f" {self.px[j, j]:.0f}",
+                f"--exchange {self.views[i].name}:{self.views[j].name}",
+                (self.views[i].name, self.views[j].name),
+            )
+            for i, j in pairs
+            if sum(i in pair or j in pair for pair in pairs) == 1
+        )
+
+    def shifted_tail(self, rows: Sequence[int]) -> tuple[Fault, ...]:
+        """From one view to the end every picture fits the pose of a neighbour: one was lost, or taken twice."""
+        n = len(self.views)
+        if len(rows) < MIN_SEGMENT - 1 or list(rows) != list(range(rows[0], rows[-1] + 1)) or rows[-1] < n - 2:
+            return ()
+        for by in (1, -1):
+            inside = [i for i in rows if 0 <= i + by < n]
+            if len(inside) >= MIN_SEGMENT - 1 and sum(self.fits(i, i + by) for i in inside) >= 0.8 * len(inside):
+                first, which = self.views[rows[0]].name, "after" if by == 1 else "before"
+                said = f"from view {first} on every picture fits the pose of the view {which} it: one was lost there"
+                names = tuple(self.views[i].name for i in rows)
+                return (Fault("shifted", said, "", names),)
+        return ()
+
+    def slipped_or_moved(self, rows: Sequence[int]) -> tuple[Fault, ...]:
+        """A change that holds from one view to the next end of the series."""
+        n = len(self.views)
+        at_end = list(rows) == list(range(n - len(rows), n))
+        at_start = list(rows) == list(range(len(rows)))
+        if len(rows) < MIN_SEGMENT or not (at_end or at_start):
+            return ()
+        later = np.isin(np.arange(n), list(rows)).astype(np.int64)
+        twice = np.stack([np.zeros(6), _TWIST])
+        one = self.place
+        slipped = adjust(
+            replace(self.looks, mounting=later),
+            replace(one, X_HM=move(np.repeat(one.X_HM, 2, axis=0), twice)),
+            self.noise_px,
+            scale=self.scale,
+            lens=False,
+        )
+        moved = adjust(
+            replace(self.looks, cameras=self.looks.cameras * 2, camera=later),
+            replace(one, X_AC=move(np.repeat(one.X_AC, 2, axis=0), twice), lens=np.zeros((2, LENS))),
+            self.noise_px,
+            scale=self.scale,
+            lens=False,
+        )
+        if min(slipped.px, moved.px) > 2 * self.limit_px or max(slipped.px, moved.px) < _TELLS * min(
+            slipped.px, moved.px
+        ):
+            return ()
+        last = n - len(rows) - 1 if at_end else len(rows) - 1
+        before, after = self.views[last].name, self.views[last + 1].name
+        names = tuple(self.views[i].name for i in rows)
+        option = f"--until {before}" if at_end else f"--from {after}"
+        if slipped.px < moved.px:
+            X, Y = slipped.place.X_HM
+            what, other, left, instead = "the board slipped", "a moved camera", slipped.px, moved.px
+        else:
+            X, Y = moved.place.X_AC
+            what, other, left, instead = "the camera was moved", "a slipped board", moved.px, slipped.px
+        said = (
+            f"{what} between {before} and {after}, by {distance_mm(X, Y):.1f} mm and {angle_deg(X, Y):.1f}°: that"
+            f" leaves {left:.1f} px, {other} {instead:.1f}"
+        )
+        return (Fault("slipped" if slipped.px < moved.px else "moved", said, option, names),)
+
+
+def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: Forward | None) -> _Crossed:
+    moved = motion_of(views, setup.mounting, forward)
+    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
+    X_AH = moved.X_AH(offsets)
+    of = looks([v.corners for v in views], X_AH, setup.board, [setup.colour], [0] * len(views))
+    place = Place(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
+    n = len(views)
+    px = np.zeros((n, n))
+    for j in range(n):
+        under = replace(of, X_AH=np.broadcast_to(X_AH[j], (n, 4, 4)))
+        in_front = poses(place, under)[:, 2, 3] > 0.05
+        px[:, j] = np.where(in_front, rms_px(place, under), np.inf)
+    used = [i for i, view in enumerate(views) if view.name in set(solution.used)]
+    usual = float(np.median(px[used, used]))
+    limit = max(_FITS * usual, _FITS_PX)
+    bad = tuple(i for i in range(n) if px[i, i] > limit)
+    return _Crossed(views, of, place, px, bad, limit, max(usual / np.sqrt(2.0), 0.02), not setup.size_known)
+
+
+def _shift_of_all(
+    views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+) -> Fault | None:
+    """Every picture has the pose of its neighbour."""
+    agreed = 0 if solution is None else len(solution.used)
+    for by in (1, -1):
+        try:
+            other, _ = solve_any_size(shifted(views, by), setup, forward)
+        except UnusableViews:
+            continue
+        if len(other.used) >= 0.8 * (len(views) - 1) and len(other.used) > agreed + 2:
+            which = "after" if by == 1 else "before"
+            said = (
+                f"pictures and poses are shifted by one: with the pose of the view {which} it, each of"
+                f" {len(other.used)} views fits ({other.fit_px:.1f} px)"
+            )
+            return Fault("shifted", said, f"--shift {by}", tuple(view.name for view in views))
+    return None
+
+
+def _halves(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:
+    """Solutions of the first half and of the last, where something changed in between."""
+    middle = len(views) // 2
+    for part in (views[:middle], views[middle:]):
+        try:
+            solution, sized = solve_any_size(part, setup, forward)
+        except UnusableViews:
+            continue
+        if len(solution.used) >= 0.8 * len(part):
+            yield solution, sized

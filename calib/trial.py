@@ -1,0 +1,126 @@
+"""Intrinsics on trial: are the stated ones right, by the views themselves?
+
+Focal length, centre and distortion are set free, and both fits are judged on views that they have not seen. Only then
+is anything said about the intrinsics; and they are taken only where the operator asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.bundle import motion_of
+from calib.pixels import Adjusted, Place, adjust, held_out_px, jackknife, looks
+from calib.projection import LENS, with_lens
+from calib.types import Check, Forward, Setup, Solution, Verdict, View
+from hw.types import Array, Intrinsics
+
+NAME = "intrinsics"
+SUSPICIOUS = 1.5
+"""The trial is held where views disagree by so many times what their corners' noise explains."""
+MIN_VIEWS = 10
+FOLDS = 5
+_BETTER = 0.9  # of the held-out error with the stated intrinsics
+_SIGNIFICANT = 3.0
+_OTHER_RESOLUTION = 0.08
+_ALIKE = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Both fits."""
+
+    stated_px: float  # held out: each view predicted without it, with the intrinsics as stated
+    refined_px: float  # the same with focal length, centre and distortion free
+    lens: Array  # (LENS,) change of log focal length, centre u and v in px, k1, k2
+    sigma: Array  # (LENS,) one standard deviation of it
+    refined: Intrinsics
+    covariance: Array  # (6, 6) of X_AC's twist in the camera's axes that comes from not knowing the lens exactly
+    better: bool  # the views ask for it, beyond their noise
+    sentence: str
+
+
+def suspicious(solution: Solution) -> bool:
+    """Do the views disagree beyond the noise of their corners?"""
+    return bool(solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * solution.noise.corner_px)
+
+
+def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> Trial | None:
+    """With the views that the solution uses; None where they are too few."""
+    used = [view for view in views if view.name in set(solution.used)]
+    if len(used) < MIN_VIEWS:
+        return None
+    moved = motion_of(used, setup.mounting, forward)
+    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
+    of = looks([v.corners for v in used], moved.X_AH(offsets), setup.board, [setup.colour], [0] * len(used))
+    start = Place(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
+    noise = max(solution.fit_px / np.sqrt(2.0), 0.02)
+    scale = not setup.size_known
+    stated = adjust(of, start, noise, scale=scale, lens=False)
+    free = adjust(of, stated.place, max(stated.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
+    free = adjust(of, free.place, max(free.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
+    before = _rms(held_out_px(of, stated, FOLDS, scale=scale, lens=False))
+    after = _rms(held_out_px(of, free, FOLDS, scale=scale, lens=True))
+    lens, covariance = free.place.lens[0], jackknife(free)
+    sigma = np.sqrt(np.diagonal(covariance)[-LENS:])
+    better = after < _BETTER * before and bool((np.abs(lens) > _SIGNIFICANT * sigma).any())
+    refined = with_lens(setup.colour, lens)
+    sentence = _sentence(setup.colour, lens, sigma, before, after)
+    return Trial(before, after, lens, sigma, refined, _into_pose(free, covariance), better, sentence)
+
+
+def adopted(setup: Setup, found: Trial) -> Setup:
+    """The setup with the refined intrinsics; their uncertainty enters the stated error."""
+    return replace(setup, colour=found.refined, lens_covariance=found.covariance)
+
+
+def check(found: Trial | None, *, refined: bool) -> Check:
+    """What the trial says, as a check."""
+    if found is None:
+        reason = "the views agree to the noise of their corners, or are too few: no trial was held"
+        return Check(NAME, Verdict.NOT_MEASURED, reason)
+    share = 100 * (1 - found.refined_px / found.stated_px)
+    if refined:
+        return Check(NAME, Verdict.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
+    if not found.better:
+        return Check(NAME, Verdict.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
+    advice = "add --refine-intrinsics to use them, or state the right ones"
+    return Check(NAME, Verdict.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
+
+
+def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, after: float) -> str:
+    held = f"held out {before:.2f} → {after:.2f} px"
+    if after >= _BETTER * before:
+        return f"with focal length, centre and distortion free the views are predicted no better ({held})"
+    factor = float(np.exp(lens[0]))
+    centre = (stated.K[:2, 2] + lens[1:3]) / stated.K[:2, 2]
+    if abs(factor - 1) > _OTHER_RESOLUTION and np.abs(centre / factor - 1).max() < _ALIKE:
+        return (
+            f"the stated intrinsics are of another resolution: focal length and centre ask to be scaled by {factor:.3f}"
+            f" ({held})"
+        )
+    off = 100 * np.expm1(lens[0]), 100 * sigma[0]
+    found = [
+        f"focal length {off[0]:+.1f} ± {off[1]:.1f} %",
+        f"centre {lens[1]:+.0f} ± {sigma[1]:.0f}, {lens[2]:+.0f} ± {sigma[2]:.0f} px",
+    ]
+    k1 = f"k1 = {stated.distortion[0] + lens[3]:+.3f} ± {sigma[3]:.3f}"
+    if not (np.abs(lens) > _SIGNIFICANT * sigma).any():
+        return f"the intrinsics may be off, but these views cannot tell by how much ({k1}, {', '.join(found)}; {held})"
+    lacks = not stated.distortion.any() and abs(lens[3]) > _SIGNIFICANT * sigma[3]
+    head = f"the stated intrinsics lack distortion: {k1}" if lacks else f"the stated intrinsics do not fit: {k1}"
+    return f"{head}, {', '.join(found)}; {held}"
+
+
+def _into_pose(free: Adjusted, covariance: Array) -> Array:
+    """How the lens's uncertainty moves the camera's pose: through the normal equations of all else."""
+    rest = np.arange(len(free.normal) - LENS)
+    lens = np.arange(len(free.normal) - LENS, len(free.normal))
+    moves = -np.linalg.solve(free.normal[np.ix_(rest, rest)], free.normal[np.ix_(rest, lens)])[:6]
+    return np.asarray(moves @ covariance[np.ix_(lens, lens)] @ moves.T)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

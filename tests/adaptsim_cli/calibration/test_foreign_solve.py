@@ -1,0 +1,56 @@
+"""`calibrate solve` on real views of another lab: what is wrong is said, and what is offered mends it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import real_views
+
+from adaptsim_cli.calibration import conduct
+from adaptsim_cli.calibration.solving import Wishes, solve_folder
+from calib.errors import CalibrationRejected, UnusableViews
+
+
+def folder_with_swapped_views(folder: Path) -> Path:
+    order = [12 if i == 5 else 5 if i == 12 else i for i in range(real_views.POSTURES)]
+    return real_views.corner_folder(folder, pose=lambda i: real_views.as_told(real_views.X_BF[order[i]]))
+
+
+def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = folder_with_swapped_views(tmp_path)
+    conduct.solve(folder, None, Wishes(), as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["views_rejected"]) == {"05", "12"}
+    (fault,) = told["faults"]
+    assert fault["option"] == "--exchange 05:12"
+    conduct.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
+    mended = json.loads(capsys.readouterr().out)
+    assert not mended["views_rejected"]
+    assert not mended["faults"]
+
+
+def test_views_outside_of_the_wished_ones_take_no_part(tmp_path: Path) -> None:
+    folder = real_views.corner_folder(tmp_path)
+    found = solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(first="03", last="16"))
+    assert [view.name for view in found.record.views] == [f"{i:02d}" for i in range(3, 17)]
+    with pytest.raises(UnusableViews, match="--until names view 99"):
+        solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(last="99"))
+
+
+def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The factory states no distortion for this camera, and the views ask for k1 of about +0.1."""
+    folder = real_views.corner_folder(tmp_path)
+    plain = solve_folder(folder, hw="recorded", created="", versions={}).record
+    (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
+    assert "the stated intrinsics lack distortion: k1 = +0.1" in said
+    assert plain.refined_intrinsics is None
+    try:
+        conduct.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)
+    except CalibrationRejected as error:
+        assert "stated error" in str(error)
+    told = json.loads(capsys.readouterr().out)
+    assert 0.05 < told["refined_intrinsics"]["distortion"][0] < 0.2
+    assert told["held_out_px"] < 0.7 * plain.held_out_px
+    assert told["worst_95_mm"] > plain.uncertainty.worst_95_mm

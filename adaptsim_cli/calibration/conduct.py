@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.text import Text
 
-from adaptsim_cli.calibration import drift, flow, printing, shows
+from adaptsim_cli.calibration import drift, flow, printing, shows, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
@@ -114,6 +114,20 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
         screen.data(summary(solved.record) | {"report": str(path), "recognised": solved.recognised} | _told(solved))
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
+
+
+def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
+    """Several cameras around one arm. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    screen = Screen(as_json=as_json)
+    with screen.busy("Finding the target and solving"):
+        found = together.solve([folder.absolute() for folder in folders])
+    screen.show(together.show(found))
+    path = out.absolute()
+    durable.make_folder(path.parent)
+    durable.replace_file(path, together.content(found))
+    screen.plain(f"Written: {path}")
+    if as_json:
+        screen.data(together.as_json(found) | {"file": str(path)})
 
 
 def _told(solved: Solved) -> dict[str, Any]:

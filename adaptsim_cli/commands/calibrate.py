@@ -1,4 +1,4 @@
-"""`adaptsim calibrate`, `calibrate board`, `calibrate check`, `calibrate solve`."""
+"""`adaptsim calibrate`, `calibrate board`, `calibrate check`, `calibrate solve`, `calibrate together`."""
 
 from __future__ import annotations
 
@@ -125,3 +125,20 @@ def solve(
         raise UsageError("--exchange takes two names of views with a colon between them, as 25:26")
     wishes = Wishes(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
     conduct.solve(folder, out, wishes, as_json=as_json)
+
+
+@app.command()
+def together(
+    folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
+    out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
+    as_json: _Json = False,
+) -> None:
+    """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
+
+    Views of one name are of one posture of the arm.
+
+    Example: adaptsim calibrate together camera-0 camera-1 camera-2
+    """
+    from adaptsim_cli.calibration import conduct
+
+    conduct.solve_cameras(folders, out, as_json=as_json)

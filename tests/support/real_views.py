@@ -121,3 +121,9 @@ def postures_rad() -> Array:
     q_rad = np.stack(found)
     assert np.abs(forward(q_rad) - X_BF).max() < 1e-5
     return q_rad
+
+
+def room_corners() -> list[dict[int, Array]]:
+    """Of each marker that lies still in the room, its corners (4, 2) by camera."""
+    rows = _RECORDED["room_corners_px"].values()
+    return [{k: np.array(px) for k, px in enumerate(row) if px is not None} for row in rows]

@@ -54,3 +54,15 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
     assert 0.05 < told["refined_intrinsics"]["distortion"][0] < 0.2
     assert told["held_out_px"] < 0.7 * plain.held_out_px
     assert told["worst_95_mm"] > plain.uncertainty.worst_95_mm
+
+
+def test_three_cameras_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = [real_views.corner_folder(tmp_path / f"camera-{k}", k) for k in range(3)]
+    conduct.solve_cameras(folders, tmp_path / "together.json", as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    written = json.loads((tmp_path / "together.json").read_text())
+    assert written == {key: value for key, value in told.items() if key != "file"}
+    assert [camera["name"] for camera in written["cameras"]] == ["camera-0", "camera-1", "camera-2"]
+    assert written["held_out_px"] < 0.9
+    with pytest.raises(UnusableViews, match="same name"):
+        conduct.solve_cameras([folders[0], folders[0]], tmp_path / "together.json", as_json=True)

@@ -1,0 +1,70 @@
+"""Three real cameras around one arm: one target pose shared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import real_views
+
+from calib.errors import TooFewViews, UnusableViews
+from calib.several import Camera, Together, solve_together
+from calib.sizing import solve_any_size
+from calib.types import Mounting
+from hw.types import Array
+
+
+def cameras() -> list[Camera]:
+    return [Camera(f"camera-{k}", tuple(real_views.views(k)), real_views.setup(k), None) for k in range(3)]
+
+
+@pytest.fixture(scope="module")
+def together() -> Together:
+    return solve_together(cameras())
+
+
+def room_px(X_BC: Sequence[Array]) -> float:
+    """Markers that lie still in the room, triangulated from all cameras that see them: how well do the rays meet?"""
+    off = []
+    for seen in real_views.room_corners():
+        P = {k: real_views.camera(k).K @ np.linalg.inv(X_BC[k])[:3] for k in seen}
+        for j in range(4):
+            rows = [r for k, px in seen.items() for r in (px[j, 0] * P[k][2] - P[k][0], px[j, 1] * P[k][2] - P[k][1])]
+            point = np.linalg.svd(np.array(rows))[2][-1]
+            for k, px in seen.items():
+                u, v, w = P[k] @ point
+                off.append(np.hypot(u / w - px[j, 0], v / w - px[j, 1]))
+    return float(np.sqrt(np.mean(np.square(off))))
+
+
+def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -> None:
+    assert together.held_out_px < 0.9
+    assert together.size_sigma < 2e-3
+    assert "of 39.9" in together.target
+    assert [len(camera.used) for camera in together.cameras] == [len(real_views.corners(k)) for k in range(3)]
+
+
+def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Together) -> None:
+    alone = [solve_any_size(c.views, c.setup, None)[0].X_AC for c in cameras()]
+    assert room_px([camera.X_BC for camera in together.cameras]) < 0.75 * room_px(alone)
+    known = [camera.work_95_mm / camera.alone_work_95_mm for camera in together.cameras]
+    assert np.mean(known) < 0.9
+
+
+def test_folders_that_do_not_belong_together_are_refused() -> None:
+    one, two, three = cameras()
+    with pytest.raises(UnusableViews, match="at least two"):
+        solve_together([one])
+    with pytest.raises(UnusableViews, match="on the wrist"):
+        solve_together([one, replace(two, setup=replace(two.setup, mounting=Mounting.WRIST))])
+    moved = [replace(v, X_BF=real_views.X_BF[(int(v.name) + 1) % 20]) for v in three.views]
+    with pytest.raises(UnusableViews, match="must be of one posture"):
+        solve_together([two, replace(three, views=tuple(moved))])
+    renamed = tuple(replace(v, name=f"x{v.name}") for v in three.views)
+    with pytest.raises(TooFewViews, match="0 postures are seen by more than one camera"):
+        solve_together([two, replace(three, views=renamed)])
+    known = replace(three.setup, size_known=True, board=three.setup.board.scaled(0.8))
+    with pytest.raises(UnusableViews, match="different targets"):
+        solve_together([two, replace(three, setup=known)])

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.text import Text
 
 from adaptsim_cli.calibration import drift, flow, printing, shows, together
@@ -24,6 +25,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.versions import versions
+from calib import residuals
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from perception.board.types import Board
@@ -34,6 +36,7 @@ OpenRig = Callable[[Config, Board, SavedCalibration | None], AbstractContextMana
 Stores = Callable[[Config, Places], CalibrationStore]
 """Settings -> the calibrations of the rig."""
 
+RESIDUALS = "residuals.csv"
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""
 
@@ -110,8 +113,16 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
+    table = path.with_name(RESIDUALS)
+    durable.replace_file(table, residuals.table(solved.residuals).encode())
+    left_mm = [view.rms_mm for view in solved.residuals if view.used]
+    screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
     if as_json:
-        screen.data(summary(solved.record) | {"report": str(path), "recognised": solved.recognised} | _told(solved))
+        screen.data(
+            summary(solved.record)
+            | {"residuals": str(table), "report": str(path), "recognised": solved.recognised}
+            | _told(solved)
+        )
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
 

@@ -7,11 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from adaptsim_cli.report.svg import Canvas, Scale, plain
+from calib.residuals import Residuals
 from calib.saved import UncertaintyRecord, ViewOutcome
 from calib.types import View
 from hw.types import Intrinsics
 
 _WIDTH = 760.0
+ENLARGED = 20.0
+"""Residual vectors in the picture of them."""
 
 
 def coverage(views: Sequence[View], used: frozenset[str], camera: Intrinsics) -> str:
@@ -56,6 +59,22 @@ def residuals(views: Sequence[ViewOutcome]) -> str:
         if view.held_out_px is not None:
             canvas.dot(x(i), y(view.held_out_px), 4, "dot c1", f"view {view.name} held out: {_px(view.held_out_px)}")
     canvas.text((left + right) / 2, bottom + 34, "view", anchor="middle")
+    return canvas.svg()
+
+
+def vectors(views: Sequence[Residuals], camera: Intrinsics) -> str:
+    """From where each point is predicted towards where it is seen, enlarged, in the frame of the image; views used."""
+    width = 560.0
+    height = width * camera.height / camera.width
+    canvas = Canvas(width + 2, height + 2, f"Residuals as vectors, enlarged {ENLARGED:.0f} times")
+    canvas.rect(1, 1, width, height, "table", 4)
+    x, y = Scale(0, camera.width, 1, 1 + width), Scale(0, camera.height, 1, 1 + height)
+    for view in views:
+        if not view.used:
+            continue
+        for (u, v), (du, dv) in zip(view.px - view.off_px, ENLARGED * view.off_px, strict=True):
+            canvas.line(x(u), y(v), x(u + du), y(v + dv), "mean")
+            canvas.dot(x(u), y(v), 1.2, "seen c0", f"view {view.name}")
     return canvas.svg()
 
 

@@ -39,6 +39,8 @@ def render(solved: Solved) -> str:
         board=record.board.board().name,
         figure_coverage=figures.coverage(solved.views, used, solved.setup.colour),
         figure_residuals=figures.residuals(record.views),
+        figure_vectors=figures.vectors(solved.residuals, solved.setup.colour),
+        enlarged=figures.ENLARGED,
         figure_work=figures.work_volume(record.uncertainty, (X[0, 3], X[1, 3])) if fixed else "",
         pictures=_pictures(solved, used),
     )

@@ -12,6 +12,7 @@ from calib import files, pairing
 from calib.errors import UnusableViews
 from calib.pairing import Fault
 from calib.records import SetupRecord
+from calib.residuals import Residuals, residuals
 from calib.saved import Origin, SavedCalibration, saved
 from calib.types import Forward, Setup, Solution, View
 
@@ -30,6 +31,7 @@ class Solved:
     not_seen: tuple[str, ...]  # sentences: views without a board, damaged ones
     recognised: tuple[str, ...]  # sentences: what of the folder was found rather than told
     faults: tuple[Fault, ...]  # what is wrong with views that do not fit
+    residuals: tuple[Residuals, ...]  # of every view that shows the target
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
     if wishes.refine_intrinsics and tried is not None:
         solution, setup = solve_any_size(seen, adopted(setup, tried), forward)
     wrong = pairing.faults(seen, setup, forward, solution)
+    left = residuals(seen, setup, solution, forward)
     target = stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m)
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
     checks.append(intrinsics_check(tried, refined=wishes.refine_intrinsics and tried is not None))
@@ -85,7 +88,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         setup.colour if setup.lens_covariance is not None else None,
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
-    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong)
+    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left)
 
 
 def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.drivers import Balance
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.openers import Balance
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.screen.clear import clear_to_move

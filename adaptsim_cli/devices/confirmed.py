@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.devices.openers import Pedal, RealArm
+from adaptsim_cli.devices.drivers import Pedal, RealArm
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.around import AroundArm

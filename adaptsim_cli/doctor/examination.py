@@ -157,12 +157,12 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
 
 def _motion(resolved: Resolved) -> Finding:
     """Whether the task can be done in the lab's workcell, as a session has it: the middle action at the reference."""
-    from adaptsim_cli.wiring.motion import lab_of, planned
+    from adaptsim_cli.wiring.motion import mounted_for, planned
 
     task = resolved.config.task
 
     def plan() -> str:
-        made = planned(task, lab_of(resolved, None), (), ())
+        made = planned(mounted_for(resolved, None), (), ())
         worst = max((report.worst for report in made.reports), key=lambda check: check.ratio)
         return f"{task} can be done with this tool and these boxes, {100 * worst.ratio:.0f} % of the tightest limit"
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from adaptsim_cli.config import is_simulated
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
+from sim.panda.feelers import Touching, touchable
+from sim.panda.touch_plan import table_probes, tool_probes
 from sim.panda.touching import Bench, Probe
 
 
@@ -17,6 +19,12 @@ class Plan:
 
     table: tuple[Probe, ...]  # with the closed, empty fingers
     tool: tuple[Probe, ...]  # with the tool; the first one is touched again after the slip check
+
+
+def plan_of(hardware: Touching) -> Plan:
+    """What is touched for a task's tool. Raises UnknownName."""
+    touched = touchable(hardware)
+    return Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m))
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
-from adaptsim_cli.wiring.session import open_real
+from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -73,15 +73,16 @@ def resolved(place: Path, text: str = RIG) -> Resolved:
 def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[AttendedRig]:
     there = resolved(place, text)
     calibrated(there)
-    with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
-        yield real
+    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as trials:
+        assert isinstance(trials.target, AttendedRig)
+        yield trials.target
 
 
 def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
     there = resolved(place)
     with (
         pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"),
-        open_real(there.config, there.places, SCOOPING, Untouched()),  # type: ignore[arg-type]
+        open_trials(there.config, there.places, SCOOPING, Untouched()),  # type: ignore[arg-type]
     ):
         pass
 
@@ -106,7 +107,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", devices.openers)
+        monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
         assert app.run(run) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed
@@ -140,7 +141,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
 def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
     there = resolved(place)
     calibrated(there)
-    with wiring.open_parts(there.config, place, ToyDevices().openers()) as parts:
+    with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
         assert isinstance(parts.target, AttendedRig)
         np.testing.assert_array_equal(parts.task.require_hardware().X_FT, parts.target.mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
@@ -287,7 +288,7 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
-    there = mounted(SCOOPING, cell().arm, read(place / "rig.toml"), (), None)
+    there = mounted(SCOOPING, read(place / "rig.toml"), np.zeros(7))
     with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
@@ -295,7 +296,7 @@ def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
 def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices()
     open_rig = wiring_calibration.open_calibration_rig
-    with open_rig(there.config, Board(), None, devices.openers()) as rig:
+    with open_rig(there.config, Board(), None, devices.drivers()) as rig:
         assert rig.is_real
         assert rig.key == "panda-lab-1"
         assert rig.rough_X_BC is None, "without an earlier calibration the arm is guided by hand"
@@ -307,14 +308,14 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
             rig.arm.execute(STILL)
     calibrated(there)
     known = wiring_calibration.current_calibration(there.config, there.places)
-    with open_rig(there.config, Board(), known, devices.openers()) as rig:
+    with open_rig(there.config, Board(), known, devices.drivers()) as rig:
         assert rig.rough_X_BC is not None
-        assert [box.name for box in devices.opened["arm"]["cell"].keep_out][-1] == "the camera"
+        assert devices.opened["arm"]["cell"].keep_out[0].name == "the camera"
 
 
 def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices()
-    faulty = devices.openers_of_a_stopped_arm()
+    faulty = devices.drivers_of_a_stopped_arm()
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer)
         with wiring_calibration.open_calibration_rig(there.config, Board(), None, faulty) as rig:
@@ -326,7 +327,7 @@ def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) ->
     low_rad = np.array([*home_rad[:1], -0.05, *home_rad[2:]])  # the board 47 mm over z = 0
     for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
         there, devices = resolved(place, RIG + text), ToyDevices()
-        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.openers()) as rig:
+        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.drivers()) as rig:
             assert (devices.opened["arm"]["cell"].table.height_m == 0.0) == free
             (found,) = rig.ways.postures(rig.flange(low_rad[None]))
             assert (found is not None) == free

@@ -1,4 +1,4 @@
-"""How the devices of a real lab are opened: the makers' drivers, or what stands for them in tests."""
+"""The drivers of a real lab's devices: the makers', or what stands for them in tests."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class OpenCamera(Protocol):
 
 
 @dataclass(frozen=True)
-class Openers:
+class Drivers:
     """One function a device."""
 
     arm: OpenArm
@@ -63,14 +63,14 @@ class Openers:
     hand: Callable[[str, str], Hand]  # of the model, at the arm's address
 
 
-def real_devices() -> Openers:
+def makers_drivers() -> Drivers:
     """The adapters of `hw`. Their SDKs are loaded when a device is entered, and DeviceUnavailable says what lacks."""
     from hw.camera.k4a import open_kinect
     from hw.franka.arm import open_franka
     from hw.franka.hand import SDKS, FrankaHand
     from hw.serial import balance, enable_pedal
 
-    return Openers(
+    return Drivers(
         arm=open_franka,
         camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
         pedal=enable_pedal.EnablePedal,

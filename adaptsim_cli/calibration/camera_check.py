@@ -7,7 +7,7 @@ import numpy as np
 
 from adaptsim_cli.screen.checks import Check
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from perception.board.types import Board, Corners
+from perception.board.types import Corners
 
 SATURATED, DARK = 250, 12
 MOST_SATURATED, MOST_DARK = 0.25, 0.60
@@ -29,7 +29,7 @@ def warm(real: bool, temperature_C: float | None) -> Check:
     return Check("warm-up", True, f"{now}; its depth is stable {WARM_UP_MIN} minutes after switching on")
 
 
-def at_board(frame: Frame, corners: Corners, board: Board) -> tuple[Check, ...]:
+def at_board(frame: Frame, corners: Corners) -> tuple[Check, ...]:
     """Of a picture with the board: contrast of the print, and how wide its edges are."""
     grey = cv2.cvtColor(frame.colour, cv2.COLOR_RGB2GRAY).astype(np.float32)
     black, white = _levels(grey, corners)

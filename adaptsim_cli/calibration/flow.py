@@ -140,7 +140,7 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         screen.note(f"  view {name} left out: {error}")
         return sights
     if not sights.names:
-        checks = camera_check.at_board(seen.frame, corners, rig.board)
+        checks = camera_check.at_board(seen.frame, corners)
         screen.checks(checks)
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")

@@ -49,7 +49,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         arm=stored.setup.arm,
         camera=stored.setup.serial,
         created=created,
-        source=_source(stored.setup, hw, created),
+        source=_source(hw, created),
         versions=versions,
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
@@ -108,6 +108,6 @@ def _infrared(view: files.StoredView, setup: Setup) -> Corners | None:
         return None  # the infrared image is a check of its own, not a condition
 
 
-def _source(setup: SetupRecord, hw: str, created: str) -> str:
+def _source(hw: str, created: str) -> str:
     where = {"fake": "of the simulated lab", "recorded": "from recorded views"}.get(hw, f"of the {hw}")
     return f"calibration {where}, {created[:10]}"

@@ -111,7 +111,7 @@ def _move(session: Session, stage: RunTrial) -> bool:
             raise executed.stopped
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
-        if isinstance(error, PerceptionError) and operator.try_again(stage, str(error), False):
+        if isinstance(error, PerceptionError) and operator.try_again(stage):
             return False
         raise
     return True
@@ -133,7 +133,7 @@ def _look(session: Session, stage: RunTrial) -> None:
             track = replay.track()
     except PerceptionError as error:
         _reject(session, stage, str(error))
-        if operator.try_again(stage, str(error), True):
+        if operator.try_again(stage):
             return
         raise
     tracked_s = time.perf_counter() - began

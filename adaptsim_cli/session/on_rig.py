@@ -59,7 +59,7 @@ class OnRig:
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """The arm may have moved: a person is asked first, and on a real arm the attempt does not come back."""
-        operator.repeat_interrupted(stage, self.is_real)
+        operator.repeat_interrupted(stage)
         return self.is_real
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Found:

@@ -63,7 +63,7 @@ Review = Accept | Overrule | Redo
 class Operator(Protocol):
     """Every question of a session. Each may raise StoppedByOperator."""
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         """A motion had started and never completed. Returns when the trial may be done again."""
         ...
 
@@ -77,6 +77,6 @@ class Operator(Protocol):
 
     def review(self, judged: Judged) -> Review: ...
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+    def try_again(self, stage: RunTrial) -> bool:
         """Whether to set the trial up again after the object was not found, misplaced, or lost in tracking."""
         ...

@@ -17,7 +17,7 @@ from adaptsim_cli.storage import sealed
 from adaptsim_cli.storage.validation import place
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.types import Dimension, Space
+from sim.types import Space
 
 FORMAT = 2
 SEALED_SINCE = 2
@@ -48,11 +48,6 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     return tuple(
         DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale) for d in space.dimensions
     )
-
-
-def as_space(dimensions: tuple[DimensionRecord, ...]) -> Space:
-    """The space that `as_records` wrote down."""
-    return Space(tuple(Dimension(d.name, d.unit, d.low, d.high, d.scale) for d in dimensions))
 
 
 class Facts(Record):

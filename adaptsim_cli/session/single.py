@@ -104,7 +104,7 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
             return target.set_up(drawn, stage.key, operator)
         except PerceptionError as error:
             screen.note(f"Attempt {stage.key.attempt + 1}, nothing has moved: {error}")
-            if not operator.try_again(stage, str(error), False):
+            if not operator.try_again(stage):
                 raise
         stage = replace(stage, key=TrialKey(stage.key.number, stage.key.attempt + 1))
 

@@ -121,7 +121,7 @@ def _touch_all(rig: TouchRig, bench: Bench, probes: Sequence[Probe], table: Tabl
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
         found += [Touched(probe, q) for q in slow]
-        screen.show(shows.touched(number + 1, len(probes), probe.name, heights, expected))
+        screen.show(shows.touched(number + 1, len(probes), probe.name, heights))
     return found
 
 

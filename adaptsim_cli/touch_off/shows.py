@@ -12,7 +12,6 @@ from rich.text import Text
 from adaptsim_cli.screen import views
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Estimate, Result
-from hw.collision import Table
 
 
 def explanation(rig: TouchRig) -> RenderableType:
@@ -31,7 +30,7 @@ def explanation(rig: TouchRig) -> RenderableType:
     )
 
 
-def touched(number: int, of: int, name: str, heights_m: Sequence[float], expected: Table) -> RenderableType:
+def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> RenderableType:
     """One line for one place."""
     seen = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
     return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm against what was expected")

@@ -100,7 +100,7 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
         raise ValueError("a touch-off needs the fingers at 3 places, and the tool held in 4 ways, at least")
     table, table_off, table_N = table_of(fingers)
     correction, tool_off, tool_N = tool_of(tool, designed, table)
-    repeat_m = _repeatability(fingers, tool, designed, table)
+    repeat_m = _repeatability(fingers, tool, designed)
     table_cov = _covariance(table_off, table_N, repeat_m)
     tool_cov = _covariance(tool_off, tool_N, repeat_m)
     at = np.array([1.0, *work_m])
@@ -138,7 +138,7 @@ def _lowest(X_BT: Array, probe: Probe) -> Array:
     return np.asarray(p_m - [0.0, 0.0, probe.feeler.radius_m])
 
 
-def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, table: Table) -> float:
+def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array) -> float:
     """Pooled spread of the repeats of each place, one standard deviation."""
     squares, free = 0.0, 0
     for touches, X_FT in ((fingers, np.eye(4)), (tool, designed)):

@@ -33,7 +33,7 @@ class ScriptedOperator:
     before_motion: Callable[[Proposal], None] = lambda _: None
     asked: list[str] = field(default_factory=list)
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         self.asked.append(f"repeat {stage.key.number}")
 
     def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
@@ -46,7 +46,7 @@ class ScriptedOperator:
     def review(self, judged: Judged) -> Review:
         return self.reviews.pop(0) if self.reviews else Accept()
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+    def try_again(self, stage: RunTrial) -> bool:
         self.asked.append(f"again {stage.key.number}.{stage.key.attempt}: {problem}")
         return True
 

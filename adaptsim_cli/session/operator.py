@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.session.policy import Prediction
+from adaptsim_cli.session.policy import ExpectedReward
 from adaptsim_cli.session.stages import RunTrial
 from hw.types import Array
 from perception.types import Outcome
@@ -21,7 +21,7 @@ class Proposal:
     drawn: Array  # (c,) the context that was asked for
     context: Array  # (c,) as measured
     action: Array  # (a,)
-    prediction: Prediction
+    prediction: ExpectedReward
     told: str  # what has been planned
     announced: str  # what happens when the operator agrees
     overlay: Path | None  # image with what the camera found, where there is one

@@ -19,7 +19,6 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Prediction, TrainedPolicy
 from adaptsim_cli.session.rig import Planner
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.storage.versions import versions
@@ -146,19 +145,6 @@ def _world_sha256(name_or_path: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Policy:
-    """A solver's task policy, as the sequence wants it."""
-
-    policy: SolvedPolicy
-
-    def __call__(self, context: Array) -> Array:
-        return np.asarray(self.policy(context))
-
-    def predict(self, context: Array) -> Prediction:
-        return Prediction(*self.policy.predict(context))
-
-
-@dataclass(frozen=True, eq=False)
 class _SolverLearner:
     """A method of adaptation, and task policies of the checkpoint's solver."""
 
@@ -172,10 +158,10 @@ class _SolverLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.next(history, rng)
 
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         from sim.adaptation.method import policy_of
 
-        return _Policy(policy_of(self.method, self.solver, particle, history, self.executable))
+        return policy_of(self.method, self.solver, particle, history, self.executable)
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation.best import choose_best

@@ -63,9 +63,10 @@ class CalibrationLab:
         self._world, self._seed, self._X_BC = world, seed, default_X_BC()
         self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
         printed = board.scaled(world.sensing.board_scale)
-        self._arm = _BoardArm(self._state, cell)
-        self._camera = _BoardCamera(self._state, self._X_BC, printed, task)
-        self._hands = _LabHands(self._state, printed)
+        self.arm: Arm = _BoardArm(self._state, cell)
+        self.camera: Camera = _BoardCamera(self._state, self._X_BC, printed, task)
+        self.hands = _LabHands(self._state, printed)
+        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
 
     def __enter__(self) -> Self:
         self._state.connected = True
@@ -73,19 +74,6 @@ class CalibrationLab:
 
     def __exit__(self, *exc: object) -> None:
         self._state.connected = False
-
-    @property
-    def arm(self) -> Arm:
-        return self._arm
-
-    @property
-    def camera(self) -> Camera:
-        return self._camera
-
-    @property
-    def hands(self) -> _LabHands:
-        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
-        return self._hands
 
     def truth(self) -> dict[str, Any]:
         """What calibration should find, for checking alone."""

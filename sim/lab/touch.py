@@ -56,25 +56,17 @@ class TouchLab:
         """
         self._task, self._world = task, world
         self._grip = Grip(HANDLE_M)
-        self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
-        self._hand = LabHand(self._grip)
+        self.arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
+        self.hand = LabHand(self._grip)
 
     def __enter__(self) -> Self:
-        self._arm.__enter__()
-        self._hand.__enter__()
+        self.arm.__enter__()
+        self.hand.__enter__()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._hand.__exit__(*exc)
-        self._arm.__exit__(*exc)
-
-    @property
-    def arm(self) -> _FeelingArm:
-        return self._arm
-
-    @property
-    def hand(self) -> LabHand:
-        return self._hand
+        self.hand.__exit__(*exc)
+        self.arm.__exit__(*exc)
 
     def offer_tool(self, there: bool) -> None:
         """Somebody holds the tool between the open fingers, or takes it away."""
@@ -91,8 +83,8 @@ class TouchLab:
             "tool_height_m": 1e-3 * mount.tool_height_mm,
             "tool_pitch_rad": float(getattr(self._world.unmodelled, "pitch_bias_rad", 0.0)),
             "tool_roll_rad": 1e-3 * mount.tool_roll_mrad,
-            "tool_slipped_rad": self._arm.slipped_rad,
-            "joint_zeros_rad": self._arm.zeros_rad.tolist(),
+            "tool_slipped_rad": self.arm.slipped_rad,
+            "joint_zeros_rad": self.arm.zeros_rad.tolist(),
         }
 
 

@@ -47,7 +47,7 @@ class ScriptedOperator:
         return self.reviews.pop(0) if self.reviews else Accept()
 
     def try_again(self, stage: RunTrial) -> bool:
-        self.asked.append(f"again {stage.key.number}.{stage.key.attempt}: {problem}")
+        self.asked.append(f"again {stage.key.number}.{stage.key.attempt}")
         return True
 
 

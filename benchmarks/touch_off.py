@@ -20,7 +20,7 @@ import numpy as np
 from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.asking import Unattended
+from adaptsim_cli.touch_off.asking import NoAssistant
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig, plan_of
 from adaptsim_cli.touch_off.solving import Result
@@ -33,7 +33,7 @@ from sim.panda.correction import ToolCorrection
 from sim.panda.feelers import empty_hand, feeling, touchable
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped, tool_of
-from sim.panda.touching import Bench
+from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -79,13 +79,13 @@ def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
             arm=lab.arm,
             hand=lab.hand,
             grasp=Grasp(),
-            empty=Bench(cell, np.eye(4)),
-            loaded=Bench(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
             plan=plan_of(HARDWARE),
             home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
             tool_there=lab.offer_tool,
         )
-        found = touch_off(rig, Unattended(), Screen(console=Console(file=io.StringIO())))
+        found = touch_off(rig, NoAssistant(), Screen(console=Console(file=io.StringIO())))
         return found.result, lab.truth()
 
 

@@ -18,7 +18,7 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.calibration.taking import Look, ViewRefused, look
 from adaptsim_cli.calibration.visits import Arrival, Visits
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.screen.checks import Check, failures
+from adaptsim_cli.screen.checks import Readiness, failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage import durable
 from calib import files, touch
@@ -97,14 +97,14 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
 
 def _ready(rig: CalibrationRig, screen: Screen) -> None:
     state = rig.arm.state()
-    healthy = Check("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
+    healthy = Readiness("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
     checks = (healthy, *camera_check.before(rig.camera.snapshot(), rig.camera.model()), _warm(rig))
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
 
-def _warm(rig: CalibrationRig) -> Check:
+def _warm(rig: CalibrationRig) -> Readiness:
     return camera_check.warm(rig.is_real, rig.temperatures_C().get("camera"))
 
 

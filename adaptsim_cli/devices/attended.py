@@ -12,10 +12,10 @@ from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.drivers import Balance
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.on_rig import Found, OnRig, RigReplay
+from adaptsim_cli.session.on_rig import OnRig, RigReady, RigReplay
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
@@ -111,7 +111,7 @@ class AttendedRig:
     def outcomes(self) -> tuple[Outcome, ...]:
         return self.on_rig.outcomes
 
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Readiness, ...]:
         """Those of the rig; a fault that a person lets go of is cleared first."""
         offer_recovery(self.arm, self.screen)
         return self.on_rig.checks()
@@ -119,7 +119,7 @@ class AttendedRig:
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         return self.on_rig.spent(stage, operator)
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Found:
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> RigReady:
         """Home, and then as any rig. Raises what `OnRig.set_up` raises, NotExecutable, StoppedByOperator."""
         self.arm.confirm()
         self._home()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.found import serial_ports
+from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 from adaptsim_cli.doctor import lab, machine, program, readings
 from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped

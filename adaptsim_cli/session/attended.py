@@ -36,7 +36,7 @@ class Attended:
     def approve(self, proposal: Proposal, real: bool) -> None:
         if proposal.overlay is not None:
             self.screen.plain(f"  What the camera found: {proposal.overlay}")
-        self._go_on(f"{proposal.announced}. Enter to start, q to stop:")
+        self._go_on(f"{proposal.announcement}. Enter to start, q to stop:")
 
     def review(self, judged: Judged) -> Review:
         self.screen.show(f"  Tracked: {judged.outcome.value.replace('_', ' ')}, reward {judged.reward:.2f}")

@@ -32,7 +32,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Evidence, Executed, Ready
+from adaptsim_cli.session.target import Executed, Ready, TrialEvidence
 from hw.errors import ArmFault, HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -248,7 +248,12 @@ def _motion_record(made: Proposal, started: str, stopped: ArmFault | None, execu
 
 
 def _trial_record(
-    session: Session, stage: RunTrial, motion: MotionRecord, evidence: Evidence, track: ObjectTrack, tracked: Outcome
+    session: Session,
+    stage: RunTrial,
+    motion: MotionRecord,
+    evidence: TrialEvidence,
+    track: ObjectTrack,
+    tracked: Outcome,
 ) -> TrialRecord:
     task, context = session.parts.task, np.array(motion.context)
     return TrialRecord(
@@ -268,7 +273,7 @@ def _trial_record(
         reward=task.score(track, context),
         outcome=track.outcome,
         overruled_from=None if tracked == track.outcome else tracked,
-        track=TrackRecord.of(track),
+        track=TrackRecord.from_track(track),
         moments=evidence.moments,
         control_success_rate=evidence.control_success_rate,
         started=motion.started,

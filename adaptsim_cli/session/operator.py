@@ -22,8 +22,8 @@ class Proposal:
     context: Array  # (c,) as measured
     action: Array  # (a,)
     prediction: ExpectedReward
-    told: str  # what has been planned
-    announced: str  # what happens when the operator agrees
+    summary: str  # what has been planned
+    announcement: str  # what happens when the operator agrees
     overlay: Path | None  # image with what the camera found, where there is one
 
 

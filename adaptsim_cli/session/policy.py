@@ -19,7 +19,7 @@ class ExpectedReward(NamedTuple):
     high: float
 
 
-class Learner(Protocol):
+class SessionLearner(Protocol):
     """A method of adaptation together with the training of its task policies."""
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...

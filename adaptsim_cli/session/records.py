@@ -81,7 +81,7 @@ class Facts(Record):
     """Column of the track by what it is called, where it is drawn over time instead of on the table."""
 
 
-class Start(Record):
+class SessionStart(Record):
     """start.json: the first particles, as samples in units."""
 
     particles: tuple[Samples, ...]
@@ -98,7 +98,7 @@ class TrackRecord(Record):
     flags: tuple[str, ...]
 
     @classmethod
-    def of(cls, track: ObjectTrack) -> TrackRecord:
+    def from_track(cls, track: ObjectTrack) -> TrackRecord:
         end = track.end_in_tool_m
         return cls(
             t_s=as_row(track.t_s),

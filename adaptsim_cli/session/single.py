@@ -144,7 +144,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
         "reward": task.score(track, made.context),
         "flags": list(track.flags),
         "observation": as_row(task.observation(track)),
-        "track": TrackRecord.of(track).model_dump(mode="json"),
+        "track": TrackRecord.from_track(track).model_dump(mode="json"),
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

@@ -10,7 +10,7 @@ from adaptsim_cli.session import shows
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.policy import ExpectedReward
 from adaptsim_cli.session.stages import RunTrial
-from adaptsim_cli.session.target import Executed, Planned, Ready, Replay, Target
+from adaptsim_cli.session.target import Executed, Planned, Ready, Target, TrialReplay
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.tasks.solver import SolvedPolicy
@@ -35,7 +35,7 @@ def propose(
     overlay = None if ready.overlay is None else keep(ready.overlay)
     expected = ExpectedReward(*policy.predict(ready.context))
     proposal = Proposal(
-        stage, parameters, ready.drawn, ready.context, action, expected, planned.told, planned.announced, overlay
+        stage, parameters, ready.drawn, ready.context, action, expected, planned.summary, planned.announcement, overlay
     )
     screen.show(shows.proposal(task, proposal))
     return proposal
@@ -51,7 +51,9 @@ def execute(planned: Planned, store: Callable[[Executed], None], screen: Screen)
         raise executed.stopped
 
 
-def look(target: Target, context: Array, action: Array, folder: Path, screen: Screen) -> tuple[Replay, ObjectTrack]:
+def look(
+    target: Target, context: Array, action: Array, folder: Path, screen: Screen
+) -> tuple[TrialReplay, ObjectTrack]:
     """Track what was stored in `folder`. Raises PerceptionError, SessionError naming a file that is corrupt."""
     with screen.busy("Reading the recording"):
         replay = target.replay(context, action, folder)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from adaptsim_cli.screen import views
 from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import Estimate, Result
+from adaptsim_cli.touch_off.solving import MeasuredValue, Result
 
 
 def explanation(rig: TouchRig) -> RenderableType:
@@ -58,5 +58,5 @@ def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
     return Group(Text(""), views.rows(("found", "value", "within, 19 times of 20"), rows))
 
 
-def _row(name: str, found: Estimate, scale: float, unit: str) -> tuple[str, str, str]:
+def _row(name: str, found: MeasuredValue, scale: float, unit: str) -> tuple[str, str, str]:
     return name, f"{scale * found.value:+.2f} {unit}", f"± {scale * found.within:.2f} {unit}"

@@ -87,7 +87,7 @@ def _open_target(config: Config, task: Task, drivers: Drivers | None) -> Iterato
 class Trials:
     """Where trials of a task with hardware happen."""
 
-    there: MountedTask
+    mounted: MountedTask
     on_rig: OnRig
     target: Target  # `on_rig`, with what a person beside a real arm is asked
 

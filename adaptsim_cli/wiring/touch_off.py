@@ -61,7 +61,7 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Driver
     from sim.panda.feelers import empty_hand, feeling
     from sim.panda.planning import home
     from sim.panda.tool import tool_of
-    from sim.panda.touching import Bench
+    from sim.panda.touching import HeldTool
     from sim.tasks import get_task
 
     task = get_task(config.task)
@@ -83,8 +83,8 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Driver
             arm=devices.arm,
             hand=devices.hand,
             grasp=grasp,
-            empty=Bench(cell, np.eye(4)),
-            loaded=Bench(cell.holding(loaded), hardware.X_FT),
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(loaded), hardware.X_FT),
             plan=plan_of(hardware),
             home_rad=home_rad,
             tool_there=devices.tool_there,

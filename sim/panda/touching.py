@@ -61,7 +61,7 @@ class Stage:
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class HeldTool:
     """What a plan has to know of arm, tool and surroundings."""
 
     cell: Workcell
@@ -72,7 +72,13 @@ class Bench:
 
 
 def stance(
-    probe: Probe, bench: Bench, table: Table, above_m: float, search: Sequence[Stage], force_N: float, q_near: ArrayLike
+    probe: Probe,
+    bench: HeldTool,
+    table: Table,
+    above_m: float,
+    search: Sequence[Stage],
+    force_N: float,
+    q_near: ArrayLike,
 ) -> Array:
     """(7,) the posture nearest to `q_near` with the feeler `above_m` over the table, from which `search` is allowed.
 

@@ -17,7 +17,7 @@ from sim.panda.feelers import empty_hand, feeling, touchable
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped, tool_of
 from sim.panda.touch_plan import table_probes, tool_probes
-from sim.panda.touching import Bench
+from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -50,8 +50,8 @@ def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchR
             arm=lab.arm,
             hand=lab.hand,
             grasp=Grasp(),
-            empty=Bench(cell, np.eye(4)),
-            loaded=Bench(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
             plan=few(),
             home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
             tool_there=lab.offer_tool,

@@ -58,7 +58,7 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
 def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
     """`run-iteration --yes` on the toy rig, in this process."""
     settings = resolved(home, **flags)
-    request = conduct.Request(None, frozenset(), iterations, yes=True)
+    request = conduct.SessionRequest(None, frozenset(), iterations, yes=True)
     path = conduct.conduct(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

@@ -29,7 +29,7 @@ from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.touch_off.asking import Attended
+from adaptsim_cli.touch_off.asking import HumanAssistant
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
 from adaptsim_cli.touch_off.store import record
@@ -68,7 +68,7 @@ def opened(there: Resolved, devices: ToyDevices) -> Iterator[TouchRig]:
 
 
 @dataclass(frozen=True)
-class HandingOver(Attended):
+class HandingOver(HumanAssistant):
     """A person who really holds the tool between the fingers."""
 
     hand: FakeHand
@@ -102,7 +102,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
     assert (c.height_m, c.pitch_rad) == (pytest.approx(0.0, abs=3e-4), pytest.approx(0.0, abs=5e-3))
     touch_offs(there.config, there.places).save(saved)
     with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as trials:
-        assert trials.there.correction == saved.correction(), "not what the rig file says of table and tool"
+        assert trials.mounted.correction == saved.correction(), "not what the rig file says of table and tool"
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 
@@ -163,7 +163,7 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
     there, devices = resolved(place), ToyDevices(plane=TRUE)
     typing(monkeypatch, "clear", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
-        touch_off(rig, Attended(quiet()), quiet())
+        touch_off(rig, HumanAssistant(quiet()), quiet())
     assert devices.arm is not None
     assert devices.arm.executed == []
     assert devices.hand.commands == []
@@ -179,7 +179,7 @@ def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.
             assert rig.arm.state().fault == fault
             if fault:
                 with pytest.raises(ArmFault, match="recover"):
-                    touch_off(rig, Attended(quiet()), quiet())
+                    touch_off(rig, HumanAssistant(quiet()), quiet())
 
 
 def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:

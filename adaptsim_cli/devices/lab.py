@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from adaptsim_cli.calibration.parts import Hands
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.rig import Rig
-from adaptsim_cli.session.target import Target
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
 from hw.ports import Arm, Camera, GuardedArm, Hand
@@ -21,15 +18,6 @@ from hw.workcell import Workcell
 
 if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
-
-
-@dataclass(frozen=True, eq=False)
-class TrialDevices:
-    """Connected for trials."""
-
-    rig: Rig
-    target: Callable[[OnRig], Target]  # the rig's trials, with what a person beside it is asked
-    facts: Callable[[], RigFacts] | None  # what the rig says of itself after a trial; None: nothing is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +64,7 @@ class Lab(Protocol):
         """Tell the person beside the arm, where there is one."""
         ...
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> TrialDevices:
+    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """`hand_eye` is the camera's pose over the table, warned of from an age of `days` on."""
         ...
 

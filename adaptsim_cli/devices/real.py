@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
-from adaptsim_cli.devices.attended import AttendedRig, Person, Scales, offer_recovery
+from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.drivers import Drivers
-from adaptsim_cli.devices.lab import BoardDevices, TouchDevices, TrialDevices
+from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.rig import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
@@ -26,13 +25,6 @@ from sim.tasks.task import Task
 
 if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
-
-
-@runtime_checkable
-class _Telling(Protocol):
-    """A camera that says how it was set and how its last recording went."""
-
-    def facts(self) -> dict[str, Any]: ...
 
 
 class RealLab:
@@ -53,19 +45,15 @@ class RealLab:
         """On the person's screen."""
         self._screen.note(message)
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> TrialDevices:
+    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
         arm = self._arm(there.cell, self._task.name, "nothing on the table but the object")
         camera, scales = self._camera(infrared=False), self._scales()
         self._stack.enter_context(arm)
-
-        def facts() -> RigFacts:
-            said = camera.facts() if isinstance(camera, _Telling) else None
-            return (scales.facts if scales else RigFacts()).model_copy(update={"camera": said})
-
-        model = self.rig.arm.model
-        rig = Rig(model, self.title, arm, camera, Person(), hand_eye, days, time.sleep, arm.await_pedal)
-        return TrialDevices(rig, lambda on_rig: AttendedRig(on_rig, arm, there, self._screen, scales), facts)
+        beside = PersonBeside(arm, camera, there, self._screen, scales)
+        return Rig(
+            self.rig.arm.model, self.title, arm, camera, Person(), hand_eye, days, beside, time.sleep, arm.await_pedal
+        )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`. The arm is where it was left."""

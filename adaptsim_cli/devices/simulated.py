@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import SIMULATED
-from adaptsim_cli.devices.lab import BoardDevices, TouchDevices, TrialDevices
+from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.session.rig import Rig
@@ -44,14 +44,13 @@ class Simulated:
     def note(self, message: str) -> None:
         """Nobody stands beside the arm."""
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> TrialDevices:
+    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
         from sim.lab.simulated import SimulatedLab
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        rig = Rig(SIMULATED, self.title, lab.arm, lab.camera, lab.bench, hand_eye, days)
-        return TrialDevices(rig, lambda on_rig: on_rig, None)
+        return Rig(SIMULATED, self.title, lab.arm, lab.camera, lab.bench, hand_eye, days)
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`."""

@@ -15,7 +15,7 @@ from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
-from adaptsim_cli.session.records import RigFacts, to_json
+from adaptsim_cli.session.records import to_json
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import TrialEvidence
@@ -35,8 +35,6 @@ class OnRig:
     rig: Rig
     tracker: Tracker
     planner: Planner
-    facts: Callable[[], RigFacts] | None = None
-    """What a real rig says of itself after a trial; None: nothing is kept."""
 
     @property
     def hardware(self) -> Hardware:
@@ -55,6 +53,9 @@ class OnRig:
         return self.tracker.outcomes
 
     def checks(self) -> tuple[Readiness, ...]:
+        """Calibration, arm and camera; a fault that a person lets go of is cleared first."""
+        if self.rig.attendant is not None:
+            self.rig.attendant.recover()
         return rig_checks(self.rig)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
@@ -65,6 +66,8 @@ class OnRig:
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> RigReady:
         """Have the object placed, find it, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
+        if rig.attendant is not None:
+            rig.attendant.prepare(task.object_name)
         wanted_m = tracker.placement(drawn)
         operator.placed(task.object_name, wanted_m, rig.is_real)
         rig.bench.place(wanted_m, key.number, key.attempt)
@@ -198,8 +201,8 @@ class RigTrial:
             eye.camera_late_s,
             self.after,
         )
-        told = {} if target.facts is None else {"rig.json": to_json(target.facts())}
-        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **told}
+        said = {} if rig.attendant is None else {"rig.json": to_json(rig.attendant.facts())}
+        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}
 
 
 @dataclass(frozen=True, eq=False)

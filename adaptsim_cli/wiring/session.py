@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptsim_cli.config import Config, Places, places
-from adaptsim_cli.devices.mounted import MountedTask, mounted
+from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
@@ -78,22 +78,12 @@ def _open_target(config: Config, task: Task, drivers: Drivers | None) -> Iterato
     if task.hardware is None:
         yield task, _simulated(config, task), None, None
         return
-    with open_trials(config, places(), task, drivers) as trials:
-        rig = trials.on_rig
-        yield rig.task, trials.target, _executable(rig.hardware, rig.planner), rig.rig.hand_eye
-
-
-@dataclass(frozen=True, eq=False)
-class Trials:
-    """Where trials of a task with hardware happen."""
-
-    mounted: MountedTask
-    on_rig: OnRig
-    target: Target  # `on_rig`, with what a person beside a real arm is asked
+    with open_trials(config, places(), task, drivers) as on_rig:
+        yield on_rig.task, on_rig, _executable(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
 
 
 @contextmanager
-def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | None = None) -> Iterator[Trials]:
+def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | None = None) -> Iterator[OnRig]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
     Everything that can be wrong without a device is found first. Raises SessionError (a touch-off cannot be read),
@@ -108,9 +98,8 @@ def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | N
         if known is not None:
             lab.note(f"Table and tool are where the touch-off of {known.created} found them.")
         over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-        devices = lab.for_trials(there, over_table, config.calibration_days)
-        on_rig = OnRig(there.task, devices.rig, tracker_of(there.task), there.planner(), devices.facts)
-        yield Trials(there, on_rig, devices.target(on_rig))
+        rig = lab.for_trials(there, over_table, config.calibration_days)
+        yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:

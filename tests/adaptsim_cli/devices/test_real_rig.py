@@ -31,12 +31,13 @@ from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.attended import AT_HOME_RAD, AttendedRig, Scales, offer_recovery
+from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.session.attended import Attended
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.wiring import calibration as wiring_calibration
@@ -70,12 +71,16 @@ def resolved(place: Path, text: str = RIG) -> Resolved:
 
 
 @contextmanager
-def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[AttendedRig]:
+def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[OnRig]:
     there = resolved(place, text)
     calibrated(there)
-    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as trials:
-        assert isinstance(trials.target, AttendedRig)
-        yield trials.target
+    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
+        yield real
+
+
+def beside(real: OnRig) -> PersonBeside:
+    assert isinstance(real.rig.attendant, PersonBeside)
+    return real.rig.attendant
 
 
 def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
@@ -132,7 +137,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
         assert real.is_real
         assert "lab-1, panda at 172.16.0.2" in real.title
-        assert real.mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
+        assert beside(real).mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
             "the tool hangs where it was touched off"
         )
         assert all(check.ok for check in real.checks())
@@ -142,8 +147,8 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
     there = resolved(place)
     calibrated(there)
     with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
-        assert isinstance(parts.target, AttendedRig)
-        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, parts.target.mounted.hardware.X_FT)
+        assert isinstance(parts.target, OnRig)
+        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, beside(parts.target).mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
         assert parts.provenance.calibration == "calibrated"
 
@@ -187,20 +192,20 @@ def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch:
     typing(monkeypatch, "panda", "", "", "", "")
     with opened(place, devices) as real:
         screen = quiet()
-        object.__setattr__(real, "screen", screen)
-        assert real.scales is not None
-        real.scales._screen = screen
+        person = beside(real)
+        object.__setattr__(person, "screen", screen)
+        assert person.scales is not None
+        person.scales._screen = screen
         with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
-            real.set_up(SCOOPING.reference_context, KEY, Attended(real.screen))
+            real.set_up(SCOOPING.reference_context, KEY, Attended(screen))
         assert devices.arm is not None
         assert len(devices.arm.executed) == 1
-        np.testing.assert_allclose(devices.arm.state().q_rad, real.mounted.home_rad, atol=AT_HOME_RAD)
+        np.testing.assert_allclose(devices.arm.state().q_rad, beside(real).mounted.home_rad, atol=AT_HOME_RAD)
         assert devices.arm.executed[0].duration_s > 1.0, "slowly"
-        text = said(real.screen)
+        text = said(screen)
         assert text.index("goes home") < text.index("on the balance") < text.index("Put the piece of food at")
         assert "412.3 g" in text
-        assert real.on_rig.facts is not None
-        facts = real.on_rig.facts()
+        facts = person.facts()
         assert facts.object_mass_kg == 0.4123
         assert facts.weighed is not None
 
@@ -274,8 +279,8 @@ def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pyt
     with opened(place, devices, text) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
-        assert real.scales is None
-        assert real.on_rig.facts() == RigFacts()
+        assert beside(real).scales is None
+        assert beside(real).facts() == RigFacts()
 
 
 def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -343,14 +348,14 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
     sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
     with opened(place, devices, RIG + sideways) as real:
         assert devices.opened["arm"]["settings"].collision.contact_force_limit_N == 30.0
-        assert real.mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
+        assert beside(real).mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
 
 
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = parts.target
-    object.__setattr__(target, "facts", lambda: RigFacts(object_mass_kg=0.5))
-    ready = target.set_up(np.array([0.68, 0.0]), KEY, Nobody())
+    rig = replace(target.rig, attendant=Weighed())
+    ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody())
     files = ready.plan(np.array([0.5])).execute().files()
     assert RigFacts.model_validate_json(files["rig.json"]).object_mass_kg == 0.5
 
@@ -361,6 +366,17 @@ def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
     replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody()).plan(np.array([0.5])).execute()
     assert waited == [True]
+
+
+class Weighed:
+    """An attendant who has nothing to do but to say what the object weighs."""
+
+    def recover(self) -> None: ...
+
+    def prepare(self, what: str) -> None: ...
+
+    def facts(self) -> RigFacts:
+        return RigFacts(object_mass_kg=0.5)
 
 
 class Nobody:

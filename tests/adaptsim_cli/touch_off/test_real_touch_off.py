@@ -27,6 +27,7 @@ from touch_rig import few
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
+from adaptsim_cli.devices.attended import PersonBeside
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.touch_off.asking import HumanAssistant
@@ -101,8 +102,11 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
     assert c.table.slope_x == pytest.approx(TRUE.slope_x, abs=1e-3)
     assert (c.height_m, c.pitch_rad) == (pytest.approx(0.0, abs=3e-4), pytest.approx(0.0, abs=5e-3))
     touch_offs(there.config, there.places).save(saved)
-    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as trials:
-        assert trials.mounted.correction == saved.correction(), "not what the rig file says of table and tool"
+    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
+        assert isinstance(real.rig.attendant, PersonBeside)
+        assert real.rig.attendant.mounted.correction == saved.correction(), (
+            "not what the rig file says of table and tool"
+        )
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 

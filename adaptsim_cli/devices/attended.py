@@ -9,7 +9,6 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
-from adaptsim_cli.devices.drivers import Balance
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.clear import clear_to_move
@@ -17,7 +16,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.records import RigFacts
 from hw.errors import ArmFault, BalanceError
 from hw.placing import Placing
-from hw.ports import Arm, Camera
+from hw.ports import Arm, Balance, Camera
 from hw.types import Array
 
 AT_HOME_RAD = 0.005

@@ -4,32 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from hw.collision import Tool
-from hw.ports import Camera, GuardedArm, Hand
+from hw.ports import Balance, Camera, GuardedArm, Hand, Pedal
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
     from hw.franka.settings import FrankaSettings, Payload
-
-
-class Pedal(Protocol):
-    """The enabling pedal."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *exc: object) -> None: ...
-    def enabled(self) -> bool: ...
-    def why_not(self) -> str: ...
-
-
-class Balance(Protocol):
-    """The balance."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *exc: object) -> None: ...
-    def mass_kg(self) -> float: ...
 
 
 class RealArm(GuardedArm, Protocol):
@@ -74,6 +57,6 @@ def makers_drivers() -> Drivers:
         arm=open_franka,
         camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
         pedal=enable_pedal.EnablePedal,
-        balance=lambda part: balance.Balance(part.port, part.protocol),
+        balance=lambda part: balance.SerialBalance(part.port, part.protocol),
         hand=lambda model, address: FrankaHand(address, SDKS[model]),
     )

@@ -137,7 +137,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
     if rig.balance is None:
         yield skipped(lab.DEVICES, "balance", "the rig file names none: the object's mass is not recorded")
         return
-    from hw.serial.balance import Balance
+    from hw.serial.balance import SerialBalance
 
     part = rig.balance
     found = machine.serial_port("balance", part.port, readings.port(Path(part.port)), serial_ports(Path("/dev")))
@@ -146,7 +146,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
         return
 
     def weigh() -> str:
-        with Balance(part.port, part.protocol) as balance:
+        with SerialBalance(part.port, part.protocol) as balance:
             try:
                 return f"answers, {balance.mass_kg():.4f} kg on it"
             except BalanceError as error:

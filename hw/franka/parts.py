@@ -12,13 +12,6 @@ from hw.franka.settings import Payload
 from hw.types import Guard
 
 
-class Pedal(Protocol):
-    """What is asked of an enabling pedal (`hw.serial.enable_pedal.EnablePedal`)."""
-
-    def enabled(self) -> bool: ...
-    def why_not(self) -> str: ...
-
-
 class Player(Protocol):
     """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
 

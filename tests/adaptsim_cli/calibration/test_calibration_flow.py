@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,6 @@ from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, stor
 
 from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
-from adaptsim_cli.storage import durable
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
 from hw.errors import ArmFault, CameraError
 from perception.board.types import Board
@@ -154,18 +154,17 @@ def test_a_damaged_calibration_is_never_replaced_by_an_older_one_silently(done: 
 
 
 def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, count = durable._write, [0]
+    real, count = os.fsync, [0]
 
-    def full(path: Path, content: bytes) -> None:
+    def full(descriptor: int) -> None:
         count[0] += 1
         if count[0] > 20:
             raise OSError(28, "No space left on device")
-        real(path, content)
+        real(descriptor)
 
-    monkeypatch.setattr(durable, "_write", full)
-    with pytest.raises(DiskFull):
+    with monkeypatch.context() as patch, pytest.raises(DiskFull):
+        patch.setattr(os, "fsync", full)
         run(tmp_path, ToyBench())
-    monkeypatch.setattr(durable, "_write", real)
     assert run(tmp_path, ToyBench())[0].record.accepted
 
 

@@ -21,7 +21,7 @@ from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, PlayOutcome, Play, Recover, Request
+from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, Play, PlayOutcome, Recover, Request
 from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.types import Guard
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -357,7 +358,7 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     rig = replace(target.rig, attendant=Weighed())
     ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody())
     files = ready.plan(np.array([0.5])).execute().files()
-    assert RigFacts.model_validate_json(files["rig.json"]).object_mass_kg == 0.5
+    assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:

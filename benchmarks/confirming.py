@@ -18,9 +18,9 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.episodes import Roll
 from sim.rollouts import run_many, serial_executor
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, trial_requests
 from sim.solvers.confirmation import SCENARIOS, WINNERS, confirming
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
@@ -48,7 +48,7 @@ def judged(name: str, policies: int, contexts: int, rollouts: int, which: int) -
     """Mean true rewards of one vector's policy, unconfirmed and confirmed."""
     task = get_task(name)
     solver = load_checkpoint(task, "default").solver
-    mean = spread(task.parameters, sobol(policies, len(task.parameters), np.random.default_rng(5)))[which]
+    mean = cover(task.parameters, policies, np.random.default_rng(5))[which]
     with serial_executor() as executor:
         roll: Roll = partial(run_many, task, executor=executor)
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from sim.pretraining.reevaluation import held_out_errors
 from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import sobol
 from sim.solvers.emulator.training import train_emulator
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -66,10 +66,10 @@ def draws(task: Task, count: int) -> Requests:
     p, a = len(task.margin), len(task.action)
     unit = sobol(count, p + a + len(task.nuisance), np.random.default_rng(0))
     return Requests(
-        spread(task.margin, unit[:, :p]),
+        task.margin.spread(unit[:, :p]),
         np.tile(np.asarray(task.reference_context, dtype=np.float64), (count, 1)),
-        spread(task.action, unit[:, p : p + a]),
-        spread(task.nuisance, unit[:, p + a :]),
+        task.action.spread(unit[:, p : p + a]),
+        task.nuisance.spread(unit[:, p + a :]),
     )
 
 

@@ -100,13 +100,12 @@ class Space:
 
     def sample(self, rng: np.random.Generator, n: int) -> Array:
         """(n, len) uniform in the normalised box."""
-        unit = rng.random((n, len(self)))
-        value = self.denormalise(unit)
-        whole = self._integer
-        if whole.any():
-            draws = np.floor(self.low + unit * (self.high - self.low + 1))
-            value = np.where(whole, np.minimum(draws, self.high), value)
-        return value
+        return self.spread(rng.random((n, len(self))))
+
+    def spread(self, unit: Array) -> Array:
+        """(..., len) in [0, 1) -> (..., len) in units; whole numbers get equal shares, both ends included."""
+        levels = np.floor(self.low + unit * (self.high - self.low + 1.0))
+        return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
 
 
 @dataclass(frozen=True, eq=False)

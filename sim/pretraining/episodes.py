@@ -11,8 +11,8 @@ from hw.types import Array
 from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
 from sim.adaptation.method import Trial
 from sim.pretraining.q_training import Transitions
+from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import spread
 from sim.solvers.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 
@@ -107,13 +107,6 @@ def joined(parts: Sequence[Episodes]) -> Episodes:
 def sparse(task: Task, rewards: Array) -> Array:
     """Only rewards that reach the threshold count (paper, eq. A1)."""
     return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
-
-
-def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
-    """Rollouts as the target would execute them: commanded actions (N, a) with their error, nuisance by chance."""
-    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((len(actions), len(task.nuisance))))
-    return Requests(targets, contexts, actions + error, nuisance)
 
 
 def simulated_trials(

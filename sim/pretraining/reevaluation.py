@@ -18,10 +18,11 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import several
-from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.episodes import Roll
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
+from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Requests, Rollouts, concatenate
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver

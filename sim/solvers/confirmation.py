@@ -63,8 +63,10 @@ class ConfirmedPolicy:
 
     def _simulated(self, actions: Array, context: Array) -> Array:
         """(W, a) -> (W, S) true rewards, every action in the same scenarios."""
-        task, drawn = self.policy.task, self.policy.scenarios
-        parameters, nuisance, error = (rows[:SCENARIOS] for rows in (drawn.parameters, drawn.nuisance, drawn.error))
+        task, drawn = self.policy.task, self.policy.drawn
+        parameters, nuisance, error = (
+            rows[:SCENARIOS] for rows in (self.policy.parameters, drawn.nuisance, drawn.error)
+        )
         count, n = len(actions), len(error)
         requests = Requests(
             parameters=np.tile(parameters, (count, 1)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw.types import Array
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import Disturbances, sobol
 from sim.solvers.solver import Solver
 
 DRAWS = 512
@@ -22,11 +22,11 @@ def misfit(solver: Solver, context: Array, action: Array, observation: Array) ->
     the solver's trajectories together: about 1 for a trajectory of the simulator.
     """
     task = solver.task
-    p, a = len(task.parameters), len(task.action)
-    unit = sobol(DRAWS, p + a + len(task.nuisance), np.random.default_rng(0))
-    executed = action + (2.0 * unit[:, p : p + a] - 1.0) * task.action_noise
-    parameters, nuisance = spread(task.parameters, unit[:, :p]), spread(task.nuisance, unit[:, p + a :])
-    return float(np.sqrt(squared_misfits(solver, context, observation, parameters, executed, nuisance).min()))
+    p = len(task.parameters)
+    unit = sobol(DRAWS, p + len(task.action) + len(task.nuisance), np.random.default_rng(0))
+    parameters, drawn = task.parameters.spread(unit[:, :p]), Disturbances.from_unit(task, unit[:, p:])
+    executed = action + drawn.error
+    return float(np.sqrt(squared_misfits(solver, context, observation, parameters, executed, drawn.nuisance).min()))
 
 
 def squared_misfits(

@@ -24,7 +24,7 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import Disturbances
 from sim.solvers.misfit import squared_misfits
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -128,18 +128,15 @@ class Belief:
 
     def _compare(self, trial: Trial) -> Array:
         task, truths = self.solver.task, self.prospects.truths
-        a = len(task.action)
         draws = DRAWS if len(task.nuisance) or np.any(task.action_noise) else 1
-        unit = sobol(draws, a + len(task.nuisance), np.random.default_rng(0))
-        executed = trial.action + (2.0 * unit[:, :a] - 1.0) * task.action_noise
-        nuisance = spread(task.nuisance, unit[:, a:])
+        drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
         squared = squared_misfits(
             self.solver,
             trial.context,
             trial.observation,
             np.repeat(truths, draws, axis=0),
-            np.tile(executed, (len(truths), 1)),
-            np.tile(nuisance, (len(truths), 1)),
+            np.tile(trial.action + drawn.error, (len(truths), 1)),
+            np.tile(drawn.nuisance, (len(truths), 1)),
         ).reshape(len(truths), draws)
         density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
         return np.asarray(np.log(density.mean(axis=1)))

@@ -13,7 +13,7 @@ from sim.adaptation.memory import MemoryName, encode, of_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 
@@ -53,8 +53,7 @@ class QPolicy:
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """Means spread over Omega: random, but far from each other."""
-        means = spread(self.task.parameters, sobol(n, len(self.task.parameters), rng))
-        return tuple(Particle(mean[None]) for mean in means)
+        return tuple(Particle(mean[None]) for mean in cover(self.task.parameters, n, rng))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """Deterministic. A particle without trials in the last iteration stays."""

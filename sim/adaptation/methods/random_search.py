@@ -10,7 +10,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 CANDIDATES = 256
@@ -36,7 +36,7 @@ class RandomSearch:
 
     def _farthest(self, tried: Array, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         space = self.task.parameters
-        means = spread(space, sobol(CANDIDATES, len(space), rng))
+        means = cover(space, CANDIDATES, rng)
         unit = space.normalise(means)
         chosen: list[Particle] = []
         for _ in range(n):

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
@@ -43,8 +43,7 @@ class Udr:
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """`n` particles, each over all of Omega."""
-        dimensions = len(self.task.parameters)
-        return tuple(Particle(spread(self.task.parameters, sobol(SAMPLES, dimensions, rng))) for _ in range(n))
+        return tuple(Particle(cover(self.task.parameters, SAMPLES, rng)) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(seen.particle for seen in history[-1])

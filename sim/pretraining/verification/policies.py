@@ -12,10 +12,10 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.pretraining.episodes import Roll, trial_requests
+from sim.pretraining.episodes import Roll
 from sim.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
+from sim.rollouts.draws import at_reference, cover, sobol, trial_requests
 from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
@@ -57,7 +57,7 @@ class Pairs:
 def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np.random.Generator) -> Pairs:
     """Make both kinds of policies, run them in every target."""
     task, n = solver.task, settings.environments
-    environments = spread(task.parameters, sobol(n, len(task.parameters), rng))
+    environments = cover(task.parameters, n, rng)
     learnt = solver.policies(environments[:, None, :], rng)
     searched = search_policies(task, environments, roll, settings.actions, rng)
     shared = task.context.sample(rng, CONTEXTS)
@@ -108,9 +108,8 @@ def search_policies(
     """
     a = len(task.action)
     unit = sobol(actions, a, rng)
-    tried = spread(task.action, unit)
-    seed, reference = int(rng.integers(2**31)), np.asarray(task.reference_context, dtype=np.float64)
-    contexts = np.tile(reference, (actions, 1))
+    tried = task.action.spread(unit)
+    seed, contexts = int(rng.integers(2**31)), at_reference(task, actions)
     requests = [_at(task, e, contexts, tried, np.random.default_rng(seed)) for e in environments]
     results = roll(reduce(Requests.followed_by, requests))
     squared = ((unit[:, None] - unit) ** 2).sum(axis=-1)

@@ -17,6 +17,7 @@ from hw.types import Array
 from perception.types import Outcome
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
+from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
 from sim.solvers.emulator.network import Emulator, encode, forward
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -254,7 +255,7 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
 
 def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
     """Some rollouts of a dataset: what was asked, and what came of it."""
-    context = np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(rows), 1))
+    context = at_reference(task, len(rows))
     return (
         Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),
         Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows]),

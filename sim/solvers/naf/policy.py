@@ -17,8 +17,8 @@ from torch.nn.functional import huber_loss, softplus
 
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
+from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import sobol, spread
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
@@ -84,7 +84,7 @@ class NafPolicy:
         best = self.actions(context[None])[0]
         if self.executable is None or self.executable(context, best):
             return frozen_array(best)
-        others = spread(self.task.action, sobol(CANDIDATES, len(self.task.action), np.random.default_rng(0)))
+        others = cover(self.task.action, CANDIDATES, np.random.default_rng(0))
         for i in np.argsort(-self._q(context, others), kind="stable")[: self.attempts - 1]:
             if self.executable(context, others[i]):
                 return frozen_array(others[i])
@@ -222,9 +222,7 @@ def _explore(
 
 def _requests(task: Task, samples: Array, context: Array, action: Array, rng: np.random.Generator) -> Requests:
     """Rollouts of actions (n, a) in [-1, 1] at contexts (n, c) in units, executed with their error."""
-    n = len(context)
+    drawn = Disturbances.at_random(task, len(context), rng)
+    parameters = np.asarray(samples)[rng.integers(len(samples), size=len(context))]
     commanded = task.action.denormalise(0.5 * (action + 1.0))
-    executed = commanded + rng.uniform(-1.0, 1.0, commanded.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((n, len(task.nuisance))))
-    parameters = np.asarray(samples)[rng.integers(len(samples), size=n)]
-    return Requests(parameters, context, executed, nuisance)
+    return Requests(parameters, context, commanded + drawn.error, drawn.nuisance)

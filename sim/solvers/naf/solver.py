@@ -20,9 +20,9 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import UnknownName
+from sim.rollouts.draws import Disturbances, at_reference, trial_requests
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, run_many
-from sim.rollouts.sampling import sobol, spread
 from sim.solvers.misfit import misfit
 from sim.solvers.naf.memory import NafMemory, policy_key
 from sim.solvers.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
@@ -75,16 +75,13 @@ class NafSolver:
         """
         count, g = actions.shape[:2]
         repeats = min(draws, -(-REWARD_ROLLOUTS // g))
-        unit = sobol(g * repeats, len(self.task.action) + len(self.task.nuisance), rng)
-        a = len(self.task.action)
-        error = ((2.0 * unit[:, :a] - 1.0) * self.task.action_noise).reshape(g, repeats, a)
-        rows = count * g * repeats
+        drawn, a = Disturbances.evenly(self.task, g * repeats, rng), len(self.task.action)
         where = np.tile(np.repeat(contexts, repeats, axis=0), (count, 1))
         requests = Requests(
             parameters=np.repeat(targets, g * repeats, axis=0),
             context=where,
-            action=(actions[:, :, None] + error).reshape(rows, a),
-            nuisance=np.tile(spread(self.task.nuisance, unit[:, a:]), (count, 1)),
+            action=(actions[:, :, None] + drawn.error.reshape(g, repeats, a)).reshape(len(where), a),
+            nuisance=np.tile(drawn.nuisance, (count, 1)),
         )
         return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
 
@@ -183,10 +180,8 @@ def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: in
     """Misfit that 95 % of simulated trials inside the ranges stay below. Takes some `trials` x 500 rollouts."""
     task = solver.task
     parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
-    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((trials, len(task.nuisance))))
-    reference = np.asarray(task.reference_context, dtype=np.float64)
-    requests = Requests(parameters, np.tile(reference, (trials, 1)), actions + error, nuisance)
+    contexts = at_reference(task, trials)
+    requests = trial_requests(task, parameters, contexts, actions, rng)
     seen = task.observation.with_noise(solver.roll(requests).observation, rng)
-    values = [misfit(solver, reference, a, o) for a, o in zip(actions, seen, strict=True)]
+    values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, seen, strict=True)]
     return float(np.quantile(values, 0.95))

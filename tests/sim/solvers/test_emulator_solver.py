@@ -7,7 +7,7 @@ from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.methods.udr import Udr
 from sim.errors import NotExecutable
-from sim.pretraining.episodes import trial_requests
+from sim.rollouts.draws import trial_requests
 from sim.solvers.emulator.solver import EmulatorSolver, expected_reward, train_many
 from sim.solvers.solver import SolverSettings, policy_for
 

@@ -30,10 +30,10 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import several
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, list_worlds, load_world
-from sim.pretraining.episodes import Roll
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.draws import cover, trial_requests
+from sim.rollouts.run import Roll
 from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task

@@ -31,7 +31,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
-from sim.solvers.solver import Executable, SolvedPolicy, Solver
+from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
@@ -53,10 +53,10 @@ def open_parts(config: Config, learnt: Path, drivers: Drivers | None = None) -> 
     own = checkpoint.solver.task
     with (
         _open_target(config, own, drivers) as (task, target, executable, calibration),
-        solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
+        solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
         poses = () if calibration is None else (calibration.X_BC, task.require_hardware().X_FT)
-        learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
+        learner = _SolverLearner(make_method(config.method, own, checkpoint), policies, expectations, executable)
         origin = Provenance(
             checkpoint=f"{own.name}/{checkpoint.path.name}",
             checkpoint_sha256=checkpoint.sha256,
@@ -135,10 +135,11 @@ def _world_sha256(name_or_path: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _SolverLearner:
-    """A method of adaptation, and task policies of the checkpoint's solver."""
+    """A method of adaptation, task policies, and what the simulator expects of trials."""
 
     method: Method
-    solver: Solver
+    policies: Policies
+    expectations: Expectations
     executable: Executable | None
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -150,13 +151,14 @@ class _SolverLearner:
     def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         from sim.adaptation.method import policy_of
 
-        return policy_of(self.method, self.solver, particle, history, self.executable)
+        return policy_of(self.method, self.policies, particle, history, self.executable)
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation.best import choose_best
         from sim.adaptation.verdict import verdict
 
-        return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
+        task = self.expectations.task
+        return choose_best(task, history), verdict(task, history, self.expectations)
 
 
 def _executable(hardware: Hardware, planner: Planner) -> Executable:

@@ -12,12 +12,9 @@ from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
 from sim.adaptation.method import Trial
 from sim.pretraining.q_training import Transitions
 from sim.rollouts.draws import trial_requests
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Roll
 from sim.solvers.solver import Solver, SolverSettings
 from sim.tasks.task import Task
-
-Roll = Callable[[Requests], Rollouts]
-"""Rollouts: true ones (`run_many` on some executor, or cached), or those of an emulator (`EmulatedRolls`)."""
 
 
 @dataclass(frozen=True)

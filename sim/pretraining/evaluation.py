@@ -12,10 +12,10 @@ from hw.types import Array
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.adaptation.methods.udr import several
-from sim.pretraining.episodes import Roll, simulated_trials
+from sim.pretraining.episodes import simulated_trials
 from sim.pretraining.meta_training import Targets, sample_targets
 from sim.rollouts.draws import cover, trial_requests
-from sim.rollouts.run import Requests
+from sim.rollouts.run import Requests, Roll
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.adaptation.memory import MemoryName, inputs, new_policy
 from sim.adaptation.q_network import QNetwork
-from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, Visit, joined, sparse, visit
+from sim.pretraining.episodes import Episodes, EpisodeSettings, Visit, joined, sparse, visit
 from sim.pretraining.logs import Log, silent
 from sim.pretraining.q_training import Learner, Replay, Transitions
+from sim.rollouts.run import Roll
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 

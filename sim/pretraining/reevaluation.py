@@ -18,16 +18,14 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import several
-from sim.pretraining.episodes import Roll
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
-from sim.rollouts.run import Requests, Rollouts, concatenate
+from sim.rollouts.run import Requests, Roll, Rollouts, concatenate
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import held_out_errors
-from sim.solvers.solver import SolvedPolicy
+from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 SIGMAS = 3.0
@@ -77,13 +75,13 @@ def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, pro
     task, card = solver.task, checkpoint.card
     if task.exact is not None:
         return _sessions(checkpoint, roll, _exact_targets(rollouts), rng, progress)
-    if not isinstance(solver, EmulatorSolver):
+    if checkpoint.emulator is None:
         return []
     counted = _Counted(roll, rollouts, progress)
     draws = max(AT_ONCE, 2 * rollouts // 3)
     targets = max(4, (rollouts - draws) // (2 * PER_TARGET))
     return [
-        *_emulator(solver.emulator, card.get("emulator", {}), counted, draws, rng),
+        *_emulator(checkpoint.emulator, card.get("emulator", {}), counted, draws, rng),
         *_policies(solver, card, counted, targets, rng),
     ]
 
@@ -129,7 +127,7 @@ def _emulator(
 
 
 def _policies(
-    solver: EmulatorSolver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
+    solver: Solver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
     """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
     task, stored = solver.task, card.get("evaluation", {})

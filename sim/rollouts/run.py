@@ -77,6 +77,10 @@ class Rollouts:
         return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
 
 
+Roll = Callable[[Requests], Rollouts]
+"""Rollouts on request: true ones (`run_many` on some executor, or kept in a folder), or those of an emulator."""
+
+
 def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
     """All rollouts as one, in the order of the parts."""
     rows = list(parts)

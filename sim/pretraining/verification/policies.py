@@ -12,10 +12,9 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.pretraining.episodes import Roll
 from sim.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
 from sim.rollouts.draws import at_reference, cover, sobol, trial_requests
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 

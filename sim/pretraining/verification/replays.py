@@ -15,10 +15,10 @@ from hw.types import Array
 from sim.adaptation.memory import MemoryName
 from sim.adaptation.q_network import QNetwork
 from sim.pretraining.emulated import EmulatedRolls
-from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, sparse
+from sim.pretraining.episodes import Episodes, EpisodeSettings, sparse
 from sim.pretraining.verification.statistics import Estimate, clustered
 from sim.rollouts.draws import trial_requests
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task

@@ -18,7 +18,7 @@ from sim.adaptation.checkpoint import CARD, read_card
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
-from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.episodes import Episodes
 from sim.pretraining.meta_training import MetaSettings
 from sim.pretraining.pipeline import STAGES, stage_seeds, stored
 from sim.pretraining.timing import wall_times_s
@@ -27,7 +27,7 @@ from sim.pretraining.verification.policies import Pairs, PairSettings, compare_p
 from sim.pretraining.verification.replays import Replays, replay
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
-from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
+from sim.rollouts.run import Requests, Roll, Rollouts, concatenate, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings

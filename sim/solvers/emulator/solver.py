@@ -145,17 +145,6 @@ def train_many(
     return tuple(policies)
 
 
-def expected_reward(
-    emulator: Emulator, parameters: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
-) -> Array:
-    """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
-    task = emulator.task
-    drawn = Disturbances.evenly(task, draws, rng)
-    success, end = emulator.outcomes(parameters[:, None, None, :], actions[:, :, None, :] + drawn.error, drawn.nuisance)
-    rewards = success * task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
-    return np.asarray(rewards.mean(axis=(0, 2, 3)))
-
-
 @dataclass(frozen=True, eq=False)
 class EmulatorSolver:
     """A `sim.solvers.solver.Solver` that asks an emulator."""
@@ -178,7 +167,12 @@ class EmulatorSolver:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        return expected_reward(self.emulator, targets, contexts, actions, rng, draws)
+        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+        drawn = Disturbances.evenly(self.task, draws, rng)
+        executed = actions[:, :, None, :] + drawn.error
+        success, end = self.emulator.outcomes(targets[:, None, None, :], executed, drawn.nuisance)
+        rewards = success * self.task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
+        return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         success, end = self.emulator.outcomes(parameters, action, nuisance)

@@ -7,7 +7,7 @@ one step: Q is regressed on the reward with the Huber loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -18,7 +18,7 @@ from torch.nn.functional import huber_loss, softplus
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
@@ -119,7 +119,7 @@ Training = Generator[Requests, Rollouts, NafPolicy]
 """Asks for rollouts until the policy is trained."""
 
 
-def train_together(trainings: Sequence[Training], roll: Callable[[Requests], Rollouts]) -> tuple[NafPolicy, ...]:
+def train_together(trainings: Sequence[Training], roll: Roll) -> tuple[NafPolicy, ...]:
     """Several trainings at once, so that a pool of many workers has enough to do; the numbers do not depend on it."""
     policies: dict[int, NafPolicy] = {}
     asked: dict[int, Requests] = {}

@@ -70,9 +70,9 @@ def test_a_figure_that_the_card_lacks_is_left_out(tmp_path):
 
 
 def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
-    solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY))
+    solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY), 1.0)
     networks = {"iteration": new_policy(TOY, "iteration", 5)}
-    facts = naf_facts(solver, 1.0) | {"evaluation": {**EVALUATION, "udr": 0.99}}
+    facts = naf_facts(solver) | {"evaluation": {**EVALUATION, "udr": 0.99}}
     save_checkpoint(TOY, tmp_path, None, networks, facts)
     figures, _ = judge(load_checkpoint(TOY, str(tmp_path)))
     assert figures == {}

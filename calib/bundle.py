@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import UnusableViews
-from calib.geometry import adjoint, difference, inverse, move
+from calib.geometry import adjoint, difference, move
 from calib.types import Forward, Mounting, View
+from hw.poses import inverse
 from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02

@@ -14,9 +14,10 @@ import numpy as np
 
 from calib.bundle import State, motion_of, predict
 from calib.condense import condense
-from calib.geometry import adjoint, angle_deg, distance_mm, inverse, move
+from calib.geometry import adjoint, angle_deg, distance_mm, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Setup, Solution, Verdict, View
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Board
 

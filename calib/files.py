@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.errors import ViewFolderError
 from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.types import Mounting, Setup
-from hw.types import Array, CameraModel, Frame, Intrinsics
+from hw.types import Array, CameraModel, Frame
 from perception.board.types import Board
 
 SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
@@ -86,11 +86,6 @@ def as_setup(record: SetupRecord) -> Setup:
         infrared=record.depth.intrinsics() if record.depth else None,
         X_CD=np.array(record.X_CD) if record.X_CD else None,
     )
-
-
-def depth_intrinsics(record: SetupRecord) -> Intrinsics | None:
-    """The depth camera's pinhole model; None where the setup has none."""
-    return record.depth.intrinsics() if record.depth else None
 
 
 def view_files(

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from calib.errors import ViewFolderError
 from hw.types import Array, Intrinsics
@@ -19,14 +20,28 @@ from perception.board.types import Board
 
 FORMAT = 1
 
-Numbers = tuple[float, ...]
-Matrix = tuple[Numbers, ...]
+
+def _plain(values: Any) -> Any:
+    return values.tolist() if isinstance(values, np.ndarray) else values
+
+
+def _told(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_plain)]
+Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_plain)]
+Measured = Annotated[float | None, BeforeValidator(_told)]
+"""JSON knows no NaN: what was not measured is null."""
 
 
 class Record(BaseModel):
-    """Base of everything that a calibration stores: frozen, finite, and unknown keys are an error."""
+    """Base of everything that a calibration stores: frozen, finite, and unknown keys are an error.
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    It can be validated from the value that it stores, whose further attributes are left out.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, from_attributes=True)
 
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)

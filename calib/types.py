@@ -135,8 +135,6 @@ class JointOffsets:
     adopted: bool  # the data support them: the solution uses them
     suspected_rad: Array  # (n,) the estimate, adopted or not
     delta_bic: float  # Bayesian information criterion with offsets minus without; under -10 is strong support
-    held_out_without_px: float
-    held_out_with_px: float
     reason: str  # in words
 
     def __post_init__(self) -> None:
@@ -169,7 +167,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True, eq=False)
-class Method:
+class ClosedForm:
     """A closed form, for comparison."""
 
     name: str
@@ -200,7 +198,7 @@ class Solution:
     held_out_px: float  # the same for every fifth view, predicted by a fit without those
     noise: Noise
     uncertainty: Uncertainty
-    methods: tuple[Method, ...]
+    methods: tuple[ClosedForm, ...]
     square_scale: float  # board size that the arm's motion asks for, over the size given
     square_scale_sigma: float
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 
 Array32 = NDArray[np.float32]
@@ -21,14 +22,6 @@ Area = tuple[float, float, float, float]
 
 _UNDISTORT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 _NODES = 7
-
-
-def inverse(X: Array) -> Array:
-    """The inverse of a rigid pose (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = X[:3, :3].T
-    out[:3, 3] = -X[:3, :3].T @ X[:3, 3]
-    return out
 
 
 def transform(X_AB: Array, points_B_m: Array) -> Array:

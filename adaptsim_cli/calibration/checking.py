@@ -13,9 +13,9 @@ import numpy as np
 from calib import checks as of
 from calib import files, touch
 from calib.errors import ViewFolderError
-from calib.geometry import inverse
 from calib.timing import time_offset
 from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board import detect
 from perception.board.types import Corners

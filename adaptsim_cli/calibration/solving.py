@@ -11,7 +11,7 @@ from adaptsim_cli.calibration import checking
 from calib import files
 from calib.errors import TooFewViews
 from calib.records import SetupRecord
-from calib.saved import Origin, SavedCalibration, saved
+from calib.saved import Origin, SavedCalibration, record_calibration
 from calib.types import Forward, Setup, View
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
@@ -53,7 +53,9 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         versions=versions,
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
-    record = saved(solution, setup.p_AP_m, stored.setup.board, checks, judge(solution, setup, checks), origin)
+    record = record_calibration(
+        solution, setup.p_AP_m, stored.setup.board, checks, judge(solution, setup, checks), origin
+    )
     images = {view.name: folder / view.record.image for view in stored.views}
     return Solved(record, setup, seen, images, (*stored.damaged, *not_seen))
 

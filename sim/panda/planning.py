@@ -50,21 +50,6 @@ TUCKED_RAD = ((-0.5, -2.2), (-0.9, -2.4), (-1.2, -2.0))
 _RISE_SWING_RAD = 0.8
 
 
-def joint_path(motion: ToolMotion, X_FT: Array, cell: Workcell, q_seed: ArrayLike | None = None) -> JointPath:
-    """The joint path (exact to rounding) that moves the tool, mounted at X_FT (4, 4), along `motion`.
-
-    `q_seed` (7,) is a posture to stay near if there is a choice. Raises NotExecutable with the reason: out of reach, or
-    the check that fails.
-    """
-    seed = None if q_seed is None else cell.arm.true_rad(frozen_array(q_seed, (7,), "q_seed"))
-    found: list[tuple[float, JointPath]] = []
-    for ratio, path in _task_paths(motion, X_FT, cell.in_true_joints(), seed):
-        found.append((ratio, path))
-        if ratio < GOOD_ENOUGH:
-            break
-    return cell.arm.reported(min(found, key=lambda one: one[0])[1])
-
-
 def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
     """(7,) the posture between trials: the tool pitched over `HOME_TOOL_M`, the joints near the middle of their ranges.
 
@@ -104,7 +89,7 @@ def trial_paths(
     freely: Ways = partial(_ways, q_home=home_rad, cell=true)
     best: tuple[tuple[bool, float], tuple[JointPath, JointPath, JointPath]] | None = None
     refused: NotExecutable | None = None
-    for ratio, task in _task_paths(motion, X_FT, true, home_rad):
+    for ratio, task in task_paths(motion, X_FT, true, home_rad):
         if best is not None and (False, ratio) >= best[0]:
             continue
         try:
@@ -125,7 +110,7 @@ def trial_paths(
     return there, task, back
 
 
-def _task_paths(
+def task_paths(
     motion: ToolMotion, X_FT: Array, cell: Workcell, seed: Array | None
 ) -> Iterator[tuple[float, JointPath]]:
     """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render import shading
 from sim.render.bodies import Body
-from sim.render.poses import inverse
 from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shifted
 from sim.render.rectangles import Rectangle, coarser, is_empty, union, within
 

@@ -49,7 +49,7 @@ class Requests:
         return len(self.parameters)
 
     def __getitem__(self, index: slice | NDArray[np.int64]) -> Requests:
-        return Requests(self.parameters[index], self.context[index], self.action[index], self.nuisance[index])
+        return Requests(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def followed_by(self, other: Requests) -> Requests:
         return Requests(*(np.concatenate([getattr(r, f.name) for r in (self, other)]) for f in fields(Requests)))
@@ -70,6 +70,9 @@ class Rollouts:
 
     def __len__(self) -> int:
         return len(self.succeeded)
+
+    def __getitem__(self, index: slice | NDArray[np.int64]) -> Rollouts:
+        return Rollouts(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def rewards(self, task: Task, context: Array) -> Array:
         """(N,) rewards, had the rollouts been scored at `context` (N, c)."""

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 import rig
 from scipy.spatial.transform import Rotation
+from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 
 from calib import checks
 from calib.drift import drift, known
 from calib.errors import TooFewViews
 from calib.gates import judge
-from calib.geometry import inverse, move
+from calib.geometry import move
 from calib.projection import project
-from calib.simulated import Quality, Truth, board_in_camera, random_poses, seen
 from calib.solve import solve
 from calib.timing import time_offset
 from calib.types import Mounting, Setup, Solution, Verdict, View
 from hw.kinematics import forward
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Corners
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import rig
 from scipy.spatial.transform import Rotation
+from simulated_views import Quality, Truth
 
 from calib import touch
 from calib.geometry import move
 from calib.projection import project
-from calib.simulated import Quality, Truth
 from calib.solve import solve
 from calib.types import Solution, Verdict
 from hw.kinematics import forward

@@ -115,14 +115,9 @@ def search_policies(
     weights = np.exp(-squared / (2.0 * (0.5 * actions ** (-1.0 / a)) ** 2))
     weights /= weights.sum(axis=1, keepdims=True)
     return tuple(
-        SearchedPolicy(task, tried, _part(results, slice(i * actions, (i + 1) * actions)), weights)
-        for i in range(len(environments))
+        SearchedPolicy(task, tried, results[i * actions : (i + 1) * actions], weights) for i in range(len(environments))
     )
 
 
 def _at(task: Task, target: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
     return trial_requests(task, np.tile(target, (len(actions), 1)), contexts, actions, rng)
-
-
-def _part(results: Rollouts, rows: slice) -> Rollouts:
-    return Rollouts(results.observation[rows], results.end_state[rows], results.succeeded[rows], results.outcome[rows])

@@ -47,7 +47,6 @@ class Agreement:
     emulated: Estimate  # share of parameters moved alike on emulated trajectories of the same trials
     repeated: Estimate  # on true trajectories of other trials: what chance leaves of it
     opposite: float  # share of parameters moved the other way on emulated trajectories
-    opposite_repeated: float
 
 
 @dataclass(frozen=True)
@@ -156,5 +155,5 @@ def _agreement(
 
     reference, others = directions(true), (directions(emulated), directions(stored))
     alike = [clustered((reference == other).mean(axis=(1, 2)), rng) for other in others]
-    opposite = [float((reference * other < 0).mean()) for other in others]
-    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite[0], opposite[1])
+    opposite = float((reference * others[0] < 0).mean())
+    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite)

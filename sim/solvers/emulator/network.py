@@ -57,7 +57,6 @@ class Prediction:
     """What the emulator expects, at the task's reference context."""
 
     observation: Array  # (N, size) normalised, without camera noise
-    observation_std: Array  # (N, size) disagreement of the members
     success: Array  # (N,) probability
     end_state: Array  # (N, k) if it succeeds
 
@@ -105,7 +104,6 @@ class Emulator:
         success = self._probability(raw[..., -1])
         return Prediction(
             observation=raw[..., :size].mean(axis=0),
-            observation_std=raw[..., :size].std(axis=0),
             success=success.mean(axis=0),
             end_state=raw[..., size:-1].mean(axis=0),
         )
@@ -121,14 +119,14 @@ class Emulator:
     def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
         """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
 
-        `success` is 0 or 1, the standard deviation is 0.
+        `success` is 0 or 1.
         """
         size, n = self.task.observation.size, len(parameters)
         member = rng.integers(self.members, size=n)
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
         succeeded = rng.random(n) < self._probability(raw[:, -1])
-        return Prediction(observation, np.zeros_like(observation), succeeded.astype(np.float64), raw[:, size:-1])
+        return Prediction(observation, succeeded.astype(np.float64), raw[:, size:-1])
 
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)

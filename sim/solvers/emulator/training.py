@@ -96,7 +96,7 @@ def train_emulator(
         "residual_std": torch.ones(task.observation.size),
         "misfit_limit": torch.tensor(math.inf),
     }
-    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), task, dataset, calibrate))
+    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), dataset, calibrate))
     predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
     residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
     # From the median, as for a Gaussian: a few rollouts that end quite elsewhere must not widen what is tolerated.
@@ -210,7 +210,7 @@ def _inputs(dataset: Dataset, rows: Rows) -> tuple[Array, Array, Array]:
     return dataset.parameters[rows], dataset.action[rows], dataset.nuisance[rows]
 
 
-def _temperature(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows) -> float:
+def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits with the best held-out likelihood of the ensemble's mean probability."""
     success, _ = emulator.outcomes(*_inputs(dataset, rows))
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)

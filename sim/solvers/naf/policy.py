@@ -139,8 +139,7 @@ def train_together(trainings: Sequence[Training], roll: Roll) -> tuple[NafPolicy
         results = roll(Requests(*map(np.concatenate, parts)))
         ends = np.cumsum([len(requests) for requests in now.values()])
         for i, end in zip(now, ends, strict=True):
-            rows = slice(end - len(now[i]), end)
-            go_on(i, Rollouts(*(getattr(results, f.name)[rows] for f in fields(Rollouts))))
+            go_on(i, results[end - len(now[i]) : end])
     return tuple(policies[i] for i in range(len(trainings)))
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from worlds import UDR_DRAWS, rewards_of
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, load_world
@@ -42,7 +42,7 @@ def main() -> None:
     task = get_task(arguments.task)
     solver = load_checkpoint(task, arguments.checkpoint).solver
     rng = np.random.default_rng(0)
-    udr = several(solver, rng, UDR_DRAWS)
+    udr = udr_policies(solver, rng, UDR_DRAWS)
     grid = cover(task.parameters, CANDIDATES, rng)
     policies = solver.policies(grid[:, None, :], rng)
     out = Path(arguments.out)

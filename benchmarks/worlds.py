@@ -27,7 +27,7 @@ from kept import Kept
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, list_worlds, load_world
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
@@ -98,7 +98,7 @@ def in_world(
         )
 
     def udr() -> dict[str, Any]:
-        began, draws = time.time(), several(solver, np.random.default_rng(0), UDR_DRAWS)
+        began, draws = time.time(), udr_policies(solver, np.random.default_rng(0), UDR_DRAWS)
         means = [rewards_of(task, p, roll, n // 4, np.random.default_rng(1)).mean() for p in draws]
         return told("udr", 0, np.array(means), 0, began)
 

@@ -63,9 +63,9 @@ def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None 
             "camera": "fixed",
             "arm": arm,
             "serial": model.serial,
-            "board": BoardRecord.of(board),
-            "colour": IntrinsicsRecord.of(model.colour),
-            "depth": IntrinsicsRecord.of(model.depth),
+            "board": BoardRecord.from_board(board),
+            "colour": IntrinsicsRecord.from_camera(model.colour),
+            "depth": IntrinsicsRecord.from_camera(model.depth),
             "X_CD": tuple(tuple(map(float, row)) for row in model.X_CD),
             "X_HM": None if X_FM is None else tuple(tuple(map(float, row)) for row in X_FM),
         }

@@ -57,7 +57,7 @@ class BoardRecord(Record):
     dictionary: str
 
     @classmethod
-    def of(cls, board: Board) -> Self:
+    def from_board(cls, board: Board) -> Self:
         return cls(
             squares_across=board.squares_across,
             squares_down=board.squares_down,
@@ -86,7 +86,7 @@ class IntrinsicsRecord(Record):
     distortion: Numbers = ()  # k1 k2 p1 p2 [k3 [k4 k5 k6]]
 
     @classmethod
-    def of(cls, camera: Intrinsics) -> Self:
+    def from_camera(cls, camera: Intrinsics) -> Self:
         rows = tuple(tuple(map(float, row)) for row in camera.K)
         return cls(width=camera.width, height=camera.height, K=rows, distortion=tuple(map(float, camera.distortion)))
 

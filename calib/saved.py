@@ -14,7 +14,7 @@ from pydantic import Field
 
 from calib import timing
 from calib.records import FORMAT, BoardRecord, Matrix, Measured, Numbers, Record
-from calib.types import Acceptance, Check, HandEye, Solution, Verdict
+from calib.types import Acceptance, Check, Grade, HandEye, Solution
 from hw.types import Array
 
 FILE = "calibration.json"
@@ -117,7 +117,7 @@ class SavedCalibration(Record):
 
     def camera_late_s(self) -> float:
         """How late the camera's stamps are on the arm's clock, as the swing of the board showed; 0 where unmeasured."""
-        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Verdict.NOT_MEASURED)
+        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
         return 1e-3 * (next(found, None) or 0.0)
 
     def offsets_rad(self) -> Array:

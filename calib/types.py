@@ -223,7 +223,7 @@ class Solution:
         return HandEye(self.X_AC, self.uncertainty.sigma_mm, self.uncertainty.sigma_deg, source, created)
 
 
-class Verdict(StrEnum):
+class Grade(StrEnum):
     """What a check says about a calibration."""
 
     GOOD = "good"
@@ -237,7 +237,7 @@ class Check:
     """One check or gate: what was measured, against what, and what to do about it."""
 
     name: str
-    verdict: Verdict
+    verdict: Grade
     message: str  # what, the value, the limit, what to do next
     value: float = float("nan")
     limit: float = float("nan")
@@ -252,12 +252,12 @@ class Acceptance:
 
     @property
     def accepted(self) -> bool:
-        return all(gate.verdict is not Verdict.BAD for gate in self.gates)
+        return all(gate.verdict is not Grade.BAD for gate in self.gates)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why not, in words; empty if accepted."""
-        return tuple(gate.message for gate in self.gates if gate.verdict is Verdict.BAD)
+        return tuple(gate.message for gate in self.gates if gate.verdict is Grade.BAD)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews
-from calib.types import Verdict
+from calib.types import Grade
 from hw.types import Array
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
@@ -172,7 +172,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
         advice = "What was in use before stays in use. --fresh begins a new series of views"
-        if any(check.name == touch.NAME and check.verdict == Verdict.BAD for check in solved.record.checks):
+        if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
             advice += "; without it the same views are used, and the corner is touched again"
         raise rejected(solved, views / REPORT, advice)

@@ -100,7 +100,3 @@ class Best:
     mean_reward: float
     ci95: tuple[float, float]
     trials: int  # how many trials the estimate rests on
-
-
-Verdict = str
-"""What the data say of the session in one sentence, e.g. that the simulator cannot express this object."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.adaptation.best import choose_best
-from sim.adaptation.method import Iteration, Verdict
+from sim.adaptation.method import Iteration
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
@@ -19,7 +19,7 @@ SLACK = 1.5
 """How many times the misfit of simulated trajectories a real one may have: real motions and cameras add their part."""
 
 
-def verdict(task: Task, history: Sequence[Iteration], expectations: Expectations) -> Verdict:
+def verdict(task: Task, history: Sequence[Iteration], expectations: Expectations) -> str:
     """One sentence on whether the parameters have converged, and whether the simulator expresses the object at all."""
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
     if len(trials) < LEAST_TRIALS:

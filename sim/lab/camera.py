@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
-from sim.lab.chance import of_camera
+from sim.lab.chance import camera_stream
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
 from sim.lab.room import Room
 
@@ -41,7 +41,7 @@ class LabCamera:
         self._need_connection()
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_snapshot(room.t_s))
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.snapshot_stream(room.t_s))
         return Frame(self._stamped(room.t_s), colour, depth_mm)
 
     def start_recording(self) -> None:
@@ -74,14 +74,14 @@ class LabCamera:
         return range(int(np.ceil(first - phase)), int(np.floor(last - phase)) + 1)
 
     def _dropped(self, number: int) -> bool:
-        return bool(self._room.chance.of_frame(number).uniform() < self._room.world.sensing.frame_drop)
+        return bool(self._room.chance.frame_stream(number).uniform() < self._room.world.sensing.frame_drop)
 
     def _frame(self, number: int) -> Frame:
         room = self._room
         t_s = room.t_placed_s + (number + room.chance.frame_phase) / FRAME_RATE_HZ
         slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
         poses = room.cell.poses(room.positions_at(slices_s))
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_frame(number))
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.frame_stream(number))
         return Frame(self._stamped(t_s), colour, depth_mm)
 
     def _stamped(self, t_s: float) -> float:
@@ -94,7 +94,7 @@ class LabCamera:
 
     @cached_property
     def _noise(self) -> SensorNoise:
-        return SensorNoise.draw(of_camera(self._room.seed), self._room.world.sensing.depth_noise_scale)
+        return SensorNoise.draw(camera_stream(self._room.seed), self._room.world.sensing.depth_noise_scale)
 
     def _need_connection(self) -> None:
         if not self._connected:

@@ -28,7 +28,7 @@ from sim.errors import NotExecutable
 from sim.panda.carrying import carry_path
 from sim.panda.detours import free_path
 from sim.panda.inverse import inverse
-from sim.panda.moves import joined, move_path, timed
+from sim.panda.moves import join_paths, move_path, time_curve
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.types import ToolMotion
 
@@ -166,7 +166,7 @@ def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float =
     if not (inside & np.isfinite(travel)).any():
         raise NotExecutable(f"{arm.name}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
     swing = swings[np.where(inside, travel, np.inf).argmin()]
-    return arm.reported(timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
+    return arm.reported(time_curve(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
 
 
 Ways = Callable[[Array], Iterator[JointPath]]
@@ -190,7 +190,7 @@ def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
             refused = str(error)
             break
         for over in ways(up.q_rad[-1]):
-            path = joined(up, over)
+            path = join_paths(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
             reports = [cell.check(way) for way in both_ways]
             low_m = _lowest_m(over, cell)
@@ -218,7 +218,7 @@ def _ways(q_from: Array, q_home: Array, cell: Workcell) -> Iterator[JointPath]:
     yield move_path(q_from, q_home, limits, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:
         stops = [q_from, _drawn_back(q_from, tucked_rad), _drawn_back(q_home, tucked_rad), q_home]
-        yield joined(*(move_path(a, b, limits, MOVE_SPEED) for a, b in pairwise(stops)))
+        yield join_paths(*(move_path(a, b, limits, MOVE_SPEED) for a, b in pairwise(stops)))
     if cell.keep_out:
         with suppress(NotExecutable):
             yield free_path(q_from, q_home, cell, MOVE_SPEED)

@@ -14,7 +14,7 @@ from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
 from sim.panda.inverse import inverse
-from sim.panda.moves import joined, move_path
+from sim.panda.moves import join_paths, move_path
 
 ROOM_M = 0.03
 """Least distance of a posture from everything; a path between postures may come nearer, as `hw.limits` allows."""
@@ -65,7 +65,7 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
 def _ways(q_from: Array, q_to: Array, q_home: Array, limits: JointLimits) -> Iterator[JointPath]:
     yield move_path(q_from, q_to, limits, SPEED)
     if np.abs(q_from - q_home).max() > 1e-6 and np.abs(q_to - q_home).max() > 1e-6:
-        yield joined(move_path(q_from, q_home, limits, SPEED), move_path(q_home, q_to, limits, SPEED))
+        yield join_paths(move_path(q_from, q_home, limits, SPEED), move_path(q_home, q_to, limits, SPEED))
 
 
 def _room(q: Array, cell: Workcell) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
+from sim.adaptation.memory import MemoryName, Seen, encode, look_back
 from sim.adaptation.method import Trial
 from sim.pretraining.q_training import Transitions
 from sim.rollouts.draws import trial_requests
@@ -93,10 +93,10 @@ class Episodes:
 
     def _seen(self, t: int) -> Seen:
         until = slice(0, t + 1)
-        return looking_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
+        return look_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
 
 
-def joined(parts: Sequence[Episodes]) -> Episodes:
+def join_episodes(parts: Sequence[Episodes]) -> Episodes:
     """All episodes as one, in the order of the parts."""
     return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
 

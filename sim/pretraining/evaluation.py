@@ -11,7 +11,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Method, ParticleTrials
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.pretraining.episodes import simulated_trials
 from sim.pretraining.meta_training import Targets, sample_targets
 from sim.rollouts.draws import cover, trial_requests
@@ -119,7 +119,7 @@ def evaluate(
     targets = sample_targets(task, settings.kind, settings.targets, streams[0])
     grid = cover(task.parameters, settings.oracle, streams[0])
     candidates = solver.policies(grid[:, None, :], streams[0])
-    udr = several(solver, streams[0])
+    udr = udr_policies(solver, streams[0])
     true, solved = list[Array](), list[Array]()
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
         fixed = [*udr, _oracle(solver, candidates, target, roll, rng)]

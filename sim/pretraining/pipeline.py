@@ -151,7 +151,7 @@ def pretrain(
         facts = {
             "seed": seed,
             "simulations": means.simulated(),
-            "policy": stored(folder / "policy.toml"),
+            "policy": read_report(folder / "policy.toml"),
             "evaluation": results,
             "method": best_method(results),
         }
@@ -177,7 +177,7 @@ def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executo
     rules, path = rules_of(task, budget.naf_scale), folder / "naf.toml"
 
     def new_solver() -> NafSolver:
-        return NafSolver(task, roll, rules, NafMemory(task), float(stored(path)["misfit_limit"]))
+        return NafSolver(task, roll, rules, NafMemory(task), float(read_report(path)["misfit_limit"]))
 
     if not path.exists():
         unlimited = NafSolver(task, roll, rules, NafMemory(task))
@@ -212,7 +212,7 @@ def _learnt(
         write_toml(report, asdict(held_out))
     progress(STAGES[1], 1, 1)
     emulator = Emulator(task, load_tensors(path))
-    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": stored(report)}
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
     return _Means(task, partial(EmulatorSolver, emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
 
@@ -224,7 +224,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
     if not path.exists():
         write_toml(path, plan)
         return
-    before = stored(path)
+    before = read_report(path)
     different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(
@@ -232,7 +232,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
         )
 
 
-def stored(path: Path) -> dict[str, Any]:
+def read_report(path: Path) -> dict[str, Any]:
     """A TOML file of the folder. Raises DatasetError."""
     try:
         return read_toml(path)
@@ -301,7 +301,7 @@ def _evaluation(
         )
         write_toml(path, asdict(results))
     progress(STAGES[5], 1, 1)
-    return stored(path)
+    return read_report(path)
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:

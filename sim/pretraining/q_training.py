@@ -27,7 +27,7 @@ class Transitions:
     next_state: Array  # (N, inputs)
 
 
-class Replay:
+class ReplayBuffer:
     """The last `capacity` transitions, as tensors."""
 
     def __init__(self, inputs: int, branches: int, capacity: int = 10_000) -> None:
@@ -57,7 +57,7 @@ class Replay:
         return state, choice, reward, following
 
 
-class Learner:
+class DoubleQLearner:
     """Double Q-learning: online and target network with their optimiser."""
 
     def __init__(self, network: QNetwork, learning_rate: float, discount: float, polyak: float = 0.01) -> None:
@@ -68,7 +68,7 @@ class Learner:
         self._discount, self._polyak = discount, polyak
 
     def update(self, batch: tuple[Tensor, Tensor, Tensor, Tensor]) -> float:
-        """One gradient step on a batch of `Replay.sample`; returns its loss."""
+        """One gradient step on a batch of `ReplayBuffer.sample`; returns its loss."""
         state, choice, reward, following = batch
         with one_thread():
             target = branching_target(self.online, self._target, reward, following, self._discount)

@@ -70,7 +70,7 @@ def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
         mounting="fixed", X_AC=X_BC, X_HM=X_BC, joint_offsets=None, uncertainty=u, fit_px=0.1, held_out_px=0.1,
         corner_px=0.1, joint_rad=1e-4, square_scale=1.0, views=(), methods=(), checks=(), gates=(), accepted=True,
         created=created, source="calibrated", folder="views-0001", hw="panda", arm="panda", camera="000123",
-        board=BoardRecord.of(Board()), versions={},
+        board=BoardRecord.from_board(Board()), versions={},
     )  # fmt: skip
 
 

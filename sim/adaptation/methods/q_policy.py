@@ -9,7 +9,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.memory import MemoryName, encode, of_session
+from sim.adaptation.memory import MemoryName, encode, seen_in_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
@@ -65,5 +65,5 @@ class QPolicy:
     def _moved(self, history: Sequence[Iteration], particle: int) -> Array:
         """(p,) where the mean of a particle goes, in units."""
         task, mean = self.task, history[-1][particle].particle.mean
-        state = encode(task, self.memory, of_session(task, history, particle))
+        state = encode(task, self.memory, seen_in_session(task, history, particle))
         return frozen_array(task.parameters.step(mean, self.network.directions(state)[0], task.adaptation.delta))

@@ -25,7 +25,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     return Udr(task)
 
 
-def several(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
+def udr_policies(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
     """`n` policies for all of Omega, from different draws; what UDR earns is the mean over them.
 
     Over Omega many actions earn alike, and which of them a solver picks is arbitrary. In one given target they may

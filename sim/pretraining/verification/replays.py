@@ -58,7 +58,7 @@ class Replays:
     agreements: tuple[Agreement, ...]  # empty for an exact task, which has no emulated trajectories
 
 
-def some_of(episodes: Episodes, count: int) -> Episodes:
+def select_episodes(episodes: Episodes, count: int) -> Episodes:
     """About `count` episodes of one particle, evenly over the training; all particles of a target go together."""
     targets, particles = episodes.rewards.shape[:2]
     wanted = min(targets, -(-count // particles))
@@ -75,8 +75,8 @@ def replay(
     roll: Roll,
     rng: np.random.Generator,
 ) -> Replays:
-    """Replay about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
-    task, some = solver.task, some_of(episodes, count)
+    """ReplayBuffer about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
+    task, some = solver.task, select_episodes(episodes, count)
     requests = _requests(solver, some, rng)
     noise = int(rng.integers(2**31))
     true = _seen(task, some, requests, roll(requests), noise)

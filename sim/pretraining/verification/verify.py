@@ -20,7 +20,7 @@ from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
 from sim.pretraining.episodes import Episodes
 from sim.pretraining.meta_training import MetaSettings
-from sim.pretraining.pipeline import STAGES, stage_seeds, stored
+from sim.pretraining.pipeline import STAGES, read_report, stage_seeds
 from sim.pretraining.timing import wall_times_s
 from sim.pretraining.verification.emulator import HeldOut, held_out
 from sim.pretraining.verification.policies import Pairs, PairSettings, compare_policies
@@ -122,7 +122,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
     if not is_finished(folder):
         raise DatasetError(f"{folder} holds no finished pretraining: {again}")
-    plan, curve = stored(folder / "plan.toml"), stored(folder / "policy.toml")
+    plan, curve = read_report(folder / "plan.toml"), read_report(folder / "policy.toml")
     if (plan["task"], plan["fingerprint"]) != (task.name, fingerprint(task)):
         raise DatasetError(
             f"the pretraining in {folder} is of {plan['task']} with ranges {plan['fingerprint']}, wanted {task.name} "
@@ -196,7 +196,7 @@ def _held_out(made: Pretrained) -> HeldOut | None:
         return None
     seeds = stage_seeds(int(made.plan["seed"]))
     settings = _known(EmulatorSettings, made.plan["budget"]["emulator"])
-    return held_out(made.emulator, made.dataset, seeds[1], settings, stored(made.folder / "emulator.toml"))
+    return held_out(made.emulator, made.dataset, seeds[1], settings, read_report(made.folder / "emulator.toml"))
 
 
 def _replayed(made: Pretrained, settings: VerificationSettings) -> int:

@@ -53,7 +53,7 @@ def _encode_space(space: Space, value: Array) -> Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class EmulatedTrials:
     """What the emulator expects, at the task's reference context."""
 
     observation: Array  # (N, size) normalised, without camera noise
@@ -97,12 +97,12 @@ class Emulator:
         """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.solvers.misfit`)."""
         return float(self._tensors["misfit_limit"])
 
-    def predict(self, parameters: Array, action: Array, nuisance: Array) -> Prediction:
+    def predict(self, parameters: Array, action: Array, nuisance: Array) -> EmulatedTrials:
         """(N, p), (N, a), (N, n) in units -> their prediction."""
         size = self.task.observation.size
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))
         success = self._probability(raw[..., -1])
-        return Prediction(
+        return EmulatedTrials(
             observation=raw[..., :size].mean(axis=0),
             success=success.mean(axis=0),
             end_state=raw[..., size:-1].mean(axis=0),
@@ -116,7 +116,7 @@ class Emulator:
         raw = raw.reshape(self.members, *lead, raw.shape[-1])
         return self._probability(raw[..., -1]), raw[..., :-1]
 
-    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
+    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> EmulatedTrials:
         """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
 
         `success` is 0 or 1.
@@ -126,7 +126,7 @@ class Emulator:
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
         succeeded = rng.random(n) < self._probability(raw[:, -1])
-        return Prediction(observation, succeeded.astype(np.float64), raw[:, size:-1])
+        return EmulatedTrials(observation, succeeded.astype(np.float64), raw[:, size:-1])
 
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)

@@ -253,7 +253,7 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
     }
 
 
-def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
+def select_rows(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
     """Some rollouts of a dataset: what was asked, and what came of it."""
     context = at_reference(task, len(rows))
     return (
@@ -263,7 +263,7 @@ def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollout
 
 
 def _judge(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
-    requests, true = rows_of(task, dataset, rows)
+    requests, true = select_rows(task, dataset, rows)
     errors = held_out_errors(emulator, requests, true)
     position, end = errors["position_error_median"], errors["end_state_error_median"]
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success

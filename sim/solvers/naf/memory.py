@@ -16,7 +16,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.solvers.naf.policy import NafPolicy, restore_policy
-from sim.solvers.naf.reuse import TrainedPolicy
+from sim.solvers.naf.reuse import PolicyRecord
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
 from sim.tasks.fingerprint import fingerprint
@@ -31,7 +31,7 @@ class NafMemory:
     def __init__(self, task: Task, folder: Path | None = None) -> None:
         """`folder`: where to keep all and to go on from. Raises CheckpointError when what lies there is foreign."""
         self.task = task
-        self.record: tuple[TrainedPolicy, ...] = ()
+        self.record: tuple[PolicyRecord, ...] = ()
         self._folder = folder
         self._keys: list[str] = []
         self._errors: list[float] = []
@@ -54,7 +54,7 @@ class NafMemory:
                 raise CheckpointError(f"{self._path(position)} does not fit {self.task.name}: {error}") from error
         return self._networks[position]
 
-    def add(self, record: tuple[TrainedPolicy, ...], key: str, policy: NafPolicy) -> None:
+    def add(self, record: tuple[PolicyRecord, ...], key: str, policy: NafPolicy) -> None:
         """`record`: the old one and the entry of `policy`. On disk when this returns, if there is a folder."""
         position = len(record) - 1
         if position != len(self.record):
@@ -95,7 +95,7 @@ class NafMemory:
             stored = read_toml(path)
             found, rows = stored["fingerprint"], stored["policies"]
             self.record = tuple(
-                TrainedPolicy(
+                PolicyRecord(
                     np.array(r["features"], dtype=np.float64),
                     int(r["budget"]),
                     int(r["distributions"]),

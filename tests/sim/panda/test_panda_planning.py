@@ -12,7 +12,7 @@ from hw.types import Array, ContactWindow, JointPath
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
 from sim.panda.inverse import inverse
-from sim.panda.moves import joined, move_path
+from sim.panda.moves import join_paths, move_path
 from sim.panda.planning import CLEAR_M, home, task_paths, trial_paths, vertical
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.panda.tool import held
@@ -164,11 +164,11 @@ def test_vertical_moves_only_along_z() -> None:
 
 def test_paths_join_only_at_rest_in_the_same_posture() -> None:
     a, b = move_path(READY, READY + 0.1, LIMITS["panda"]), move_path(READY + 0.1, READY, LIMITS["panda"])
-    both = joined(a, b)
+    both = join_paths(a, b)
     assert both.duration_s == pytest.approx(a.duration_s + b.duration_s)
     assert holding().check(both, READY).ok
     with pytest.raises(ValueError, match="join"):
-        joined(a, a)
+        join_paths(a, a)
 
 
 def test_a_held_tool_brings_its_capsules_into_the_flange_and_they_must_stay_clear() -> None:

@@ -8,7 +8,7 @@ from toy_task import TOY, Unmodelled, simulate
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.pretraining.evaluation import EvaluationSettings
-from sim.pretraining.reevaluation import Figure, reevaluate
+from sim.pretraining.verification.figures import Figure, verify_figures
 from sim.rollouts import run_many, serial_executor
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
@@ -26,7 +26,7 @@ def checkpoint_of(folder, evaluation=EVALUATION, **emulated):
 
 def judge(checkpoint, roll=roll, rollouts=240):
     told = []
-    figures = reevaluate(checkpoint, roll, rollouts, 0, lambda done, total: told.append((done, total)))
+    figures = verify_figures(checkpoint, roll, rollouts, 0, lambda done, total: told.append((done, total)))
     return {f.name: f for f in figures}, told
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
@@ -64,7 +64,7 @@ class Figure:
         return bool(worse <= self.tolerance)
 
 
-def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
+def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
     """Those figures of the card that about `rollouts` true rollouts can tell.
 
     Where rollouts cost nothing, whole sessions are run, in more targets the more rollouts are asked for.
@@ -132,7 +132,7 @@ def _policies(
     """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
     task, stored = solver.task, card.get("evaluation", {})
     targets = sample_targets(task, _settings(card).kind, count, rng)
-    udr = several(solver, rng)
+    udr = udr_policies(solver, rng)
     own = solver.policies(task.parameters.sample(rng, count)[:, None], rng)
     earned, bias = np.zeros((count, 2)), np.zeros((count, 2))
     for i, target in enumerate(targets):
@@ -165,7 +165,7 @@ def _sessions(
     """Whole sessions in `count` fresh targets, for a task whose rollouts cost next to nothing."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
-    method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
+    method, udr = make_method("adaptsim", task, checkpoint), udr_policies(solver, rng)
     earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):
         session = run_session(solver, method, target, roll, settings, rng)

@@ -56,6 +56,7 @@ class Motion:
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Motion:
+        """The views `rows` alone."""
         q = None if self.q_rad is None else self.q_rad[rows]
         return replace(self, q_rad=q, X_BF=self.X_BF[rows], body=self.body[rows])
 
@@ -109,6 +110,7 @@ class Model:
 
     @property
     def size(self) -> int:
+        """Unknowns: two poses, the offsets that are free, and the scale."""
         return 12 + len(self.offsets) + int(self.scale)
 
 

@@ -40,10 +40,12 @@ class StoredView:
 
     @property
     def q_rad(self) -> Array | None:
+        """(7,) as the arm reports them; None where the view gives the flange's pose."""
         return None if self.record.q_rad is None else np.array(self.record.q_rad)
 
     @property
     def X_BF(self) -> Array | None:
+        """(4, 4); None where the view gives joints."""
         return self.record.flange()
 
 

@@ -58,6 +58,7 @@ class BoardRecord(Record):
 
     @classmethod
     def from_board(cls, board: Board) -> Self:
+        """As it is stored: lengths in mm, to a nanometre."""
         return cls(
             squares_across=board.squares_across,
             squares_down=board.squares_down,
@@ -72,6 +73,7 @@ class BoardRecord(Record):
         return self
 
     def board(self) -> Board:
+        """The value. Raises ValueError for a board that cannot be."""
         return Board(
             self.squares_across, self.squares_down, 1e-3 * self.square_mm, 1e-3 * self.marker_mm, self.dictionary
         )
@@ -87,6 +89,7 @@ class IntrinsicsRecord(Record):
 
     @classmethod
     def from_camera(cls, camera: Intrinsics) -> Self:
+        """As it is stored, with all eight numbers of the distortion."""
         rows = tuple(tuple(map(float, row)) for row in camera.K)
         return cls(width=camera.width, height=camera.height, K=rows, distortion=tuple(map(float, camera.distortion)))
 
@@ -101,6 +104,7 @@ class IntrinsicsRecord(Record):
         return self
 
     def intrinsics(self) -> Intrinsics:
+        """The value, its distortion filled up with zeros."""
         return Intrinsics(
             self.width, self.height, np.array(self.K), np.array([*self.distortion, *[0.0] * (8 - len(self.distortion))])
         )

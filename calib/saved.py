@@ -126,9 +126,11 @@ class SavedCalibration(Record):
         return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
 
     def content(self) -> bytes:
+        """The bytes of `FILE`."""
         return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
+        """Of `content`: what a session records of its calibration."""
         return hashlib.sha256(self.content()).hexdigest()
 
 

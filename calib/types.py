@@ -210,10 +210,12 @@ class Solution:
 
     @property
     def used(self) -> tuple[str, ...]:
+        """Names of the views that the fit rests on."""
         return tuple(view.name for view in self.views if view.used)
 
     @property
     def rejected(self) -> tuple[ViewFit, ...]:
+        """The views that it does not rest on."""
         return tuple(view for view in self.views if not view.used)
 
     def hand_eye(self, source: str, created: str) -> HandEye:
@@ -252,6 +254,7 @@ class Acceptance:
 
     @property
     def accepted(self) -> bool:
+        """Whether no gate forbids it."""
         return all(gate.verdict is not Grade.BAD for gate in self.gates)
 
     @property

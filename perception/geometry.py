@@ -56,10 +56,12 @@ class View:
 
     @cached_property
     def X_VB(self) -> Array:
+        """(4, 4) the base in the camera."""
         return inverse(self.X_BV)
 
     @cached_property
     def focal_px(self) -> float:
+        """Geometric mean of both axes."""
         return float(np.sqrt(self.camera.K[0, 0] * self.camera.K[1, 1]))
 
     @cached_property

@@ -43,6 +43,7 @@ class BottleDetection:
 
     @property
     def centre_m(self) -> Array:
+        """(3,) in the base frame."""
         return np.asarray(self.X_BO[:3, 3])
 
 

@@ -37,6 +37,7 @@ class Rig:
 
     @property
     def proxy(self) -> Proxy:
+        """Shape and size of the piece that is followed."""
         return self.detection.proxy
 
 

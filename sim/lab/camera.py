@@ -35,9 +35,11 @@ class LabCamera:
         self._room.recording_since_s, self._room.shots = None, []
 
     def model(self) -> CameraModel:
+        """See `hw.ports.Camera`."""
         return kinect_model("small" if self._room.world.sensing.camera == "small" else "kinect")
 
     def snapshot(self) -> Frame:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
@@ -45,12 +47,14 @@ class LabCamera:
         return Frame(self._stamped(room.t_s), colour, depth_mm)
 
     def start_recording(self) -> None:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         if self._room.recording_since_s is not None:
             raise CameraError("the camera is recording already: call stop_recording first")
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:
+        """See `hw.ports.Camera`; the frames are rendered now."""
         self._need_connection()
         room = self._room
         if room.recording_since_s is None:

@@ -33,6 +33,7 @@ class Chance:
 
     @classmethod
     def draw(cls, seed: int, trial: int, attempt: int) -> Chance:
+        """All draws of an attempt, from streams of their own."""
         key = (seed, trial, attempt)
         rng = _stream(seed, _TRIAL, trial, attempt)
         return cls(

@@ -68,6 +68,7 @@ class HeldTool:
     X_FT: Array  # (4, 4) its tool as far as it is known; of empty fingers the identity
 
     def guard(self, feeler: Feeler, force_N: float) -> Guard:
+        """Against `force_N` at the centre of the feeler."""
         return Guard(force_N, self.X_FT[:3, :3] @ feeler.p_T_m + self.X_FT[:3, 3])
 
 

@@ -43,6 +43,7 @@ class ReplayBuffer:
         return self._size
 
     def add(self, steps: Transitions) -> None:
+        """The oldest make room."""
         rows = (self._next + np.arange(len(steps.reward))) % self._capacity
         for column, values in zip(
             self._columns, (steps.state, steps.directions + 1, steps.reward, steps.next_state), strict=True
@@ -52,6 +53,7 @@ class ReplayBuffer:
         self._size = min(self._size + len(rows), self._capacity)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """`n` of them with repetition: state, choice (0 to 2 a branch), reward, next state."""
         rows = torch.from_numpy(rng.integers(self._size, size=n))
         state, choice, reward, following = (column[rows] for column in self._columns)
         return state, choice, reward, following

@@ -30,6 +30,7 @@ class Stopwatch:
         self._last = self._stored = clock()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
+        """Count the time since the last call for `stage`, and pass the report on."""
         now = self._clock()
         self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._last
         self._last = now

@@ -52,6 +52,7 @@ class Requests:
         return Requests(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def followed_by(self, other: Requests) -> Requests:
+        """These requests, then the other ones."""
         return Requests(*(np.concatenate([getattr(r, f.name) for r in (self, other)]) for f in fields(Requests)))
 
 

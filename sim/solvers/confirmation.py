@@ -86,6 +86,7 @@ class ConfirmingPolicies:
 
     @property
     def task(self) -> Task:
+        """The emulator's."""
         return self.emulator.task
 
     def policies(

@@ -52,7 +52,9 @@ class PoliciesOf(Protocol[T_co]):
     """Task policies of one task. Parameters, contexts and actions are in units."""
 
     @property
-    def task(self) -> T_co: ...
+    def task(self) -> T_co:
+        """Whose policies it makes."""
+        ...
 
     def policies(
         self,
@@ -69,7 +71,9 @@ class ExpectationsOf(Protocol[T_co]):
     """What to expect of trials in the simulator of one task. Parameters, contexts and actions are in units."""
 
     @property
-    def task(self) -> T_co: ...
+    def task(self) -> T_co:
+        """Whose trials it speaks of."""
+        ...
 
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16

@@ -28,9 +28,11 @@ class RandomSearch:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The first is random; each other one lies far from those before it."""
         return self._farthest(np.zeros((0, len(self.task.parameters))), n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """Far from all that were tried, whatever they earned."""
         tried = np.array([seen.particle.mean for iteration in history for seen in iteration])
         return self._farthest(self.task.parameters.normalise(tried), len(history[-1]), rng)
 

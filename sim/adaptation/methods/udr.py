@@ -46,4 +46,5 @@ class Udr:
         return tuple(Particle(cover(self.task.parameters, SAMPLES, rng)) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The same as before."""
         return tuple(seen.particle for seen in history[-1])

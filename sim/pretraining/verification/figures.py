@@ -59,6 +59,7 @@ class Figure:
 
     @property
     def holds(self) -> bool:
+        """Whether it is not worse than the card's by more than the tolerance."""
         gap = self.found - self.card
         worse = {"more": -gap, "less": gap, "neither": abs(gap)}[self.better]
         return bool(worse <= self.tolerance)

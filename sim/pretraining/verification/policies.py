@@ -33,6 +33,7 @@ class PairSettings:
 
     @property
     def simulations(self) -> int:
+        """Rollouts that this takes."""
         return self.environments * (self.actions + 2 * self.targets * self.rollouts)
 
 
@@ -50,6 +51,7 @@ class Pairs:
 
     @property
     def count(self) -> int:
+        """Of (policy, target)."""
         return int(self.expected.size)
 
 

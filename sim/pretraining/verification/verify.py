@@ -86,6 +86,7 @@ class Pretrained:
 
     @property
     def evaluation(self) -> Mapping[str, Any]:
+        """What the card says of the methods on unseen targets."""
         found: Mapping[str, Any] = self.card["evaluation"]
         return found
 

@@ -85,6 +85,7 @@ class Emulator:
 
     @property
     def members(self) -> int:
+        """Networks of the ensemble."""
         return int(self._tensors["w0"].shape[0])
 
     @property

@@ -153,6 +153,7 @@ class EmulatorSolver:
 
     @property
     def task(self) -> Task:
+        """The emulator's."""
         return self.emulator.task
 
     def policies(
@@ -162,6 +163,7 @@ class EmulatorSolver:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[EmulatorPolicy, ...]:
+        """See `train_many`."""
         return train_many(self.task, self.emulator, samples, rng, executable, settings)
 
     def expected_rewards(
@@ -175,16 +177,20 @@ class EmulatorSolver:
         return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) emulated rewards of N executed trials, the mean of the ensemble."""
         success, end = self.emulator.outcomes(parameters, action, nuisance)
         return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size), the mean of the ensemble."""
         return self.emulator.predict(parameters, action, nuisance).observation
 
     @property
     def residual_std(self) -> Array:
+        """(size,) of held-out rollouts, normalised."""
         return self.emulator.residual_std
 
     @property
     def misfit_limit(self) -> float:
+        """Of held-out rollouts."""
         return self.emulator.misfit_limit

@@ -39,6 +39,7 @@ class NafNetwork(nn.Module):
         self.factor = nn.Linear(hidden, actions * (actions + 1) // 2)
 
     def forward(self, context: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, c) -> value (B,), mean action (B, a) and factor (B, a, a)."""
         features = self.trunk(context)
         rows, columns = torch.tril_indices(self.actions, self.actions)
         factor = torch.zeros(len(context), self.actions, self.actions)

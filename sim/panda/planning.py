@@ -27,7 +27,7 @@ from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.carrying import carry_path
 from sim.panda.detours import free_path
-from sim.panda.inverse import inverse
+from sim.panda.inverse import inverse, postures
 from sim.panda.moves import join_paths, move_path, time_curve
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.types import ToolMotion
@@ -61,9 +61,7 @@ def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
     X_BT = np.tile(np.eye(4), (len(places), 1, 1))
     X_BT[:, :3, :3] = Rotation.from_euler("y", pitch_rad).as_matrix()
     X_BT[:, :3, 3] = places
-    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 91)[1:-1]
-    q = inverse((X_BT @ np.linalg.inv(X_FT))[:, None], q7).reshape(-1, 7)
-    q = q[np.isfinite(q).all(axis=1)]
+    q = postures(X_BT @ np.linalg.inv(X_FT), limits, 91)
     worst = limits.ratios(q, np.zeros_like(q), np.zeros_like(q))[0].max(axis=1)
     for i in np.argsort(worst):
         still = JointPath(np.array([0.0, DT_S]), np.stack([q[i], q[i]]))

@@ -13,7 +13,7 @@ from hw.kinematics import link_poses
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda.inverse import inverse
+from sim.panda import inverse
 from sim.panda.moves import join_paths, move_path
 
 ROOM_M = 0.03
@@ -28,13 +28,9 @@ def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array |
     """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps its distance, else None."""
     arm, true = cell.arm, cell.in_true_joints()
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
-    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
     found: list[Array | None] = []
     for X in X_BF:
-        q = inverse(X, q7).reshape(-1, 7)
-        q = q[np.isfinite(q).all(axis=1)]
-        still = np.zeros_like(q)
-        q = q[limits.ratios(q, still, still)[0].max(axis=1) <= _USE] if len(q) else q
+        q = inverse.postures(X, limits, _Q7, _USE)
         q = q[_room(q, true)] if len(q) else q
         found.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
     return found

@@ -91,6 +91,22 @@ def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
     return Rollouts(*(np.concatenate([getattr(r, f.name) for r in rows]) for f in fields(Rollouts)))
 
 
+def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll:
+    """`roll`, asked for at most `size` at a time; after each part it tells `progress` how many of `total` are done."""
+    done = 0
+
+    def in_parts(requests: Requests) -> Rollouts:
+        nonlocal done
+        parts = []
+        for start in range(0, len(requests), size):
+            parts.append(roll(requests[start : start + size]))
+            done += len(parts[-1])
+            progress(min(done, total), total)
+        return concatenate(parts)
+
+    return in_parts
+
+
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
     """Simulate every request, in their order.
 

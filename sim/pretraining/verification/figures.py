@@ -22,7 +22,7 @@ from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
-from sim.rollouts.run import Requests, Roll, Rollouts, concatenate
+from sim.rollouts.run import Progress, Roll, roll_in_parts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import held_out_errors
 from sim.solvers.solver import SolvedPolicy, Solver
@@ -43,7 +43,6 @@ EXACT_TARGETS, ASKED_A_TARGET = 64, 3
 AT_ONCE = 16
 """Rollouts between two reports of progress."""
 
-Progress = Callable[[int, int], None]
 Better = Literal["more", "less", "neither"]
 
 
@@ -78,31 +77,13 @@ def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int,
         return _sessions(checkpoint, roll, _exact_targets(rollouts), rng, progress)
     if checkpoint.emulator is None:
         return []
-    counted = _Counted(roll, rollouts, progress)
+    counted = roll_in_parts(roll, AT_ONCE, rollouts, progress)
     draws = max(AT_ONCE, 2 * rollouts // 3)
     targets = max(4, (rollouts - draws) // (2 * PER_TARGET))
     return [
         *_emulator(checkpoint.emulator, card.get("emulator", {}), counted, draws, rng),
         *_policies(solver, card, counted, targets, rng),
     ]
-
-
-@dataclass(eq=False)
-class _Counted:
-    """True rollouts that tell how far they are."""
-
-    roll: Roll
-    total: int
-    progress: Progress
-    done: int = 0
-
-    def __call__(self, requests: Requests) -> Rollouts:
-        parts = []
-        for start in range(0, len(requests), AT_ONCE):
-            parts.append(self.roll(requests[start : start + AT_ONCE]))
-            self.done += len(parts[-1])
-            self.progress(min(self.done, self.total), self.total)
-        return concatenate(parts)
 
 
 def _emulator(

@@ -27,7 +27,7 @@ from sim.pretraining.verification.policies import Pairs, PairSettings, compare_p
 from sim.pretraining.verification.replays import Replays, replay
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
-from sim.rollouts.run import Requests, Roll, Rollouts, concatenate, run_many
+from sim.rollouts.run import Roll, roll_in_parts, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings
@@ -210,18 +210,7 @@ def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], N
     """True rollouts that are kept in the folder, a part at a time, and tell how far they are."""
     one: Roll = partial(run_many, made.task, executor=executor)
     kept: Roll = one if made.task.exact else CachedRollouts(made.task, made.folder / "proof", executor)
-    done = 0
-
-    def roll(requests: Requests) -> Rollouts:
-        nonlocal done
-        parts = []
-        for start in range(0, len(requests), AT_ONCE):
-            parts.append(kept(requests[start : start + AT_ONCE]))
-            done += len(parts[-1])
-            progress(min(done, total), total)
-        return concatenate(parts)
-
-    return roll
+    return roll_in_parts(kept, AT_ONCE, total, progress)
 
 
 def _known(kind: type[S], planned: Mapping[str, Any]) -> S:

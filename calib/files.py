@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from calib.errors import ViewFolderError
 from calib.records import BoardRecord, IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.types import Mounting, Setup
+from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, read_bytes
 from hw.types import Array, CameraModel, Frame
 from perception.board.types import Board
 
@@ -198,16 +199,18 @@ def _sensor_image(path: Path, record: ViewRecord, name: str | None) -> NDArray[n
 def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDArray[np.generic]:
     file = path.parent / name
     try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise ViewFolderError(f"{file}, named by {path.name}, cannot be read ({error.strerror})") from error
+        data = read_bytes(file, IMAGE_BYTES)
+    except FileNotFoundError as error:
+        raise ViewFolderError(f"{file}, named by {path.name}, is missing") from error
+    except Unreadable as error:
+        raise ViewFolderError(f"{file}, named by {path.name}, {error}") from error
     wanted = sha256.get(name)
     if wanted is not None and hashlib.sha256(data).hexdigest() != wanted:
         raise ViewFolderError(f"{file} is not what {path.name} says: truncated or changed since it was taken")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION) if data else None
-    if image is None:
-        raise ViewFolderError(f"{file} is not a whole PNG or JPEG image")
-    return np.asarray(image)
+    try:
+        return decode_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except Unreadable as error:
+        raise ViewFolderError(f"{file} {error}") from error
 
 
 def _png(image: NDArray[np.generic]) -> bytes:

@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -15,6 +13,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from calib.errors import ViewFolderError
+from hw.bounded import Unreadable, read_table
 from hw.types import Array, Intrinsics
 from perception.board.types import Board
 
@@ -229,13 +228,12 @@ def _rotation(wxyz: Numbers) -> Array:
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """A TOML or JSON file as a record. Raises ViewFolderError naming the file, the key and what is wrong."""
     try:
-        text = path.read_text(encoding="utf-8")
-        data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+        data = read_table(path)
     except FileNotFoundError as error:
         raise ViewFolderError(f"{path} is missing") from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ViewFolderError(f"{path} cannot be read ({error}); restore it, or remove it with its images") from error
-    version = data.get("format", FORMAT) if isinstance(data, dict) else None
+    except Unreadable as error:
+        raise ViewFolderError(f"{path} {error}; restore it, or remove it with its images") from error
+    version = data.get("format", FORMAT)
     if isinstance(version, int) and version > FORMAT:
         raise ViewFolderError(f"{path} is of format {version}; this version reads up to {FORMAT}")
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from calib import files, touch
 from calib.errors import ViewFolderError
 from calib.timing import time_offset
 from calib.types import Check, Forward, Grade, Mounting, Setup, Solution, View
+from hw.bounded import read_table
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board import detect
@@ -117,7 +117,7 @@ def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | N
     if not path.exists() or forward is None:
         return Check("time offset", Grade.NOT_MEASURED, "no swing of the board was filmed")
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_table(path)
         frames = [(float(f["t_s"]), Corners(np.array(f["ids"]), np.array(f["px"]))) for f in data["frames"]]
         arm_t_s, q_rad = np.array(data["arm_t_s"]), np.array(data["q_rad"]).reshape(-1, 7)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -15,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import sealed
 from adaptsim_cli.storage.validation import place
+from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.types import Space
@@ -247,14 +247,11 @@ def read_object(path: Path) -> dict[str, Any]:
 def _load(path: Path) -> tuple[dict[str, Any], bool]:
     """The table in a file, and whether it is sealed."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, JSON_BYTES)
         is_sealed = sealed.is_sealed(content, path.suffix)
-        text = content.decode()
-        data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except (OSError, ValueError, RecursionError) as error:  # what is not UTF-8, JSON, TOML or as it was written
-        raise corrupt(path, str(error)) from error
-    if not isinstance(data, dict):
-        raise corrupt(path, "it does not hold a table")
+        data = parse_table(content, is_toml=path.suffix == ".toml")
+    except (FileNotFoundError, Unreadable, sealed.SealBroken) as error:
+        raise corrupt(path, f"it {error}") from error
     if is_sealed:
         data.pop(sealed.KEY, None)
     return data, is_sealed

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import datetime
 import importlib.metadata
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 from torch import Tensor
 
+from hw.bounded import Unreadable
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.q_network import QNetwork
@@ -158,8 +158,8 @@ def read_card(path: Path, task: str) -> dict[str, Any]:
         )
     try:
         card = read_toml(path / CARD)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CheckpointError(f"{path / CARD} is not valid TOML ({error}): make the checkpoint again") from error
+    except Unreadable as error:
+        raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
     missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
     if missing:
         raise CheckpointError(f"{path / CARD} lacks {', '.join(sorted(missing))}: install or make the checkpoint again")

@@ -8,7 +8,6 @@ required; what else is left out is nominal.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import resources
@@ -18,6 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from hw.bounded import Unreadable, parse_table
 from hw.types import Array
 from sim.errors import OutOfRange, UnknownName, WorldError
 from sim.tasks.task import Task
@@ -135,9 +135,9 @@ class _File(_Strict):
 
 def _parse(data: bytes, name: str, source: str, task: Task) -> World:
     try:
-        raw = tomllib.loads(data.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WorldError(f"{source} is not TOML: {error}") from error
+        raw = parse_table(data, is_toml=True, finite=False)  # numbers are checked by name
+    except Unreadable as error:
+        raise WorldError(f"{source} {error}") from error
     file = _check(_File, raw, source, "")
     if file.task != task.name:
         raise WorldError(f"{source} is a world of {file.task!r}, not of {task.name!r}; name a world of this task")

@@ -11,7 +11,6 @@ the same episodes), `prospects.safetensors` (what E are worth wherever the truth
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from hw.bounded import Unreadable
 from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
@@ -236,8 +236,8 @@ def read_report(path: Path) -> dict[str, Any]:
     """A TOML file of the folder. Raises DatasetError."""
     try:
         return read_toml(path)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}): remove it, or begin in a new folder") from error
+    except (FileNotFoundError, Unreadable) as error:
+        raise DatasetError(f"{path} {error}: remove it, or begin in a new folder") from error
 
 
 def _policies(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -47,5 +46,5 @@ def wall_times_s(folder: Path) -> dict[str, float]:
         return {}
     try:
         return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, AttributeError, ValueError) as error:
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error

@@ -9,7 +9,6 @@ chosen by what the first part tells and written down in `denser.npz`.
 
 from __future__ import annotations
 
-import tomllib
 import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.bounded import Unreadable
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.rollouts.draws import at_reference, sobol
@@ -242,8 +242,8 @@ def _read_manifest(folder: Path) -> dict[str, Any] | None:
         return None
     try:
         manifest = read_toml(path)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} is not valid TOML ({error}): remove the folder and build it again") from error
+    except Unreadable as error:
+        raise DatasetError(f"{path} {error}; remove the folder and build it again") from error
     missing = {"task", "interface", "seed", "size", "denser", "probe"} - manifest.keys()
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")

@@ -7,7 +7,6 @@ session that is continued has the same policies as one that was never interrupte
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +104,7 @@ class NafMemory:
             )
             self._keys = [str(r["key"]) for r in rows]
             self._errors = [float(r["value_error"]) for r in rows]
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise CheckpointError(
                 f"{path} is damaged ({error}): remove its folder, the policies are trained again"
             ) from error

@@ -149,7 +149,7 @@ def test_a_damaged_calibration_is_never_replaced_by_an_older_one_silently(done: 
     shutil.copytree(done[0], root)
     file = root / "calibrations/toy/calibration-0001/calibration.json"
     file.write_bytes(file.read_bytes()[:200])
-    with pytest.raises(Exception, match=r"calibration\.json cannot be read.*Move .*calibration-0001 away"):
+    with pytest.raises(Exception, match=r"calibration\.json is not valid JSON.*Move .*calibration-0001 away"):
         store(root).current()
 
 
@@ -315,7 +315,11 @@ def test_a_truncated_view_is_left_out_and_named(copied: Path) -> None:
     solved = solve(copied)
     assert len(solved.views) == 9
     told = " ".join(solved.not_seen)
-    for part in ("view-003.png is not what view-003.json says", "view-008.json cannot be read", "view-011.depth.png"):
+    for part in (
+        "view-003.png is not what view-003.json says",
+        "view-008.json is not valid JSON",
+        "view-011.depth.png",
+    ):
         assert part in told
 
 
@@ -323,7 +327,7 @@ def test_a_truncated_view_is_left_out_and_named(copied: Path) -> None:
     ("change", "message"),
     [
         (lambda folder: (folder / "setup.toml").unlink(), r"setup\.toml is missing"),
-        (lambda folder: (folder / "setup.toml").write_text("camera = "), r"setup\.toml cannot be read"),
+        (lambda folder: (folder / "setup.toml").write_text("camera = "), r"setup\.toml is not valid TOML"),
         (lambda folder: edit(folder, 'arm = "panda"', 'arm = "other"'), "joints of an unknown arm"),
         (
             lambda folder: edit(folder, "height = 360", "height = 720"),

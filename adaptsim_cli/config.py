@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -17,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import place, plain, unknown
+from hw.bounded import Unreadable, read_table
 
 Hardware = Literal["fake", "panda", "fr3"]
 SIMULATED: Hardware = "fake"
@@ -176,13 +176,11 @@ def template() -> str:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_table(path)
     except FileNotFoundError:
         return {}
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{path} is not valid TOML: {error}") from error
+    except Unreadable as error:
+        raise UsageError(f"{path} {error}") from error
 
 
 def _from_environment(env: Mapping[str, str]) -> dict[str, str]:

@@ -26,10 +26,13 @@ from typing import Any
 import cv2
 import numpy as np
 
+from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.devices.simulated import nominal_hand_eye
+from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.stages import TrialKey
-from adaptsim_cli.wiring.session import lab_as_shipped
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -38,6 +41,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
+from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
@@ -110,7 +114,10 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
         "parameters": dict(zip(task.parameters.names, world.parameters.round(6).tolist(), strict=True)),
         "effects": effects_of(task, world),
     }
-    with lab_as_shipped(task, world, seed) as (lab, rig):
+    there = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
+        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
+        rig = OnRig(there.task, devices, tracker_of(there.task), there.planner())
         nobody: Operator = _Nobody()  # type: ignore[assignment]
         try:
             ready = rig.set_up(wanted, TrialKey(1, 0), nobody)

@@ -21,7 +21,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
+from simulated_views import Quality, Truth, example_setup, example_truth, random_poses, seen, spoilt, work_error_mm
 
 from calib.bundle import motion_of
 from calib.closed_form import opencv_methods
@@ -29,10 +32,8 @@ from calib.condense import condense
 from calib.drift import drift, known
 from calib.errors import CalibrationError
 from calib.geometry import angle_deg, distance_mm, move
-from calib.simulated import Quality, Truth, example_setup, example_truth, random_poses, seen, spoilt
 from calib.solve import solve
 from calib.types import Setup, Solution, View
-from calib.uncertainty import work_error_mm
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array

@@ -18,15 +18,18 @@ refused    pushes that would not be made, since the bottle was found too far fro
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
+from simulated_views import Quality, Truth, random_poses, seen
 from tracked.pushing import GONE, HARDWARE, TASK, DepthEye, Push, Result, judged
 
 from adaptsim_cli.devices.trackers import tracker_of
-from calib.simulated import Quality, Truth, random_poses, seen
 from calib.solve import solve
 from calib.types import Mounting, Setup
 from hw.joint_limits import LIMITS

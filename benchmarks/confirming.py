@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -18,10 +19,10 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.pretraining.episodes import Roll, trial_requests
 from sim.rollouts import run_many, serial_executor
-from sim.rollouts.sampling import sobol, spread
-from sim.solvers.confirmation import SCENARIOS, WINNERS, confirming
+from sim.rollouts.draws import cover, trial_requests
+from sim.rollouts.run import Roll
+from sim.solvers.confirmation import SCENARIOS, WINNERS, ConfirmingPolicies
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 
@@ -47,8 +48,10 @@ def main() -> None:
 def judged(name: str, policies: int, contexts: int, rollouts: int, which: int) -> tuple[float, float]:
     """Mean true rewards of one vector's policy, unconfirmed and confirmed."""
     task = get_task(name)
-    solver = load_checkpoint(task, "default").solver
-    mean = spread(task.parameters, sobol(policies, len(task.parameters), np.random.default_rng(5)))[which]
+    checkpoint = load_checkpoint(task, "default")
+    if checkpoint.emulator is None:
+        sys.exit(f"{name} has no emulator, so there is nothing to confirm")
+    mean = cover(task.parameters, policies, np.random.default_rng(5))[which]
     with serial_executor() as executor:
         roll: Roll = partial(run_many, task, executor=executor)
 
@@ -57,7 +60,8 @@ def judged(name: str, policies: int, contexts: int, rollouts: int, which: int) -
             request = trial_requests(task, where, at, done, np.random.default_rng(7))
             return float(roll(request).rewards(task, request.context).mean())
 
-        plain, confirmed = policy_for(solver, mean[None]), policy_for(confirming(solver, roll), mean[None])
+        confirming = ConfirmingPolicies(checkpoint.emulator, roll)
+        plain, confirmed = (policy_for(policies, mean[None]) for policies in (checkpoint.solver, confirming))
         drawn = task.context.sample(np.random.default_rng(100 + which), contexts)
         found = [(earned(c, plain(c)), earned(c, confirmed(c))) for c in drawn]
     return float(np.mean([f[0] for f in found])), float(np.mean([f[1] for f in found]))

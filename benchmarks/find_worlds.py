@@ -22,12 +22,12 @@ import numpy as np
 from worlds import UDR_DRAWS, rewards_of
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.lab.drawn import as_toml, draw_world, effects_of
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, load_world
 from sim.rollouts import process_pool, run_many
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -42,8 +42,8 @@ def main() -> None:
     task = get_task(arguments.task)
     solver = load_checkpoint(task, arguments.checkpoint).solver
     rng = np.random.default_rng(0)
-    udr = several(solver, rng, UDR_DRAWS)
-    grid = spread(task.parameters, sobol(CANDIDATES, len(task.parameters), rng))
+    udr = udr_policies(solver, rng, UDR_DRAWS)
+    grid = cover(task.parameters, CANDIDATES, rng)
     policies = solver.policies(grid[:, None, :], rng)
     out = Path(arguments.out)
     out.mkdir(parents=True, exist_ok=True)

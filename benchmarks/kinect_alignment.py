@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from colour_against_depth import Alignment, align, points_in_colour
 from scipy.spatial.transform import Rotation
 
-from hw.camera.alignment import Alignment, align, points_in_colour
 from hw.camera.recording import KinectRecording
 from hw.types import CameraModel, Frame
 

@@ -25,7 +25,7 @@ from sim.adaptation.methods.udr import Udr
 from sim.lab.world import list_worlds, load_world
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.rollouts import Requests, run_many, serial_executor
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import sobol
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Solver
 from sim.tasks import get_task
@@ -82,7 +82,7 @@ def oracle(solver: Solver, target: Array) -> float:
     """Best reward of any E in Omega; its faces are drawn as well, where the best of a far target lies."""
     space = solver.task.parameters
     reach = np.clip(1.2 * sobol(FINE, len(space), np.random.default_rng(0)) - 0.1, 0.0, 1.0 - 1e-9)
-    return float(earned(solver, spread(space, reach), target).max())
+    return float(earned(solver, space.spread(reach), target).max())
 
 
 def row(name: str, label: str, values: Array) -> str:

@@ -31,7 +31,7 @@ from scipy.stats import qmc
 from hw.types import Array
 from sim.adaptation.methods.udr import Udr
 from sim.lab.world import list_worlds, load_world
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, sobol
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
@@ -93,7 +93,7 @@ def exact(task: Task, omega: Sequence[Environment], worlds: Sequence[Environment
     rows = earned(np.stack([e.parameters for e in omega])[:, None], everywhere)
     udr = earned(Udr(task).start(1, rng)[0].samples[None], everywhere)
     reach = np.clip(1.2 * sobol(FINE, len(task.parameters), rng) - 0.1, 0.0, 1.0 - 1e-9)  # the faces of the box too
-    fine = spread(task.parameters, reach)
+    fine = task.parameters.spread(reach)
     own = np.stack([w.parameters for w in worlds])[:, None]
     return Matrix(np.vstack([rows, udr]), earned(fine[:, None], worlds).max(axis=0), np.diag(earned(own, worlds)))
 
@@ -103,7 +103,7 @@ def searched(
 ) -> Matrix:
     """By trying actions in every environment."""
     actions = task.action.denormalise(qmc.Sobol(len(task.action), seed=0).random(arguments.actions))
-    contexts = spread(task.context, sobol(arguments.contexts, len(task.context), np.random.default_rng(0)))
+    contexts = cover(task.context, arguments.contexts, np.random.default_rng(0))
     cache = Path(arguments.cache) / scene_key(task)
     measure = partial(rewards, task.name, actions, contexts, arguments.draws, cache)
     with ProcessPoolExecutor(arguments.workers) as executor:

@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.pretraining.reevaluation import held_out_errors
 from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
-from sim.rollouts.sampling import sobol, spread
-from sim.solvers.emulator.training import train_emulator
+from sim.rollouts.draws import sobol
+from sim.solvers.emulator.training import held_out_errors, train_emulator
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -66,10 +65,10 @@ def draws(task: Task, count: int) -> Requests:
     p, a = len(task.margin), len(task.action)
     unit = sobol(count, p + a + len(task.nuisance), np.random.default_rng(0))
     return Requests(
-        spread(task.margin, unit[:, :p]),
+        task.margin.spread(unit[:, :p]),
         np.tile(np.asarray(task.reference_context, dtype=np.float64), (count, 1)),
-        spread(task.action, unit[:, p : p + a]),
-        spread(task.nuisance, unit[:, p + a :]),
+        task.action.spread(unit[:, p : p + a]),
+        task.nuisance.spread(unit[:, p + a :]),
     )
 
 
@@ -97,7 +96,7 @@ def by_size(task: Task, dataset: Dataset, sizes: list[int], held: int, seed: int
     print(f"\n{task.name}: {len(dataset)} rollouts in the folder, {held} held out\n")
     print("| rollouts | training, s | CPU s | outcome right | Brier | XY median, mm | XY p90, mm |")
     print("|---|---|---|---|---|---|---|")
-    judges = rows_of(dataset, even[:held])
+    judges = select_rows(dataset, even[:held])
     requests = Requests(
         judges.parameters,
         np.tile(np.asarray(task.reference_context, dtype=np.float64), (held, 1)),
@@ -107,7 +106,7 @@ def by_size(task: Task, dataset: Dataset, sizes: list[int], held: int, seed: int
     true = Rollouts(judges.observation, judges.end_state, judges.succeeded, judges.outcome)
     for n in wanted:
         began_s, began_cpu_s = time.perf_counter(), time.process_time()
-        emulator, _ = train_emulator(task, rows_of(dataset, rest[:n]), seed)
+        emulator, _ = train_emulator(task, select_rows(dataset, rest[:n]), seed)
         took_s, cpu_s = time.perf_counter() - began_s, time.process_time() - began_cpu_s
         errors = held_out_errors(emulator, requests, true)
         off_mm = 1e3 * errors["position_error_median"]
@@ -118,7 +117,7 @@ def by_size(task: Task, dataset: Dataset, sizes: list[int], held: int, seed: int
         )
 
 
-def rows_of(dataset: Dataset, rows: NDArray[np.intp]) -> Dataset:
+def select_rows(dataset: Dataset, rows: NDArray[np.intp]) -> Dataset:
     """A dataset of some of its rollouts: those that lie evenly come first, as always."""
     rows = np.concatenate([rows[rows < dataset.uniform], rows[rows >= dataset.uniform]])
     columns: dict[str, Any] = {}

@@ -29,10 +29,9 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.pretraining.episodes import trial_requests
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, trial_requests
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, rules_of
 from sim.solvers.solver import SolvedPolicy, policy_for
@@ -125,9 +124,7 @@ def main() -> None:
     dataset = checkpoint.card.get("emulator", {}).get("rollouts", 0)
     rules = rules_of(task, settings.scale)
     cache = Path(arguments.cache or f"build/solvers-{task.name}") / scene_key(task)
-    means = spread(
-        task.parameters, sobol(arguments.policies, len(task.parameters), np.random.default_rng(settings.seed))
-    )
+    means = cover(task.parameters, arguments.policies, np.random.default_rng(settings.seed))
     print(
         f"{task.name}: {len(means)} parameter vectors, judged by {settings.rollouts} rollouts each. NAF: M = "
         f"{rules.first_budget}, M_max = {rules.max_budget}, M_min = {rules.least_budget}, alpha = {rules.discount}"

@@ -18,7 +18,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.memory import Seen, encode
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -36,8 +36,8 @@ def moves(task: Task, checkpoint: Checkpoint, candidates: int, targets: int, see
     """(candidates, targets, p) in {-1, 0, 1}: where the policy sends each E after the trials in each target."""
     rng = np.random.default_rng(seed)
     solver, network, trials = checkpoint.solver, checkpoint.networks["iteration"], task.adaptation.trials_per_iteration
-    means = spread(task.parameters, sobol(candidates, len(task.parameters), rng))
-    truths = spread(task.parameters, sobol(targets, len(task.parameters), rng))
+    means = cover(task.parameters, candidates, rng)
+    truths = cover(task.parameters, targets, rng)
     found = np.empty((candidates, targets, len(task.parameters)))
     for i, policy in enumerate(solver.policies(means[:, None], rng)):
         seen = []

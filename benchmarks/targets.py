@@ -16,12 +16,12 @@ from pathlib import Path
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.q_policy import QPolicy
-from sim.pretraining.episodes import Roll
 from sim.pretraining.evaluation import EvaluationSettings, MethodScore, evaluate
 from sim.pretraining.meta_training import TARGETS, Targets
 from sim.pretraining.pipeline import stage_seeds
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.cache import CachedRollouts
+from sim.rollouts.run import Roll
 from sim.tasks import get_task
 
 

@@ -20,10 +20,9 @@ import numpy as np
 from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.asking import Unattended
+from adaptsim_cli.touch_off.asking import NoAssistant
 from adaptsim_cli.touch_off.flow import touch_off
-from adaptsim_cli.touch_off.joining import touch_rig
-from adaptsim_cli.touch_off.parts import Grasp
+from adaptsim_cli.touch_off.parts import Grasp, TouchRig, plan_of
 from adaptsim_cli.touch_off.solving import Result
 from hw.types import Array
 from sim.lab.cell import Cell
@@ -33,7 +32,8 @@ from sim.lab.world import Mount, Sensing, World, load_world
 from sim.panda.correction import ToolCorrection
 from sim.panda.feelers import empty_hand, feeling, touchable
 from sim.panda.planning import home, trial_paths
-from sim.panda.tool import cell_as_shipped
+from sim.panda.tool import cell_as_shipped, tool_of
+from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -71,19 +71,21 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
 def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
     cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, world, seed, cell, home_q_rad=READY_RAD) as lab:
-        rig = touch_rig(
+        rig = TouchRig(
             name="fake",
             title="benchmark",
             key="benchmark",
+            tool_name="spatula",
             arm=lab.arm,
             hand=lab.hand,
-            task=TASK,
             grasp=Grasp(),
-            cell=cell,
-            loaded=feeling(HARDWARE),
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
+            plan=plan_of(HARDWARE),
+            home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
             tool_there=lab.offer_tool,
         )
-        found = touch_off(rig, Unattended(), Screen(console=Console(file=io.StringIO())))
+        found = touch_off(rig, NoAssistant(), Screen(console=Console(file=io.StringIO())))
         return found.result, lab.truth()
 
 

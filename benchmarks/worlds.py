@@ -27,13 +27,13 @@ from kept import Kept
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods.udr import udr_policies
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, list_worlds, load_world
-from sim.pretraining.episodes import Roll, trial_requests
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, trial_requests
+from sim.rollouts.run import Roll
 from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -98,13 +98,13 @@ def in_world(
         )
 
     def udr() -> dict[str, Any]:
-        began, draws = time.time(), several(solver, np.random.default_rng(0), UDR_DRAWS)
+        began, draws = time.time(), udr_policies(solver, np.random.default_rng(0), UDR_DRAWS)
         means = [rewards_of(task, p, roll, n // 4, np.random.default_rng(1)).mean() for p in draws]
         return told("udr", 0, np.array(means), 0, began)
 
     def oracle() -> dict[str, Any]:
         began, rng = time.time(), np.random.default_rng(3)
-        grid = spread(task.parameters, sobol(arguments.candidates, len(task.parameters), rng))
+        grid = cover(task.parameters, arguments.candidates, rng)
         policies = solver.policies(grid[:, None, :], rng)
         screened = [rewards_of(task, p, roll, SCREENING, np.random.default_rng(2)).mean() for p in policies]
         left = [policies[i] for i in np.argsort(screened)[-FINAL:]]

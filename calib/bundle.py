@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import UnusableViews
-from calib.geometry import adjoint, difference, inverse, move
+from calib.geometry import adjoint, difference, move
 from calib.types import Forward, Mounting, View
+from hw.poses import inverse
 from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02
@@ -55,6 +56,7 @@ class Motion:
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Motion:
+        """The views `rows` alone."""
         q = None if self.q_rad is None else self.q_rad[rows]
         return replace(self, q_rad=q, X_BF=self.X_BF[rows], body=self.body[rows])
 
@@ -108,6 +110,7 @@ class Model:
 
     @property
     def size(self) -> int:
+        """Unknowns: two poses, the offsets that are free, and the scale."""
         return 12 + len(self.offsets) + int(self.scale)
 
 

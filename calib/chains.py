@@ -16,8 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import ViewFolderError
 from calib.types import Forward
+from hw.bounded import Unreadable, read_bytes
 from hw.types import Array
 
+URDF_BYTES = 8 * 2**20
 _TURNING, _SLIDING, _RIGID = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 
 
@@ -55,8 +57,8 @@ def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["cra
 def urdf(path: Path, base: str | None, tip: str | None) -> tuple[Forward, int]:
     """The chain between two links of a URDF; by default its root and its only end. Raises ViewFolderError."""
     try:
-        robot = ElementTree.fromstring(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        robot = ElementTree.fromstring(read_bytes(path, URDF_BYTES))
+    except (FileNotFoundError, Unreadable, ElementTree.ParseError) as error:
         raise ViewFolderError(f"{path} cannot be read as URDF ({error})") from error
     joints = {_attribute(joint, "child", "link"): joint for joint in robot.findall("joint")}
     parents = {child: _attribute(joint, "parent", "link") for child, joint in joints.items()}

@@ -14,9 +14,10 @@ import numpy as np
 
 from calib.bundle import State, motion_of, predict
 from calib.condense import condense
-from calib.geometry import adjoint, angle_deg, distance_mm, inverse, move
+from calib.geometry import adjoint, angle_deg, distance_mm, move
 from calib.projection import project_with_jacobian
-from calib.types import Check, Forward, Setup, Solution, Verdict, View
+from calib.types import Check, Forward, Grade, Setup, Solution, View
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Target
 
@@ -41,13 +42,13 @@ def square_size(solution: Solution) -> Check:
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
     if not solution.size_known:
         found = f"not stated; by the arm's motion it is a {solution.target}, to ± {100 * sigma:.2f} %"
-        return Check("square size", Verdict.GOOD, found)
+        return Check("square size", Grade.GOOD, found)
     message = f"the arm's motion asks for squares {100 * off:+.2f} % (± {100 * sigma:.2f}) of their stated size"
     if abs(off) <= limit:
-        return Check("square size", Verdict.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
+        return Check("square size", Grade.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
     advice = "measure the print and state its true square size; if it is right, the focal length is wrong"
     return Check(
-        "square size", Verdict.BAD, f"{message}, limit {100 * limit:.2f} %: {advice}", 100 * off, 100 * limit, "%"
+        "square size", Grade.BAD, f"{message}, limit {100 * limit:.2f} %: {advice}", 100 * off, 100 * limit, "%"
     )
 
 
@@ -56,16 +57,16 @@ def joint_offsets(solution: Solution) -> Check:
     joints = solution.joints
     if joints is None or not np.isfinite(joints.delta_bic):
         reason = "the views have poses, not joints" if joints is None else joints.reason
-        return Check("joint offsets", Verdict.NOT_MEASURED, reason)
+        return Check("joint offsets", Grade.NOT_MEASURED, reason)
     worst = int(np.argmax(np.abs(joints.suspected_rad)))
     value = float(1e3 * joints.suspected_rad[worst])
     limit = 1e3 * OFFSET_LIMIT_RAD
     message = f"joint {worst + 1} reads {value:+.2f} mrad off its zero; {joints.reason}"
     if not joints.adopted or abs(value) <= limit:
-        return Check("joint offsets", Verdict.GOOD, message, value, limit, "mrad")
+        return Check("joint offsets", Grade.GOOD, message, value, limit, "mrad")
     return Check(
         "joint offsets",
-        Verdict.SUSPECT,
+        Grade.SUSPECT,
         f"{message}. The solution takes them into account; planning must use the corrected joints too",
         value,
         limit,
@@ -78,9 +79,9 @@ def variety(solution: Solution) -> Check:
     value, limit = solution.tilt_spread_deg, TILT_SPREAD_LIMIT_DEG
     message = f"the board's tilts spread by {value:.1f}° (root mean square), at least {limit:.0f}° is wanted"
     if value >= limit:
-        return Check("variety of views", Verdict.GOOD, message, value, limit, "°")
+        return Check("variety of views", Grade.GOOD, message, value, limit, "°")
     return Check(
-        "variety of views", Verdict.SUSPECT, f"{message}: add views tilted left, right, up and down", value, limit, "°"
+        "variety of views", Grade.SUSPECT, f"{message}: add views tilted left, right, up and down", value, limit, "°"
     )
 
 
@@ -88,10 +89,10 @@ def mirror_poses(solution: Solution) -> Check:
     """Views in which a flat board's mirror pose fits the picture better, and the arm had to say which is meant."""
     names = [view.name for view in solution.views if view.mirrored]
     if not names:
-        return Check("mirror poses", Verdict.GOOD, "the arm and the pictures agree on every tilt of the board")
+        return Check("mirror poses", Grade.GOOD, "the arm and the pictures agree on every tilt of the board")
     return Check(
         "mirror poses",
-        Verdict.GOOD,
+        Grade.GOOD,
         f"in view {', '.join(names)} the mirrored tilt fits the picture better; the arm's motion says the other, which"
         " was taken: hold the board nearer or tilt it more",
     )
@@ -100,14 +101,14 @@ def mirror_poses(solution: Solution) -> Check:
 def warm_up(readings_C: Sequence[float]) -> Check:
     """The camera's temperature from view to view: one that still warms up drifts while it is being calibrated."""
     if len(readings_C) < 3:
-        return Check("camera temperature", Verdict.NOT_MEASURED, "the camera does not tell its temperature")
+        return Check("camera temperature", Grade.NOT_MEASURED, "the camera does not tell its temperature")
     third = max(1, len(readings_C) // 3)
     value = float(np.mean(readings_C[-third:]) - np.mean(readings_C[:third]))
     message = f"{np.median(readings_C):.1f} °C, {value:+.1f} °C from the first views to the last"
     if abs(value) <= WARM_LIMIT_C:
-        return Check("camera temperature", Verdict.GOOD, message, value, WARM_LIMIT_C, "°C")
+        return Check("camera temperature", Grade.GOOD, message, value, WARM_LIMIT_C, "°C")
     advice = f" (limit {WARM_LIMIT_C:g} °C): let it run for 40 minutes, then calibrate with --fresh"
-    return Check("camera temperature", Verdict.SUSPECT, message + advice, value, WARM_LIMIT_C, "°C")
+    return Check("camera temperature", Grade.SUSPECT, message + advice, value, WARM_LIMIT_C, "°C")
 
 
 def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
@@ -115,12 +116,12 @@ def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
     turn = angle_deg(solution.X_HM, X_HM_expected)
     about_normal = float(np.dot(solution.X_HM[:3, 2], X_HM_expected[:3, 2]))
     if turn < 30.0:
-        return Check("board's mounting", Verdict.GOOD, f"{turn:.1f}° from the expected pose", turn, 30.0, "°")
+        return Check("board's mounting", Grade.GOOD, f"{turn:.1f}° from the expected pose", turn, 30.0, "°")
     how = (
         "upside down" if turn > 135.0 and about_normal > 0.7 else "turned" if about_normal > 0.7 else "facing elsewhere"
     )
     message = f"the board is {how}: {turn:.0f}° from the expected pose. Its pose is estimated, so the result holds"
-    return Check("board's mounting", Verdict.SUSPECT, message, turn, 30.0, "°")
+    return Check("board's mounting", Grade.SUSPECT, message, turn, 30.0, "°")
 
 
 def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tuple[float, float] = (0.7, 0.0)) -> Check:
@@ -129,7 +130,7 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     The plane is fitted by repeated trimming; an object on the table may cover up to a third of the points.
     """
     if len(points_A_m) < 50:
-        return Check("table plane", Verdict.NOT_MEASURED, f"{len(points_A_m)} depth points of the table, 50 are needed")
+        return Check("table plane", Grade.NOT_MEASURED, f"{len(points_A_m)} depth points of the table, 50 are needed")
     keep = np.abs(points_A_m[:, 2] - np.median(points_A_m[:, 2])) < 0.03
     plane: Array = np.zeros(3)
     for _ in range(8):
@@ -143,12 +144,12 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     tilt = float(np.rad2deg(np.hypot(plane[0], plane[1])))
     message = f"the table top lies {height:+.1f} mm from its place and is tilted by {tilt:.2f}°"
     if abs(height) <= TABLE_LIMIT_MM and tilt <= TABLE_LIMIT_DEG:
-        return Check("table plane", Verdict.GOOD, message, height, TABLE_LIMIT_MM, "mm")
+        return Check("table plane", Grade.GOOD, message, height, TABLE_LIMIT_MM, "mm")
     advice = (
         f" (limits {TABLE_LIMIT_MM:.0f} mm, {TABLE_LIMIT_DEG}°): if depth bias and touched point are good, the table is"
         " not where the settings say; else recalibrate"
     )
-    return Check("table plane", Verdict.SUSPECT, message + advice, height, TABLE_LIMIT_MM, "mm")
+    return Check("table plane", Grade.SUSPECT, message + advice, height, TABLE_LIMIT_MM, "mm")
 
 
 def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None) -> Array:
@@ -181,16 +182,16 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     """From `depth_residuals` of several views: does the depth camera measure short or long?"""
     medians = np.array([np.median(r) for r in residuals_m if len(r) >= 30])
     if len(medians) < 3:
-        return Check("depth bias", Verdict.NOT_MEASURED, f"{len(medians)} views with depth on the board, 3 are needed")
+        return Check("depth bias", Grade.NOT_MEASURED, f"{len(medians)} views with depth on the board, 3 are needed")
     value = float(1e3 * np.median(medians))
     spread = float(1e3 * np.std(medians))
     message = (
         f"depth reads {value:+.1f} mm on the board (spread over views {spread:.1f} mm, limit {DEPTH_LIMIT_MM:.0f} mm)"
     )
     if abs(value) <= DEPTH_LIMIT_MM:
-        return Check("depth bias", Verdict.GOOD, message, value, DEPTH_LIMIT_MM, "mm")
+        return Check("depth bias", Grade.GOOD, message, value, DEPTH_LIMIT_MM, "mm")
     advice = ": let the camera warm up, look for a second light source or a shiny board; or correct it"
-    return Check("depth bias", Verdict.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
+    return Check("depth bias", Grade.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
 
 
 def infrared_board(
@@ -204,7 +205,7 @@ def infrared_board(
     name = "colour-depth alignment"
     usable = [v for v in views if v.infrared is not None and len(v.infrared) >= 8 and v.name in set(solution.used)]
     if setup.infrared is None or setup.X_CD is None or len(usable) < 4:
-        return None, Check(name, Verdict.NOT_MEASURED, f"{len(usable)} views show the board in infrared, 4 are needed")
+        return None, Check(name, Grade.NOT_MEASURED, f"{len(usable)} views show the board in infrared, 4 are needed")
     sight = condense(
         [v.name for v in usable], [v.infrared for v in usable if v.infrared is not None], setup.board, setup.infrared
     )
@@ -231,8 +232,8 @@ def infrared_board(
         f" (limit {ALIGNMENT_LIMIT_PX:.0f} px)"
     )
     if value <= ALIGNMENT_LIMIT_PX:
-        return X_CD, Check(name, Verdict.GOOD, message, value, ALIGNMENT_LIMIT_PX, "px")
-    return X_CD, Check(name, Verdict.SUSPECT, message + ": use the measured pose", value, ALIGNMENT_LIMIT_PX, "px")
+        return X_CD, Check(name, Grade.GOOD, message, value, ALIGNMENT_LIMIT_PX, "px")
+    return X_CD, Check(name, Grade.SUSPECT, message + ": use the measured pose", value, ALIGNMENT_LIMIT_PX, "px")
 
 
 def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
@@ -249,6 +250,6 @@ def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> C
     limit = float(np.hypot(TOUCH_LIMIT_MM, 3.0 * sigma_mm))
     message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
     if value <= limit:
-        return Check("touched point", Verdict.GOOD, message, value, limit, "mm")
+        return Check("touched point", Grade.GOOD, message, value, limit, "mm")
     advice = ": touch it again with the calibrated tip; if it stays, check the tool's length and recalibrate"
-    return Check("touched point", Verdict.BAD, message + advice, value, limit, "mm")
+    return Check("touched point", Grade.BAD, message + advice, value, limit, "mm")

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from calib.geometry import angle_deg, difference, distance_mm, inverse
-from calib.types import Method
+from calib.geometry import angle_deg, difference, distance_mm
+from calib.types import ClosedForm
+from hw.poses import inverse
 from hw.types import Array
 
 SUBSET = 5
@@ -130,12 +131,12 @@ def _one(R: Array, p: Array) -> Array:
     return X
 
 
-def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[Method, ...]:
+def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[ClosedForm, ...]:
     """The closed forms beside the solution `X_AC`."""
     found = opencv_methods(X_AH, X_CM)
-    return tuple(Method(name, X, distance_mm(X, X_AC), angle_deg(X, X_AC)) for name, X in found.items())
+    return tuple(ClosedForm(name, X, distance_mm(X, X_AC), angle_deg(X, X_AC)) for name, X in found.items())
 
 
-def disagreement_mm(methods: Sequence[Method]) -> float:
+def disagreement_mm(methods: Sequence[ClosedForm]) -> float:
     """Median distance of the closed forms from the solution; inf if there are none."""
     return float(np.median([m.from_solution_mm for m in methods])) if methods else float("inf")

@@ -15,12 +15,13 @@ import numpy as np
 from calib.closed_form import robust_start, size_by_motion
 from calib.condense import condense
 from calib.errors import UnusableViews
-from calib.geometry import difference, inverse
+from calib.geometry import difference
 from calib.labelling import told_apart
 from calib.pose_records import EULER, Convention, PoseKeys, PosesRecord
 from calib.sizing import roughly_sized
 from calib.solve import solve
 from calib.types import Forward, Mounting, Setup, View
+from hw.poses import inverse
 from hw.types import Array
 from perception.board.types import Corners
 

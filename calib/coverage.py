@@ -39,6 +39,7 @@ class Coverage:
 
     @property
     def complete(self) -> bool:
+        """Whether nothing is missing."""
         return not self.missing
 
 

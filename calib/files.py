@@ -22,8 +22,9 @@ from calib.errors import ViewFolderError
 from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.target_records import BoardRecord, PointsRecord
 from calib.types import Forward, Mounting, Setup
+from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, read_bytes
 from hw.kinematics import JOINTS, forward
-from hw.types import Array, CameraModel, Frame, Intrinsics
+from hw.types import Array, CameraModel, Frame
 from perception.board.types import Board, Corners
 
 SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
@@ -59,9 +60,9 @@ def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None 
             "camera": "fixed",
             "arm": arm,
             "serial": model.serial,
-            "board": BoardRecord.of(board),
-            "colour": IntrinsicsRecord.of(model.colour),
-            "depth": IntrinsicsRecord.of(model.depth),
+            "board": BoardRecord.from_board(board),
+            "colour": IntrinsicsRecord.from_camera(model.colour),
+            "depth": IntrinsicsRecord.from_camera(model.depth),
             "X_CD": tuple(tuple(map(float, row)) for row in model.X_CD),
             "X_HM": None if X_FM is None else tuple(tuple(map(float, row)) for row in X_FM),
         }
@@ -98,11 +99,6 @@ def kinematics(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
         return denavit_hartenberg(given.dh, given.dh_convention)
     assert given.urdf is not None
     return urdf(folder / given.urdf, given.base, given.tip)
-
-
-def depth_intrinsics(record: SetupRecord) -> Intrinsics | None:
-    """The depth camera's pinhole model; None where the setup has none."""
-    return record.depth.intrinsics() if record.depth else None
 
 
 def view_files(
@@ -264,16 +260,18 @@ def _sensor_image(path: Path, record: ViewRecord, name: str | None) -> NDArray[n
 def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDArray[np.generic]:
     file = path.parent / name
     try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise ViewFolderError(f"{file}, named by {path.name}, cannot be read ({error.strerror})") from error
+        data = read_bytes(file, IMAGE_BYTES)
+    except FileNotFoundError as error:
+        raise ViewFolderError(f"{file}, named by {path.name}, is missing") from error
+    except Unreadable as error:
+        raise ViewFolderError(f"{file}, named by {path.name}, {error}") from error
     wanted = sha256.get(name)
     if wanted is not None and hashlib.sha256(data).hexdigest() != wanted:
         raise ViewFolderError(f"{file} is not what {path.name} says: truncated or changed since it was taken")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags | cv2.IMREAD_IGNORE_ORIENTATION) if data else None
-    if image is None:
-        raise ViewFolderError(f"{file} is not a whole PNG or JPEG image")
-    return np.asarray(image)
+    try:
+        return decode_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    except Unreadable as error:
+        raise ViewFolderError(f"{file} {error}") from error
 
 
 def _png(image: NDArray[np.generic]) -> bytes:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
-from calib.types import Acceptance, Check, Setup, Solution, Verdict
+from calib.types import Acceptance, Check, Grade, Setup, Solution
 
 MIN_USED = 10
 MAX_REJECTED_SHARE = 0.30
@@ -54,7 +54,7 @@ def _at_least(name: str, value: float, limit: float, unit: str, advice: str) -> 
     good = value >= limit
     message = f"{name}: {value:.3g} {unit}, at least {limit:.3g} {unit}".replace(" ,", ",").rstrip()
     return Check(
-        name, Verdict.GOOD if good else Verdict.BAD, message if good else f"{message}: {advice}", value, limit, unit
+        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
     )
 
 
@@ -62,7 +62,7 @@ def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> C
     good = value <= limit
     message = f"{name}: {value:.3g} {unit}, at most {limit:.3g} {unit}"
     return Check(
-        name, Verdict.GOOD if good else Verdict.BAD, message if good else f"{message}: {advice}", value, limit, unit
+        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
     )
 
 
@@ -71,7 +71,7 @@ def _cross(name: str, value: float) -> Check:
     limit = CROSS_CHECK_LIMIT_MM
     message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
     if value <= limit:
-        return Check(name, Verdict.GOOD, message, value, limit, "mm")
+        return Check(name, Grade.GOOD, message, value, limit, "mm")
     return Check(
-        name, Verdict.SUSPECT, f"{message}: look at the views' tilts and at the poses' units", value, limit, "mm"
+        name, Grade.SUSPECT, f"{message}: look at the views' tilts and at the poses' units", value, limit, "mm"
     )

@@ -5,17 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hw.poses import inverse
 from hw.types import Array
-
-
-def inverse(X: Array) -> Array:
-    """(..., 4, 4) inverse of rigid poses."""
-    out = np.zeros_like(X)
-    Rt = np.swapaxes(X[..., :3, :3], -1, -2)
-    out[..., :3, :3] = Rt
-    out[..., :3, 3] = -(Rt @ X[..., :3, 3:])[..., 0]
-    out[..., 3, 3] = 1.0
-    return out
 
 
 def cross_matrix(v: Array) -> Array:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from calib.bundle import motion_of
 from calib.condense import condense, unusable
-from calib.geometry import inverse, rotation_vector
+from calib.geometry import rotation_vector
 from calib.types import Forward, Setup, View
+from hw.poses import inverse
 from hw.types import Array
 from perception.board.types import Corners
 

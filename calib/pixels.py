@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.geometry import adjoint, inverse, move
+from calib.geometry import adjoint, move
 from calib.projection import LENS, lens_jacobian, project_with_jacobian, with_lens
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Corners, Target
 

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from calib.geometry import inverse
 from calib.record import Matrix, Numbers, Record
+from hw.poses import inverse
 from hw.types import Array
 
 LENGTHS_M = {"m": 1.0, "mm": 1e-3}

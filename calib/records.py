@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -17,6 +15,7 @@ from calib.errors import ViewFolderError
 from calib.pose_records import PoseKeys, PosesRecord
 from calib.record import FORMAT, Matrix, Numbers, Record
 from calib.target_records import AnyTargetRecord
+from hw.bounded import Unreadable, read_table
 from hw.types import Array, Intrinsics
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)
@@ -31,7 +30,8 @@ class IntrinsicsRecord(Record):
     distortion: Numbers = ()  # k1 k2 p1 p2 [k3 [k4 k5 k6]]
 
     @classmethod
-    def of(cls, camera: Intrinsics) -> Self:
+    def from_camera(cls, camera: Intrinsics) -> Self:
+        """As it is stored, with all eight numbers of the distortion."""
         rows = tuple(tuple(map(float, row)) for row in camera.K)
         return cls(width=camera.width, height=camera.height, K=rows, distortion=tuple(map(float, camera.distortion)))
 
@@ -46,6 +46,7 @@ class IntrinsicsRecord(Record):
         return self
 
     def intrinsics(self) -> Intrinsics:
+        """The value, its distortion filled up with zeros."""
         return Intrinsics(
             self.width, self.height, np.array(self.K), np.array([*self.distortion, *[0.0] * (8 - len(self.distortion))])
         )
@@ -180,13 +181,12 @@ class TouchRecord(Record):
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """A TOML or JSON file as a record. Raises ViewFolderError naming the file, the key and what is wrong."""
     try:
-        text = path.read_text(encoding="utf-8")
-        data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
+        data = read_table(path)
     except FileNotFoundError as error:
         raise ViewFolderError(f"{path} is missing") from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ViewFolderError(f"{path} cannot be read ({error}); restore it, or remove it with its images") from error
-    version = data.get("format", FORMAT) if isinstance(data, dict) else None
+    except Unreadable as error:
+        raise ViewFolderError(f"{path} {error}; restore it, or remove it with its images") from error
+    version = data.get("format", FORMAT)
     if isinstance(version, int) and version > FORMAT:
         raise ViewFolderError(f"{path} is of format {version}; this version reads up to {FORMAT}")
     try:

@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from calib import timing
-from calib.record import FORMAT, Matrix, Numbers, Record
+from calib.record import FORMAT, Matrix, Measured, Numbers, Record
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
-from calib.types import Acceptance, Check, HandEye, Mounting, Solution, Verdict
+from calib.types import Acceptance, Check, Grade, HandEye, Solution
 from hw.types import Array, Intrinsics
 
 FILE = "calibration.json"
@@ -29,12 +29,12 @@ class ViewOutcome(Record):
     sha256: str  # of its record, which holds the hashes of its images
     used: bool
     reason: str
-    rms_px: float | None
-    own_rms_px: float | None
-    off_mm: float | None
-    off_deg: float | None
+    rms_px: Measured
+    own_rms_px: Measured
+    off_mm: Measured
+    off_deg: Measured
     held_out: bool
-    held_out_px: float | None
+    held_out_px: Measured
     mirrored: bool = False  # the other of a flat board's two poses fitted this picture better; the arm says this one
 
 
@@ -44,20 +44,9 @@ class CheckRecord(Record):
     name: str
     verdict: str
     message: str
-    value: float | None
-    limit: float | None
+    value: Measured
+    limit: Measured
     unit: str
-
-    @classmethod
-    def of(cls, check: Check) -> CheckRecord:
-        return cls(
-            name=check.name,
-            verdict=str(check.verdict),
-            message=check.message,
-            value=finite(check.value),
-            limit=finite(check.limit),
-            unit=check.unit,
-        )
 
 
 class OffsetsRecord(Record):
@@ -67,7 +56,7 @@ class OffsetsRecord(Record):
     reason: str
     offsets_rad: Numbers
     suspected_rad: Numbers
-    sigma_rad: tuple[float | None, ...]
+    sigma_rad: tuple[Measured, ...]
 
 
 class UncertaintyRecord(Record):
@@ -102,9 +91,9 @@ class SavedCalibration(Record):
     joint_offsets: OffsetsRecord | None
     uncertainty: UncertaintyRecord
     fit_px: float
-    held_out_px: float | None
+    held_out_px: Measured
     corner_px: float
-    joint_rad: float | None  # spread of the joints from view to view
+    joint_rad: Measured  # spread of the joints from view to view
     square_scale: float
     views: tuple[ViewOutcome, ...]
     methods: tuple[MethodRecord, ...]
@@ -131,7 +120,7 @@ class SavedCalibration(Record):
 
     def camera_late_s(self) -> float:
         """How late the camera's stamps are on the arm's clock, as the swing of the board showed; 0 where unmeasured."""
-        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Verdict.NOT_MEASURED)
+        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
         return 1e-3 * (next(found, None) or 0.0)
 
     def offsets_rad(self) -> Array:
@@ -140,9 +129,11 @@ class SavedCalibration(Record):
         return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
 
     def content(self) -> bytes:
+        """The bytes of `FILE`."""
         return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
+        """Of `content`: what a session records of its calibration."""
         return hashlib.sha256(self.content()).hexdigest()
 
 
@@ -161,7 +152,7 @@ class Origin:
     temperatures_C: Mapping[str, float | None]  # by device
 
 
-def saved(
+def record_calibration(
     solution: Solution,
     points_m: Array,
     board: AnyTargetRecord,
@@ -171,85 +162,25 @@ def saved(
     refined: Intrinsics | None = None,
 ) -> SavedCalibration:
     """All of it as one record. `points_m` (P, 3) are the corners of the work volume."""
-    joints, u = solution.joints, solution.uncertainty
     named = {check.name for check in checks}
-    offsets = (
-        None
-        if joints is None
-        else OffsetsRecord(
-            adopted=joints.adopted,
-            reason=joints.reason,
-            offsets_rad=_row(joints.offsets_rad),
-            suspected_rad=_row(joints.suspected_rad),
-            sigma_rad=tuple(finite(float(s)) for s in joints.sigma_rad),
-        )
+    shared = {name: value for name, value in vars(solution).items() if name in SavedCalibration.model_fields}
+    came_from = {name: value for name, value in vars(origin).items() if name != "view_sha256"}
+    return SavedCalibration.model_validate(
+        shared
+        | came_from
+        | {
+            "joint_offsets": solution.joints,
+            "uncertainty": {
+                name: getattr(solution.uncertainty, name, points_m) for name in UncertaintyRecord.model_fields
+            },
+            "corner_px": solution.noise.corner_px,
+            "joint_rad": solution.noise.joint_rad,
+            "views": [vars(view) | {"sha256": origin.view_sha256.get(view.name, "")} for view in solution.views],
+            "methods": [m for m in solution.methods if math.isfinite(m.from_solution_mm + m.from_solution_deg)],
+            "checks": checks,
+            "gates": [gate for gate in acceptance.gates if gate.name not in named],
+            "accepted": acceptance.accepted,
+            "board": board,
+            "refined_intrinsics": None if refined is None else IntrinsicsRecord.from_camera(refined),
+        }
     )
-    return SavedCalibration(
-        mounting="fixed" if solution.mounting is Mounting.FIXED else "wrist",
-        X_AC=_rows(solution.X_AC),
-        X_HM=_rows(solution.X_HM),
-        joint_offsets=offsets,
-        uncertainty=UncertaintyRecord(
-            sigma_mm=u.sigma_mm,
-            sigma_deg=u.sigma_deg,
-            position_95_mm=u.position_95_mm,
-            rotation_95_deg=u.rotation_95_deg,
-            worst_95_mm=u.worst_95_mm,
-            arm_worst_95_mm=u.arm_worst_95_mm,
-            points_m=_rows(points_m),
-            work_95_mm=_row(u.work_95_mm),
-            arm_work_95_mm=_row(u.arm_work_95_mm),
-        ),
-        fit_px=solution.fit_px,
-        held_out_px=finite(solution.held_out_px),
-        corner_px=solution.noise.corner_px,
-        joint_rad=finite(solution.noise.joint_rad),
-        square_scale=solution.square_scale,
-        views=tuple(
-            ViewOutcome(
-                name=v.name,
-                sha256=origin.view_sha256.get(v.name, ""),
-                used=v.used,
-                reason=v.reason,
-                rms_px=finite(v.rms_px),
-                own_rms_px=finite(v.own_rms_px),
-                off_mm=finite(v.off_mm),
-                off_deg=finite(v.off_deg),
-                held_out=v.held_out,
-                held_out_px=finite(v.held_out_px),
-                mirrored=v.mirrored,
-            )
-            for v in solution.views
-        ),
-        methods=tuple(
-            MethodRecord(name=m.name, from_solution_mm=m.from_solution_mm, from_solution_deg=m.from_solution_deg)
-            for m in solution.methods
-            if math.isfinite(m.from_solution_mm + m.from_solution_deg)
-        ),
-        checks=tuple(map(CheckRecord.of, checks)),
-        gates=tuple(CheckRecord.of(gate) for gate in acceptance.gates if gate.name not in named),
-        accepted=acceptance.accepted,
-        created=origin.created,
-        source=origin.source,
-        folder=origin.folder,
-        hw=origin.hw,
-        arm=origin.arm,
-        camera=origin.camera,
-        board=board,
-        refined_intrinsics=None if refined is None else IntrinsicsRecord.of(refined),
-        temperatures_C=dict(origin.temperatures_C),
-        versions=dict(origin.versions),
-    )
-
-
-def finite(value: float) -> float | None:
-    """JSON knows no NaN: what was not measured is null."""
-    return float(value) if math.isfinite(value) else None
-
-
-def _row(values: Array) -> Numbers:
-    return tuple(float(v) for v in values)
-
-
-def _rows(matrix: Array) -> Matrix:
-    return tuple(_row(row) for row in matrix)

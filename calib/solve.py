@@ -22,10 +22,11 @@ from calib.bundle import Fit, Model, Motion, State, fit, joint_spread, motion_of
 from calib.closed_form import cross_check, robust_start
 from calib.condense import Sight, about, condense, unusable
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
-from calib.geometry import inverse, rotation_vector
+from calib.geometry import rotation_vector
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, reject
 from calib.types import Forward, JointOffsets, Noise, Setup, Solution, View, ViewFit
 from calib.uncertainty import jackknife, uncertainty
+from hw.poses import inverse
 from hw.types import Array
 
 MIN_VIEWS = 6
@@ -217,7 +218,7 @@ def _with_offsets_where_supported(data: _Data, plain: Fit) -> tuple[Fit, JointOf
     if len(data.kept) < MIN_TO_FREE:
         reason = f"{len(data.kept)} views are too few to tell joint offsets, {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
-        return plain, JointOffsets(none, unknown, False, none, np.nan, held.rms_px, np.nan, reason), held
+        return plain, JointOffsets(none, unknown, False, none, np.nan, reason), held
     free = data.fit(data.kept, plain.state, Model(observable_joints(n), plain.model.scale))
     held_free = _held_out(data, free)
     numbers = 6 * len(data.kept)
@@ -230,9 +231,7 @@ def _with_offsets_where_supported(data: _Data, plain: Fit) -> tuple[Fit, JointOf
         f" {BIC_LIMIT:+.0f}), held-out error {held_free.rms_px:.2f} px with offsets, {held.rms_px:.2f} px without"
     )
     found = free.state.offsets_rad
-    joints = JointOffsets(
-        found if adopted else none, sigma, adopted, found, float(delta_bic), held.rms_px, held_free.rms_px, reason
-    )
+    joints = JointOffsets(found if adopted else none, sigma, adopted, found, float(delta_bic), reason)
     return (free, joints, held_free) if adopted else (plain, joints, held)
 
 

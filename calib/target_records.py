@@ -42,7 +42,8 @@ class BoardRecord(TargetRecord):
     legacy: bool = False  # the pattern of OpenCV before 4.6
 
     @classmethod
-    def of(cls, board: Board) -> Self:
+    def from_board(cls, board: Board) -> Self:
+        """As it is stored: lengths in mm, to a nanometre."""
         return cls(
             squares_across=board.squares_across,
             squares_down=board.squares_down,
@@ -58,6 +59,7 @@ class BoardRecord(TargetRecord):
         return self
 
     def board(self) -> Board:
+        """The value. Raises ValueError for one that cannot be."""
         return Board(
             self.squares_across,
             self.squares_down,
@@ -82,6 +84,7 @@ class ChessboardRecord(TargetRecord):
         return self
 
     def board(self) -> Chessboard:
+        """The value. Raises ValueError for one that cannot be."""
         return Chessboard(self.squares_across, self.squares_down, 1e-3 * self.square_mm)
 
 
@@ -99,6 +102,7 @@ class MarkerRecord(TargetRecord):
         return self
 
     def board(self) -> Markers:
+        """The value. Raises ValueError for one that cannot be."""
         return single(self.dictionary, self.id, 1e-3 * self.marker_mm)
 
 
@@ -119,6 +123,7 @@ class MarkerGridRecord(TargetRecord):
         return self
 
     def board(self) -> Markers:
+        """The value. Raises ValueError for one that cannot be."""
         shape = (self.across, self.down)
         return marker_grid(self.dictionary, self.first_id, shape, 1e-3 * self.marker_mm, 1e-3 * self.gap_mm)
 
@@ -138,6 +143,7 @@ class CirclesRecord(TargetRecord):
         return self
 
     def board(self) -> Circles:
+        """The value. Raises ValueError for one that cannot be."""
         return Circles(self.across, self.down, 1e-3 * self.spacing_mm, self.staggered)
 
 
@@ -153,6 +159,7 @@ class PointsRecord(TargetRecord):
         return self.model_copy(update={"points_mm": grown})
 
     def board(self) -> Points:
+        """The value. Raises ValueError for one that cannot be."""
         return Points(1e-3 * np.array(self.points_mm).reshape(-1, 3))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.bundle import State, motion, predict
 from calib.projection import project
-from calib.types import Check, Forward, Setup, Solution, Verdict
+from calib.types import Check, Forward, Grade, Setup, Solution
 from hw.types import Array
 from perception.board.types import Corners
 
@@ -49,7 +49,7 @@ def time_offset(
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
         return None, Check(
-            NAME, Verdict.NOT_MEASURED, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed"
+            NAME, Grade.NOT_MEASURED, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed"
         )
     path = _Path(np.asarray(arm_t_s), np.asarray(q_rad), solution, setup, forward)
     shifts = np.linspace(-SEARCH_S, SEARCH_S, 51)
@@ -60,7 +60,7 @@ def time_offset(
         r, slope, speed = _residual(usable, path, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
             return None, Check(
-                NAME, Verdict.NOT_MEASURED, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed"
+                NAME, Grade.NOT_MEASURED, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed"
             )
         step = -float(slope @ r) / float(slope @ slope)
         best += float(np.clip(step, -0.02, 0.02))
@@ -74,9 +74,9 @@ def time_offset(
         f" limit {LIMIT_MS:g} ms"
     )
     if abs(value) <= LIMIT_MS:
-        return found, Check(NAME, Verdict.GOOD, message, value, LIMIT_MS, "ms")
+        return found, Check(NAME, Grade.GOOD, message, value, LIMIT_MS, "ms")
     advice = f": at 0.6 m/s that is {abs(600e-3 * value):.0f} mm. A session subtracts it"
-    return found, Check(NAME, Verdict.SUSPECT, message + advice, value, LIMIT_MS, "ms")
+    return found, Check(NAME, Grade.SUSPECT, message + advice, value, LIMIT_MS, "ms")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.checks import touched_point
-from calib.types import Check, Setup, Solution, Verdict
+from calib.types import Check, Grade, Setup, Solution
 from hw.types import Array, frozen_array
 from perception.board import locate
 from perception.board.types import Corners
@@ -85,4 +85,4 @@ def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Ar
 
 
 def _untold(why: str) -> Check:
-    return Check(NAME, Verdict.NOT_MEASURED, why)
+    return Check(NAME, Grade.NOT_MEASURED, why)

@@ -14,7 +14,7 @@ import numpy as np
 from calib.bundle import motion_of
 from calib.pixels import Adjusted, Place, adjust, held_out_px, jackknife, looks
 from calib.projection import LENS, with_lens
-from calib.types import Check, Forward, Setup, Solution, Verdict, View
+from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.types import Array, Intrinsics
 
 NAME = "intrinsics"
@@ -80,14 +80,14 @@ def check(found: Trial | None, *, refined: bool) -> Check:
     """What the trial says, as a check."""
     if found is None:
         reason = "the views agree to the noise of their corners, or are too few: no trial was held"
-        return Check(NAME, Verdict.NOT_MEASURED, reason)
+        return Check(NAME, Grade.NOT_MEASURED, reason)
     share = 100 * (1 - found.refined_px / found.stated_px)
     if refined:
-        return Check(NAME, Verdict.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
+        return Check(NAME, Grade.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
     if not found.better:
-        return Check(NAME, Verdict.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
+        return Check(NAME, Grade.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
     advice = "add --refine-intrinsics to use them, or state the right ones"
-    return Check(NAME, Verdict.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
+    return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
 
 
 def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, after: float) -> str:

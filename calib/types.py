@@ -137,8 +137,6 @@ class JointOffsets:
     adopted: bool  # the data support them: the solution uses them
     suspected_rad: Array  # (n,) the estimate, adopted or not
     delta_bic: float  # Bayesian information criterion with offsets minus without; under -10 is strong support
-    held_out_without_px: float
-    held_out_with_px: float
     reason: str  # in words
 
     def __post_init__(self) -> None:
@@ -171,7 +169,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True, eq=False)
-class Method:
+class ClosedForm:
     """A closed form, for comparison."""
 
     name: str
@@ -202,7 +200,7 @@ class Solution:
     held_out_px: float  # the same for every fifth view, predicted by a fit without those
     noise: Noise
     uncertainty: Uncertainty
-    methods: tuple[Method, ...]
+    methods: tuple[ClosedForm, ...]
     square_scale: float  # board size that the arm's motion asks for, over the size given
     square_scale_sigma: float
     target: str  # what was seen, in words, with its size
@@ -216,10 +214,12 @@ class Solution:
 
     @property
     def used(self) -> tuple[str, ...]:
+        """Names of the views that the fit rests on."""
         return tuple(view.name for view in self.views if view.used)
 
     @property
     def rejected(self) -> tuple[ViewFit, ...]:
+        """The views that it does not rest on."""
         return tuple(view for view in self.views if not view.used)
 
     def hand_eye(self, source: str, created: str) -> HandEye:
@@ -229,7 +229,7 @@ class Solution:
         return HandEye(self.X_AC, self.uncertainty.sigma_mm, self.uncertainty.sigma_deg, source, created)
 
 
-class Verdict(StrEnum):
+class Grade(StrEnum):
     """What a check says about a calibration."""
 
     GOOD = "good"
@@ -243,7 +243,7 @@ class Check:
     """One check or gate: what was measured, against what, and what to do about it."""
 
     name: str
-    verdict: Verdict
+    verdict: Grade
     message: str  # what, the value, the limit, what to do next
     value: float = float("nan")
     limit: float = float("nan")
@@ -258,12 +258,13 @@ class Acceptance:
 
     @property
     def accepted(self) -> bool:
-        return all(gate.verdict is not Verdict.BAD for gate in self.gates)
+        """Whether no gate forbids it."""
+        return all(gate.verdict is not Grade.BAD for gate in self.gates)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why not, in words; empty if accepted."""
-        return tuple(gate.message for gate in self.gates if gate.verdict is Verdict.BAD)
+        return tuple(gate.message for gate in self.gates if gate.verdict is Grade.BAD)
 
 
 @dataclass(frozen=True, eq=False)

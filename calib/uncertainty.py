@@ -22,7 +22,7 @@ FACTOR_PLAIN = 0.92
 FACTOR_OFFSETS = 1.15
 FACTOR_TURN = 1.1
 """On the standard deviations, so that 95 % are 95 %: without and with joint offsets estimated, and on the turn that no
-view shows. Found with seeds 10000 to 10089 of `calib.simulated` and judged on others."""
+view shows. Found with seeds 10000 to 10089 of `tests/support/simulated_views.py` and judged on others."""
 
 FLOOR_MM, FLOOR_DEG = 0.01, 0.0005
 """One standard deviation, a direction. No calibration is better than its intrinsics, print and bracket."""
@@ -129,10 +129,3 @@ def _figures(draws: Array, lever: Array) -> tuple[float, float, Array, float]:
         np.percentile(at_points, level, axis=0),
         float(np.percentile(at_points.max(axis=1), level)),
     )
-
-
-def work_error_mm(X_AC: Array, X_AC_true: Array, points_m: Array) -> Array:
-    """(P,) how far points (P, 3) of A are seen from where they are, with a wrong camera pose."""
-    local = (points_m - X_AC_true[:3, 3]) @ X_AC_true[:3, :3]
-    off: Array = 1e3 * np.linalg.norm(local @ X_AC[:3, :3].T + X_AC[:3, 3] - points_m, axis=1)
-    return off

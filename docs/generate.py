@@ -254,7 +254,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("[[parameters]], [[context]], [[action]]", "adaptsim_cli.session.records", "DimensionRecord"),
         ),
     ),
-    ("start.json", "The first particles.", (("", "adaptsim_cli.session.records", "Start"),)),
+    ("start.json", "The first particles.", (("", "adaptsim_cli.session.records", "SessionStart"),)),
     (
         "motion.json",
         "A motion that is over, before anyone has looked at it.",
@@ -300,7 +300,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         (
             ("", "adaptsim_cli.touch_off.store", "SavedTouchOff"),
             ("every value with an interval", "adaptsim_cli.touch_off.store", "EstimateRecord"),
-            ("touches", "adaptsim_cli.touch_off.store", "TouchRecord"),
+            ("touches", "adaptsim_cli.touch_off.store", "SlowTouchRecord"),
         ),
     ),
 )

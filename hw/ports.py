@@ -111,3 +111,27 @@ class Bench(Protocol):
         Raises ValueError for a trial under 1, an attempt under 0, or a place that is not two finite numbers.
         """
         ...
+
+
+class Pedal(Protocol):
+    """The enabling pedal: the arm moves while it is held. Before entering it enables nothing."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exc: object) -> None: ...
+
+    def enabled(self) -> bool: ...
+
+    def why_not(self) -> str:
+        """Why it does not enable, for a person."""
+        ...
+
+
+class Balance(Protocol):
+    """What weighs the object. Entering raises DeviceUnavailable where nothing answers."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exc: object) -> None: ...
+
+    def mass_kg(self) -> float:
+        """Of what is on it, at rest. Raises BalanceError."""
+        ...

@@ -31,10 +31,12 @@ class Thing:
 
     @property
     def height_m(self) -> float:
+        """Over the table, but for the highest readings, which may be noise."""
         return float(np.percentile(self.points_m[:, 2], 98))
 
     @property
     def words(self) -> str:
+        """Where it is and how large, for a message."""
         x, y, _ = self.centre_m
         return f"({x:.3f}, {y:+.3f}) m, {1e2 * self.height_m:.0f} cm high"
 

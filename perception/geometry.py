@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 
 Array32 = NDArray[np.float32]
@@ -21,14 +22,6 @@ Area = tuple[float, float, float, float]
 
 _UNDISTORT = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 _NODES = 7
-
-
-def inverse(X: Array) -> Array:
-    """The inverse of a rigid pose (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = X[:3, :3].T
-    out[:3, 3] = -X[:3, :3].T @ X[:3, 3]
-    return out
 
 
 def transform(X_AB: Array, points_B_m: Array) -> Array:
@@ -63,10 +56,12 @@ class View:
 
     @cached_property
     def X_VB(self) -> Array:
+        """(4, 4) the base in the camera."""
         return inverse(self.X_BV)
 
     @cached_property
     def focal_px(self) -> float:
+        """Geometric mean of both axes."""
         return float(np.sqrt(self.camera.K[0, 0] * self.camera.K[1, 1]))
 
     @cached_property

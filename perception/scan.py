@@ -42,6 +42,7 @@ class Scan:
 
     @cached_property
     def along_z(self) -> Array32:
+        """(h, w) vertical components of the rays."""
         return np.ascontiguousarray(self.along[..., 2])
 
     @cached_property

@@ -6,8 +6,9 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array
-from perception.geometry import Array32, View, inverse
+from perception.geometry import Array32, View
 
 
 class ToolMask:

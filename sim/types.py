@@ -24,6 +24,7 @@ class Dimension:
 
     @property
     def label(self) -> str:
+        """Name and unit, for a person."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
@@ -38,14 +39,17 @@ class Space:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """In the order of the dimensions."""
         return tuple(d.name for d in self.dimensions)
 
     @property
     def low(self) -> Array:
+        """(n,) lower ends, in units."""
         return np.array([d.low for d in self.dimensions])
 
     @property
     def high(self) -> Array:
+        """(n,) upper ends, in units."""
         return np.array([d.high for d in self.dimensions])
 
     @property
@@ -86,6 +90,7 @@ class Space:
         return self.denormalise(np.clip(self.normalise(value) + size * directions, 0.0, 1.0))
 
     def contains(self, value: Array) -> bool:
+        """Whether `value` (n,) in units lies in the box, its ends included."""
         value = np.asarray(value, dtype=np.float64)
         tol = 1e-9 * (self.high - self.low)
         return bool(((value >= self.low - tol) & (value <= self.high + tol)).all())
@@ -100,13 +105,12 @@ class Space:
 
     def sample(self, rng: np.random.Generator, n: int) -> Array:
         """(n, len) uniform in the normalised box."""
-        unit = rng.random((n, len(self)))
-        value = self.denormalise(unit)
-        whole = self._integer
-        if whole.any():
-            draws = np.floor(self.low + unit * (self.high - self.low + 1))
-            value = np.where(whole, np.minimum(draws, self.high), value)
-        return value
+        return self.spread(rng.random((n, len(self))))
+
+    def spread(self, unit: Array) -> Array:
+        """(..., len) in [0, 1) -> (..., len) in units; whole numbers get equal shares, both ends included."""
+        levels = np.floor(self.low + unit * (self.high - self.low + 1.0))
+        return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
 
 
 @dataclass(frozen=True, eq=False)

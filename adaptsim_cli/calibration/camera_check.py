@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from perception.board.types import Board, Corners
+from perception.board.types import Corners
 
 SATURATED, DARK = 250, 12
 MOST_SATURATED, MOST_DARK = 0.25, 0.60
@@ -16,34 +16,34 @@ WIDEST_EDGE_PX = 4.0
 WARM_UP_MIN = 40
 
 
-def before(frame: Frame, model: CameraModel) -> tuple[Check, ...]:
+def before(frame: Frame, model: CameraModel) -> tuple[Readiness, ...]:
     """Of any picture of the scene, before anything moves."""
     return (_intrinsics(frame, model.colour), _exposure(frame))
 
 
-def warm(real: bool, temperature_C: float | None) -> Check:
+def warm(real: bool, temperature_C: float | None) -> Readiness:
     """Cameras do not tell since when they are on, so this reminds and never fails."""
     if not real:
-        return Check("warm-up", True, "a simulated camera needs none")
+        return Readiness("warm-up", True, "a simulated camera needs none")
     now = "it does not tell its temperature" if temperature_C is None else f"{temperature_C:.1f} °C now"
-    return Check("warm-up", True, f"{now}; its depth is stable {WARM_UP_MIN} minutes after switching on")
+    return Readiness("warm-up", True, f"{now}; its depth is stable {WARM_UP_MIN} minutes after switching on")
 
 
-def at_board(frame: Frame, corners: Corners, board: Board) -> tuple[Check, ...]:
+def at_board(frame: Frame, corners: Corners) -> tuple[Readiness, ...]:
     """Of a picture with the board: contrast of the print, and how wide its edges are."""
     grey = cv2.cvtColor(frame.colour, cv2.COLOR_RGB2GRAY).astype(np.float32)
     black, white = _levels(grey, corners)
     contrast = white - black
     edge_px = _edge_width(grey, corners, contrast)
     return (
-        Check(
+        Readiness(
             "contrast",
             contrast >= LEAST_CONTRAST and white < SATURATED,
             f"print {black:.0f} to {white:.0f} of 255"
             + ("" if contrast >= LEAST_CONTRAST else f", {LEAST_CONTRAST:g} apart needed: more light on the board")
             + ("" if white < SATURATED else ": overexposed, shorten the exposure"),
         ),
-        Check(
+        Readiness(
             "sharpness",
             edge_px <= WIDEST_EDGE_PX,
             f"edges {edge_px:.1f} px wide"
@@ -52,11 +52,11 @@ def at_board(frame: Frame, corners: Corners, board: Board) -> tuple[Check, ...]:
     )
 
 
-def _intrinsics(frame: Frame, camera: Intrinsics) -> Check:
+def _intrinsics(frame: Frame, camera: Intrinsics) -> Readiness:
     fx, fy = float(camera.K[0, 0]), float(camera.K[1, 1])
     size = (frame.colour.shape[1], frame.colour.shape[0])
     if size != (camera.width, camera.height):
-        return Check(
+        return Readiness(
             "intrinsics",
             False,
             f"pictures are {size[0]} × {size[1]}, the intrinsics are for {camera.width} × {camera.height}: "
@@ -64,20 +64,24 @@ def _intrinsics(frame: Frame, camera: Intrinsics) -> Check:
         )
     view_deg = float(2 * np.rad2deg(np.arctan(camera.width / 2 / fx)))
     if not (20 < view_deg < 130 and 0.9 < fx / fy < 1.1):
-        return Check("intrinsics", False, f"fx = {fx:.1f}, fy = {fy:.1f} px: not those of a camera of this size")
-    return Check("intrinsics", True, f"fx = {fx:.1f}, fy = {fy:.1f} px, {view_deg:.0f}° wide, lens distortion known")
+        return Readiness("intrinsics", False, f"fx = {fx:.1f}, fy = {fy:.1f} px: not those of a camera of this size")
+    return Readiness(
+        "intrinsics", True, f"fx = {fx:.1f}, fy = {fy:.1f} px, {view_deg:.0f}° wide, lens distortion known"
+    )
 
 
-def _exposure(frame: Frame) -> Check:
+def _exposure(frame: Frame) -> Readiness:
     grey = cv2.cvtColor(frame.colour, cv2.COLOR_RGB2GRAY)
     bright, dark = float((grey >= SATURATED).mean()), float((grey <= DARK).mean())
     if bright > MOST_SATURATED:
-        return Check(
+        return Readiness(
             "exposure", False, f"{100 * bright:.0f} % of the picture is white: shorten the exposure, less light"
         )
     if dark > MOST_DARK:
-        return Check("exposure", False, f"{100 * dark:.0f} % of the picture is black: more light, a longer exposure")
-    return Check("exposure", True, f"mean grey {grey.mean():.0f} of 255")
+        return Readiness(
+            "exposure", False, f"{100 * dark:.0f} % of the picture is black: more light, a longer exposure"
+        )
+    return Readiness("exposure", True, f"mean grey {grey.mean():.0f} of 255")
 
 
 def _levels(grey: Array, corners: Corners) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,10 @@ import numpy as np
 from calib import checks as of
 from calib import files, touch
 from calib.errors import ViewFolderError
-from calib.geometry import inverse
 from calib.timing import time_offset
-from calib.types import Check, Forward, Mounting, Setup, Solution, Verdict, View
+from calib.types import Check, Forward, Grade, Mounting, Setup, Solution, View
+from hw.bounded import read_table
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board import find
 from perception.board.types import Corners
@@ -54,7 +54,7 @@ def readings(stored: files.Folder, device: str) -> list[float]:
 def _depth(stored: files.Folder, setup: Setup, poses: dict[str, Array], X_CD: Array | None) -> Check:
     camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
     if camera is None or at is None:
-        return Check("depth bias", Verdict.NOT_MEASURED, "the views have no depth images")
+        return Check("depth bias", Grade.NOT_MEASURED, "the views have no depth images")
     residuals = [
         of.depth_residuals(inverse(at) @ poses[view.name], setup.board, view.depth_mm.astype(np.float64), camera)
         for view in stored.views
@@ -67,7 +67,7 @@ def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array |
     camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
     images = [view.depth_mm for view in stored.views if view.depth_mm is not None]
     if camera is None or at is None or not images or solution.mounting is not Mounting.FIXED:
-        return Check("table plane", Verdict.NOT_MEASURED, "needs depth images of a camera that does not move")
+        return Check("table plane", Grade.NOT_MEASURED, "needs depth images of a camera that does not move")
     return of.table_plane(table_points(_behind(images), camera, solution.X_AC @ at))
 
 
@@ -93,7 +93,7 @@ def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
 def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
     stored = files.read_touch(folder)
     if stored is None or setup.mounting is not Mounting.FIXED:
-        return Check(touch.NAME, Verdict.NOT_MEASURED, "no point was touched: it needs a person, or the simulated lab")
+        return Check(touch.NAME, Grade.NOT_MEASURED, "no point was touched: it needs a person, or the simulated lab")
     record, colour = stored
     if record.corner >= setup.board.corners:
         raise ViewFolderError(
@@ -109,15 +109,15 @@ def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | 
     try:
         return touch.check(solution, setup, find(colour, setup.board, setup.colour), record.corner, X_BF)
     except BoardNotFound as error:
-        return Check(touch.NAME, Verdict.NOT_MEASURED, f"{record.image}: {error}")
+        return Check(touch.NAME, Grade.NOT_MEASURED, f"{record.image}: {error}")
 
 
 def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
     path = folder / MOTION
     if not path.exists() or forward is None:
-        return Check("time offset", Verdict.NOT_MEASURED, "no swing of the board was filmed")
+        return Check("time offset", Grade.NOT_MEASURED, "no swing of the board was filmed")
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_table(path)
         frames = [(float(f["t_s"]), Corners(np.array(f["ids"]), np.array(f["px"]))) for f in data["frames"]]
         arm_t_s, q_rad = np.array(data["arm_t_s"]), np.array(data["q_rad"]).reshape(-1, 7)
     except (OSError, ValueError, KeyError, TypeError) as error:

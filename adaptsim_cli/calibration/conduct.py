@@ -42,7 +42,7 @@ CHECK_PLACES = 6
 
 
 @dataclass(frozen=True)
-class Request:
+class CalibrationRequest:
     """What the operator asked for on the command line."""
 
     guide: bool
@@ -52,7 +52,7 @@ class Request:
     as_json: bool
 
 
-def calibrate(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
+def calibrate(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
     """The whole calibration. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
@@ -72,7 +72,7 @@ def calibrate(resolved: Resolved, request: Request, open_rig: OpenRig, stores: S
         screen.data(summary(solved.record) | {"folder": str(folder)})
 
 
-def check(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
+def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
     """Three views against the calibration in use. Raises CalibrationMissing where there is none."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
@@ -201,7 +201,7 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def _board(resolved: Resolved, screen: Screen, request: Request) -> Board:
+def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> Board:
     """The board in use, its size measured where somebody is there to ask."""
     known = printing.known(resolved.places.data)
     if known is None:
@@ -222,18 +222,18 @@ def _board(resolved: Resolved, screen: Screen, request: Request) -> Board:
     return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
 
 
-def _visits(rig: CalibrationRig, screen: Screen, request: Request) -> Visits:
+def _visits(rig: CalibrationRig, screen: Screen, request: CalibrationRequest) -> Visits:
     if request.guide:
         return HandGuided(screen)
     home_rad = rig.arm.state().q_rad
     return Automatic(rig, screen, plan(rig, request.views), home_rad, request.yes)
 
 
-def _unattended(resolved: Resolved, request: Request) -> bool:
+def _unattended(resolved: Resolved, request: CalibrationRequest) -> bool:
     return resolved.config.is_simulated and request.yes and not request.guide
 
 
-def _need_terminal(resolved: Resolved, request: Request) -> None:
+def _need_terminal(resolved: Resolved, request: CalibrationRequest) -> None:
     if not _unattended(resolved, request):
         console.require_terminal()
 

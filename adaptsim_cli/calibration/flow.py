@@ -18,13 +18,13 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.calibration.taking import Look, ViewRefused, look
 from adaptsim_cli.calibration.visits import Arrival, Visits
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.screen.checks import Check, failures
+from adaptsim_cli.screen.checks import Readiness, failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
 from calib.errors import CalibrationRejected, TooFewViews
-from calib.types import Verdict
+from calib.types import Grade
 from hw.types import Array
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
@@ -98,14 +98,14 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
 
 def _ready(rig: CalibrationRig, screen: Screen) -> None:
     state = rig.arm.state()
-    healthy = Check("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
+    healthy = Readiness("arm", state.fault is None, state.fault or f"{rig.arm.model}, no fault")
     checks = (healthy, *camera_check.before(rig.camera.snapshot(), rig.camera.model()), _warm(rig))
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
 
-def _warm(rig: CalibrationRig) -> Check:
+def _warm(rig: CalibrationRig) -> Readiness:
     return camera_check.warm(rig.is_real, rig.temperatures_C().get("camera"))
 
 
@@ -141,7 +141,7 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         screen.note(f"  view {name} left out: {error}")
         return sights
     if not sights.names:
-        checks = camera_check.at_board(seen.frame, corners, rig.board)
+        checks = camera_check.at_board(seen.frame, corners)
         screen.checks(checks)
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
@@ -173,7 +173,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
         advice = "What was in use before stays in use. --fresh begins a new series of views"
-        if any(check.name == touch.NAME and check.verdict == Verdict.BAD for check in solved.record.checks):
+        if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
             advice += "; without it the same views are used, and the corner is touched again"
         raise rejected(solved, views / REPORT, advice)

@@ -101,7 +101,7 @@ def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:
             "to the page"
         )
     scaled = replace(board, square_m=1e-3 * side, marker_m=board.marker_m * side / nominal)
-    kept = PrintedBoard(board=BoardRecord.of(scaled), nominal_square_mm=nominal, measured=width_mm is not None)
+    kept = PrintedBoard(board=BoardRecord.from_board(scaled), nominal_square_mm=nominal, measured=width_mm is not None)
     durable.make_folder(data)
     durable.replace_file(data / BOARD_FILE, tomli_w.dumps(kept.model_dump()).encode())
     return kept

@@ -11,9 +11,8 @@ from adaptsim_cli.calibration import checking, sights
 from calib import files, pairing
 from calib.errors import UnusableViews
 from calib.pairing import Fault
-from calib.records import SetupRecord
 from calib.residuals import Residuals, residuals
-from calib.saved import Origin, SavedCalibration, saved
+from calib.saved import Origin, SavedCalibration, record_calibration
 from calib.types import Forward, Setup, Solution, View
 
 DEVICES = ("arm", "camera")
@@ -74,11 +73,11 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         arm=stored.setup.arm,
         camera=stored.setup.serial,
         created=created,
-        source=_source(stored.setup, hw, created),
+        source=_source(hw, created),
         versions=versions,
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
-    record = saved(
+    record = record_calibration(
         solution,
         setup.p_AP_m,
         target,
@@ -119,6 +118,6 @@ def _median(values: list[float]) -> float | None:
     return median(values) if values else None
 
 
-def _source(setup: SetupRecord, hw: str, created: str) -> str:
+def _source(hw: str, created: str) -> str:
     where = {"fake": "of the simulated lab", "recorded": "from recorded views"}.get(hw, f"of the {hw}")
     return f"calibration {where}, {created[:10]}"

@@ -44,7 +44,7 @@ def calibrate(
     from adaptsim_cli.wiring import calibration as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    request = conduct.Request(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
+    request = conduct.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
     conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
 
 
@@ -90,7 +90,7 @@ def check(
     from adaptsim_cli.wiring import calibration as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    request = conduct.Request(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
+    request = conduct.CalibrationRequest(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
     conduct.check(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
 
 

@@ -64,7 +64,7 @@ def verify(
     wanted = rollouts if rollouts is not None else checkpoints.ROLLOUTS
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = checkpoints.reevaluate(
+        found = checkpoints.verify_figures(
             settings,
             checkpoints.QUICK if quick else wanted,
             lambda done, total: progress("rollouts", done, total),

@@ -79,7 +79,7 @@ def init(
     from adaptsim_cli.screen import console
 
     screen = console.Screen(as_json=as_json)
-    request = writing.Request(project=project, arm=arm, overwrite=overwrite, yes=yes)
+    request = writing.InitRequest(project=project, arm=arm, overwrite=overwrite, yes=yes)
     written = writing.init(config.places(), request, screen)
     if as_json:
         screen.data(written.as_json())

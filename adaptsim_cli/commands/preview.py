@@ -32,8 +32,7 @@ def preview(
     resolved = config.load({"task": task, "hw": hw})
     screen = console.Screen(as_json=as_json)
     with screen.busy("Planning the motion"):
-        lab = motion.lab_of(resolved, arm)
-        planned = motion.planned(resolved.config.task, lab, context or [], action or [])
+        planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])
     if as_json:
         screen.data(planned.as_json())
     else:

@@ -36,5 +36,5 @@ def run_iteration(
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     resolved = config.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
-    request = conduct.Request(session, given, iterations, yes, as_json)
+    request = conduct.SessionRequest(session, given, iterations, yes, as_json)
     conduct.conduct(resolved, request, wiring.open_parts, page.write)

@@ -33,5 +33,5 @@ def touch_off(
     from adaptsim_cli.wiring import touch_off as wiring
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    request = conduct.Request(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
+    request = conduct.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
     conduct.touch_off(resolved, request, wiring.open_touch_rig, wiring.touch_offs)

@@ -1,29 +1,23 @@
-"""A real rig with a person beside it: what is asked and done around the trials that `session.on_rig` makes."""
+"""The person beside a real rig: what is asked and done around the trials that `session.on_rig` makes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.openers import Balance
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.checks import Check
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.on_rig import Found, OnRig, RigReplay
-from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.session.stages import RunTrial, TrialKey
 from hw.errors import ArmFault, BalanceError
 from hw.placing import Placing
-from hw.ports import Arm
+from hw.ports import Arm, Balance, Camera
 from hw.types import Array
-from perception.types import Outcome
 
 AT_HOME_RAD = 0.005
 """Half of what `hw.limits` lets a path begin away from the arm."""
@@ -89,46 +83,38 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
             return
 
 
-@dataclass(frozen=True, eq=False)
-class AttendedRig:
-    """A `Target`: `OnRig`, and before its trials a confirmation, a weighing and the way home."""
+@runtime_checkable
+class _Telling(Protocol):
+    """A camera that says how it was set and how its last recording went."""
 
-    on_rig: OnRig
+    def facts(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class PersonBeside:
+    """`session.rig.Attendant`: a person at a terminal."""
+
     arm: ConfirmedArm
+    camera: Camera
     mounted: MountedTask
     screen: Screen
     scales: Scales | None
 
-    @property
-    def title(self) -> str:
-        return self.on_rig.title
-
-    @property
-    def is_real(self) -> bool:
-        return self.on_rig.is_real
-
-    @property
-    def outcomes(self) -> tuple[Outcome, ...]:
-        return self.on_rig.outcomes
-
-    def checks(self) -> tuple[Check, ...]:
-        """Those of the rig; a fault that a person lets go of is cleared first."""
+    def recover(self) -> None:
+        """See `Attendant`."""
         offer_recovery(self.arm, self.screen)
-        return self.on_rig.checks()
 
-    def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        return self.on_rig.spent(stage, operator)
-
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Found:
-        """Home, and then as any rig. Raises what `OnRig.set_up` raises, NotExecutable, StoppedByOperator."""
+    def prepare(self, what: str) -> None:
+        """See `Attendant`."""
         self.arm.confirm()
         self._home()
         if self.scales is not None:
-            self.scales.weigh(self.on_rig.task.object_name)
-        return self.on_rig.set_up(drawn, key, operator)
+            self.scales.weigh(what)
 
-    def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
-        return self.on_rig.replay(context, action, folder)
+    def facts(self) -> RigFacts:
+        """See `Attendant`."""
+        said = self.camera.facts() if isinstance(self.camera, _Telling) else None
+        return (self.scales.facts if self.scales else RigFacts()).model_copy(update={"camera": said})
 
     def _home(self) -> None:
         """Where trials begin: slowly, around everything, from wherever the arm was left."""

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.devices.openers import Pedal, RealArm
+from adaptsim_cli.devices.drivers import RealArm
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused
+from hw.ports import Pedal
 from hw.types import Contact, Execution, Guard, JointPath
 
 if TYPE_CHECKING:

@@ -6,16 +6,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hw.collision import HAND_MASS, KeepOut, Tool
+from adaptsim_cli.devices.rig_file.description import Model, RigDescription, TablePart, ToolPart, as_shipped
+from hw.collision import HAND_MASS, KeepOut, Table, Tool
 from hw.mass import Mass
 from hw.types import Array, frozen_array
-from hw.workcell import STOPS_AT_N, ArmModel, Workcell, arm_model
+from hw.workcell import Workcell, arm_model
 from sim.errors import NotExecutable
 from sim.panda.correction import ToolCorrection
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart, ToolPart
     from adaptsim_cli.session.rig import Paths, Planner
     from sim.tasks.task import Hardware, Task
     from sim.types import ToolMotion
@@ -31,14 +32,14 @@ class MountedTask:
     home_rad: Array  # (7,) between trials
     correction: ToolCorrection
     """What a touch-off found. Tasks plan and cameras see over the table (frame W), the arm moves in its base B."""
-    area: TablePart | None  # what the tool may work over; None: wherever the arm reaches
+    area: TablePart  # what the tool may work over
 
     def paths(self, motion: ToolMotion) -> Paths:
         """Approach, motion, way back. Raises NotExecutable, also where the tool leaves the work area."""
         from sim.panda.planning import trial_paths
 
         p_m = motion.X_BT[:, :2, 3]
-        if self.area is not None and not self.area.covers(p_m):
+        if not self.area.covers(p_m):
             (x0, y0), (x1, y1) = p_m.min(axis=0), p_m.max(axis=0)
             raise NotExecutable(
                 f"the tool would work over x {x0:.3f} to {x1:.3f} m, y {y0:+.3f} to {y1:+.3f} m, which leaves the work "
@@ -66,12 +67,12 @@ class MountedTask:
 
 def mounted(
     task: Task,
-    arm: ArmModel,
-    rig: RigDescription | None,
-    keep_out: tuple[KeepOut, ...],
-    correction: ToolCorrection | None,
+    rig: RigDescription,
+    zeros_rad: Array,
+    keep_out: tuple[KeepOut, ...] = (),
+    correction: ToolCorrection | None = None,
 ) -> MountedTask:
-    """`rig` describes the lab; None: everything as it ships. `keep_out` comes on top of its boxes.
+    """On the arm of `rig` with the joint zeros (7,). `keep_out` comes on top of the rig's boxes.
 
     `correction` is what a touch-off found; None: what the rig file says of table and tool. Raises NoHardware,
     NotExecutable where the arm cannot hold the tool.
@@ -79,29 +80,33 @@ def mounted(
     from sim.panda.planning import home
     from sim.panda.tool import tool_of
 
-    shipped = task.require_hardware()
-    found = correction or (ToolCorrection() if rig is None else written(rig, task.name))
-    part = None if rig is None else rig.tool(task.name)
-    designed = shipped.X_FT if part is None else part.designed(shipped.X_FT)
-    hardware = replace(shipped, X_FT=frozen_array(found.X_FT(designed), (4, 4), "X_FT"))
-    tool = tool_of(hardware) if part is None else weighed(tool_of(hardware), part)
-    boxes = keep_out if rig is None else (*keep_out, *rig.boxes())
-    cell = Workcell(arm, tool, found.table, boxes, STOPS_AT_N if rig is None else rig.arm.stops_at_N)
-    home_rad = home(hardware.X_FT, cell, hardware.home_pitch_rad)
-    there = replace(task, hardware=hardware)
-    return MountedTask(there, hardware, cell, home_rad, found, None if rig is None else rig.table)
+    shipped, part = task.require_hardware(), rig.tool(task.name)
+    found = correction or written(rig, task.name)
+    X_FT = frozen_array(found.X_FT(part.designed(shipped.X_FT)), (4, 4), "X_FT")
+    hardware = replace(shipped, X_FT=X_FT)
+    cell = workcell(rig, zeros_rad, weighed(tool_of(hardware), part), keep_out, found.table)
+    home_rad = home(X_FT, cell, hardware.home_pitch_rad)
+    return MountedTask(replace(task, hardware=hardware), hardware, cell, home_rad, found, rig.table)
 
 
-def mounted_as_shipped(task: Task, model: str) -> MountedTask:
+def mounted_as_shipped(task: Task, model: Model) -> MountedTask:
     """The task on the arm `model` before any calibration, touch-off or rig file. Raises as `mounted`."""
-    return mounted(task, arm_model(model, np.zeros(7)), None, (), None)
+    return mounted(task, as_shipped(model), np.zeros(7))
+
+
+def workcell(
+    rig: RigDescription, zeros_rad: ArrayLike, tool: Tool, keep_out: tuple[KeepOut, ...], table: Table | None = None
+) -> Workcell:
+    """Where the arm of `rig` may move: `keep_out` comes on top of its boxes; `table` None: as the rig file has it."""
+    arm = arm_model(rig.arm.model, zeros_rad)
+    return Workcell(arm, tool, table or rig.table.plane(), (*keep_out, *rig.boxes()), rig.arm.stops_at_N)
 
 
 def weighed(tool: Tool, part: ToolPart) -> Tool:
     """`tool` with the mass that the rig file says of what the hand holds, where it says it."""
     if part.payload is None:
         return tool
-    held = part.payload.payload()
+    held = part.held()
     return replace(tool, mass=HAND_MASS + Mass(held.mass_kg, held.com_F_m, held.inertia_F_kg_m2))
 
 

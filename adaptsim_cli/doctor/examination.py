@@ -12,7 +12,7 @@ from pathlib import Path
 
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.found import serial_ports
+from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 from adaptsim_cli.doctor import lab, machine, program, readings
 from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped
@@ -137,7 +137,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
     if rig.balance is None:
         yield skipped(lab.DEVICES, "balance", "the rig file names none: the object's mass is not recorded")
         return
-    from hw.serial.balance import Balance
+    from hw.serial.balance import SerialBalance
 
     part = rig.balance
     found = machine.serial_port("balance", part.port, readings.port(Path(part.port)), serial_ports(Path("/dev")))
@@ -146,7 +146,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
         return
 
     def weigh() -> str:
-        with Balance(part.port, part.protocol) as balance:
+        with SerialBalance(part.port, part.protocol) as balance:
             try:
                 return f"answers, {balance.mass_kg():.4f} kg on it"
             except BalanceError as error:
@@ -157,12 +157,12 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
 
 def _motion(resolved: Resolved) -> Finding:
     """Whether the task can be done in the lab's workcell, as a session has it: the middle action at the reference."""
-    from adaptsim_cli.wiring.motion import lab_of, planned
+    from adaptsim_cli.wiring.motion import mounted_for, planned
 
     task = resolved.config.task
 
     def plan() -> str:
-        made = planned(task, lab_of(resolved, None), (), ())
+        made = planned(mounted_for(resolved, None), (), ())
         worst = max((report.worst for report in made.reports), key=lambda check: check.ratio)
         return f"{task} can be done with this tool and these boxes, {100 * worst.ratio:.0f} % of the tightest limit"
 

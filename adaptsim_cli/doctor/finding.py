@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Verdict(Enum):
+class Severity(Enum):
     """How bad a finding is: MISSING alone keeps an iteration from running."""
 
     OK = "ok"
@@ -21,26 +21,26 @@ class Finding:
 
     group: str
     name: str
-    verdict: Verdict
+    verdict: Severity
     detail: str
     fix: str = ""
 
 
 def ok(group: str, name: str, detail: str) -> Finding:
     """All is well; nothing to mend."""
-    return Finding(group, name, Verdict.OK, detail)
+    return Finding(group, name, Severity.OK, detail)
 
 
 def advice(group: str, name: str, detail: str, fix: str) -> Finding:
     """It works, not recommended; `fix` is recommended."""
-    return Finding(group, name, Verdict.ADVICE, detail, fix)
+    return Finding(group, name, Severity.ADVICE, detail, fix)
 
 
 def missing(group: str, name: str, detail: str, fix: str) -> Finding:
     """An iteration cannot run before `fix` is done."""
-    return Finding(group, name, Verdict.MISSING, detail, fix)
+    return Finding(group, name, Severity.MISSING, detail, fix)
 
 
 def skipped(group: str, name: str, why: str) -> Finding:
     """Not looked at; `why` says the reason."""
-    return Finding(group, name, Verdict.SKIPPED, why)
+    return Finding(group, name, Severity.SKIPPED, why)

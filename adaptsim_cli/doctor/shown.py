@@ -10,15 +10,15 @@ from rich.table import Table
 from rich.text import Text
 
 from adaptsim_cli.config import Config
-from adaptsim_cli.doctor.finding import Finding, Verdict
+from adaptsim_cli.doctor.finding import Finding, Severity
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
 
 _MARKS = {
-    Verdict.OK: ("✓", "green"),
-    Verdict.ADVICE: ("!", "yellow"),
-    Verdict.MISSING: ("✗", "bold red"),
-    Verdict.SKIPPED: ("–", "dim"),
+    Severity.OK: ("✓", "green"),
+    Severity.ADVICE: ("!", "yellow"),
+    Severity.MISSING: ("✗", "bold red"),
+    Severity.SKIPPED: ("–", "dim"),
 }
 
 
@@ -33,7 +33,7 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
     screen.show(table)
-    for verdict, head in ((Verdict.MISSING, "Missing:"), (Verdict.ADVICE, "Better:")):
+    for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Better:")):
         remedies = [finding for finding in found if finding.verdict is verdict]
         if remedies:
             screen.show(Text(f"\n{head}", style="bold"))
@@ -58,8 +58,8 @@ def require(found: Sequence[Finding]) -> None:
 
 
 def _missing(found: Sequence[Finding]) -> list[str]:
-    return [finding.name for finding in found if finding.verdict is Verdict.MISSING]
+    return [finding.name for finding in found if finding.verdict is Severity.MISSING]
 
 
 def _style(finding: Finding) -> str:
-    return "dim" if finding.verdict is Verdict.SKIPPED else ""
+    return "dim" if finding.verdict is Severity.SKIPPED else ""

@@ -32,7 +32,7 @@ MEASURED = ("rollouts", "tracking", "adaptation", "training")
 
 
 @dataclass(frozen=True)
-class Shot:
+class Still:
     """One frame of a trial's film strip."""
 
     label: str
@@ -45,7 +45,7 @@ class TrialView:
     """One trial as the page shows it."""
 
     record: TrialRecord
-    strip: tuple[Shot, ...]
+    strip: tuple[Still, ...]
     overlay: str  # data URL, "" where there is none
     context: str
     action: str
@@ -142,7 +142,7 @@ def _iteration(store: SessionStore, iteration: int) -> IterationView:
 
 def _trial(store: SessionStore, record: TrialRecord) -> TrialView:
     folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
-    strip = tuple(Shot(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
+    strip = tuple(Still(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
     overlay = _image(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
     return TrialView(

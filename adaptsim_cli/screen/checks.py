@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Check:
+class Readiness:
     """One line of the checklist before a session."""
 
     name: str
@@ -15,6 +15,6 @@ class Check:
     detail: str  # what was found, and where not ok what to do
 
 
-def failures(checks: Sequence[Check]) -> str:
+def failures(checks: Sequence[Readiness]) -> str:
     """The failing checks in one message."""
     return "; ".join(f"{check.name}: {check.detail}" for check in checks if not check.ok)

@@ -20,7 +20,7 @@ from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 
 
 class Screen:
@@ -101,7 +101,7 @@ class Screen:
 
             yield say
 
-    def checks(self, found: Sequence[Check]) -> None:
+    def checks(self, found: Sequence[Readiness]) -> None:
         self.show(views.checks(found))
 
 

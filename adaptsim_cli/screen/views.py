@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from hw.types import Array
 from sim.types import Space
 
@@ -37,7 +37,7 @@ def badge(hw: str, hardware: str) -> Text:
     return Text.assemble((" REAL ROBOT ", "white on red"), f" {hardware}: keep clear of the arm")
 
 
-def checks(found: Sequence[Check]) -> RenderableType:
+def checks(found: Sequence[Readiness]) -> RenderableType:
     """The checklist before a session, one row a check."""
     table = _table()
     for check in found:

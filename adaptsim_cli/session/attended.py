@@ -20,7 +20,7 @@ class Attended:
 
     screen: Screen
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
@@ -36,7 +36,7 @@ class Attended:
     def approve(self, proposal: Proposal, real: bool) -> None:
         if proposal.overlay is not None:
             self.screen.plain(f"  What the camera found: {proposal.overlay}")
-        self._go_on(f"{proposal.announced}. Enter to start, q to stop:")
+        self._go_on(f"{proposal.announcement}. Enter to start, q to stop:")
 
     def review(self, judged: Judged) -> Review:
         self.screen.show(f"  Tracked: {judged.outcome.value.replace('_', ' ')}, reward {judged.reward:.2f}")
@@ -55,7 +55,7 @@ class Attended:
             if answer == "o" and judged.possible and (outcome := self._other_outcome(judged)) is not None:
                 return Overrule(outcome)
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+    def try_again(self, stage: RunTrial) -> bool:
         self._go_on("Enter to set this trial up again, q to stop:")
         return True
 
@@ -81,7 +81,7 @@ class Unattended:
     screen: Screen
     most_attempts: int = 5
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started. "
             "The simulated lab starts afresh, so it is done again from the same start."
@@ -97,7 +97,7 @@ class Unattended:
     def review(self, judged: Judged) -> Review:
         return Accept()
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+    def try_again(self, stage: RunTrial) -> bool:
         return stage.key.attempt + 1 < self.most_attempts
 
 

@@ -23,7 +23,7 @@ from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Facts, Start, as_records, as_row
+from adaptsim_cli.session.records import Facts, SessionStart, as_records, as_row
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 
@@ -34,7 +34,7 @@ _FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particl
 
 
 @dataclass(frozen=True)
-class Request:
+class SessionRequest:
     """What the operator asked for on the command line."""
 
     session: str | None
@@ -44,7 +44,9 @@ class Request:
     as_json: bool = False
 
 
-def conduct(resolved: Resolved, request: Request, open_parts: OpenParts, draw: Callable[[SessionStore], Path]) -> Path:
+def conduct(
+    resolved: Resolved, request: SessionRequest, open_parts: OpenParts, draw: Callable[[SessionStore], Path]
+) -> Path:
     """Run the iterations and return the path of the report that `draw` makes after each.
 
     An iteration is done only when its result and report have reached the operator: a run that was killed just before
@@ -97,7 +99,7 @@ def _known(root: Path, name: str) -> SessionStore | None:
     return SessionStore.open(root, name) if stores.folder_of(root, name).is_dir() else None
 
 
-def _continued(config: Config, store: SessionStore, request: Request) -> Config:
+def _continued(config: Config, store: SessionStore, request: SessionRequest) -> Config:
     """The settings that the session was begun with. Raises UsageError where a flag contradicts them."""
     for key in _FROZEN:
         was, asked = getattr(store.facts, key), getattr(config, key)
@@ -140,7 +142,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     )
     particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
     rows = tuple(tuple(as_row(sample) for sample in np.asarray(p.samples)) for p in particles)
-    return SessionStore.create(root, facts, Start(particles=rows))
+    return SessionStore.create(root, facts, SessionStart(particles=rows))
 
 
 def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:

@@ -11,15 +11,15 @@ import json
 import time
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import shows
+from adaptsim_cli.session import shows, trial
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.policy import TrainedPolicy
 from adaptsim_cli.session.records import (
     BestRecord,
     MotionRecord,
@@ -32,13 +32,14 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Evidence, Planned, Ready
+from adaptsim_cli.session.target import Executed, Ready, TrialEvidence
 from hw.errors import ArmFault, HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.errors import NotExecutable
+from sim.tasks.solver import SolvedPolicy
 
 RIM = 0.1
 """Share of the area at each side in which nobody is asked to place the object: hands are not that steady."""
@@ -52,7 +53,7 @@ class Session:
     parts: Parts
     operator: Operator
     screen: Screen
-    policies: dict[tuple[int, int], TrainedPolicy] = field(default_factory=dict)  # trained so far in this process
+    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
 
     @property
     def seed(self) -> int:
@@ -96,22 +97,24 @@ def _move(session: Session, stage: RunTrial) -> bool:
     try:
         policy = _policy(session, stage.iteration, stage.particle)
         ready = _set_up(session, stage)
-        proposal, planned = _propose(session, stage, policy, ready)
+        action = policy(ready.context)
+        planned = ready.plan(action)
+        mean = particles_of(store, stage.iteration)[stage.particle].mean
+        keep = partial(store.scratch, "overlay.jpg")
+        proposal = trial.propose(session.parts.task, stage, mean, policy, ready, action, planned, keep, session.screen)
         operator.approve(proposal, session.parts.target.is_real)
 
         started, began = _now(), time.perf_counter()
         store.mark_started(stage.iteration, stage.key, started)
-        with session.screen.busy(planned.doing):
-            executed = planned.execute()
-        executed_s = time.perf_counter() - began
-        with session.screen.busy("Storing what was recorded"):
-            motion = _motion_record(proposal, started, executed.stopped, executed_s)
+
+        def save(executed: Executed) -> None:
+            motion = _motion_record(proposal, started, executed.stopped, time.perf_counter() - began)
             store.save_motion(stage.iteration, stage.key, motion, executed.files())
-        if executed.stopped is not None:
-            raise executed.stopped
+
+        trial.execute(planned, save, session.screen)
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
-        if isinstance(error, PerceptionError) and operator.try_again(stage, str(error), False):
+        if isinstance(error, PerceptionError) and operator.try_again(stage):
             return False
         raise
     return True
@@ -127,13 +130,11 @@ def _look(session: Session, stage: RunTrial) -> None:
     context, action = np.array(motion.context), np.array(motion.action)
     began = time.perf_counter()
     try:
-        with session.screen.busy("Reading the recording"):
-            replay = session.parts.target.replay(context, action, store.trial_folder(stage.iteration, stage.key))
-        with session.screen.busy(replay.looking):
-            track = replay.track()
+        folder = store.trial_folder(stage.iteration, stage.key)
+        replay, track = trial.look(session.parts.target, context, action, folder, session.screen)
     except PerceptionError as error:
         _reject(session, stage, str(error))
-        if operator.try_again(stage, str(error), True):
+        if operator.try_again(stage):
             return
         raise
     tracked_s = time.perf_counter() - began
@@ -225,20 +226,6 @@ def _set_up(session: Session, stage: RunTrial) -> Ready:
     return parts.target.set_up(drawn, stage.key, session.operator)
 
 
-def _propose(session: Session, stage: RunTrial, policy: TrainedPolicy, ready: Ready) -> tuple[Proposal, Planned]:
-    """The action for this context, planned and checked before anyone is asked."""
-    action = policy(ready.context)
-    planned = ready.plan(action)
-    particle = particles_of(session.store, stage.iteration)[stage.particle]
-    overlay = None if ready.overlay is None else session.store.scratch("overlay.jpg", ready.overlay)
-    expected = policy.predict(ready.context)
-    proposal = Proposal(
-        stage, particle.mean, ready.drawn, ready.context, action, expected, planned.told, planned.announced, overlay
-    )
-    session.screen.show(shows.proposal(session.parts.task, proposal))
-    return proposal, planned
-
-
 def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
     task, outcomes = session.parts.task, session.parts.target.outcomes
     rewards = [(o, task.score(replace(track, outcome=o), context)) for o in outcomes]
@@ -261,7 +248,12 @@ def _motion_record(made: Proposal, started: str, stopped: ArmFault | None, execu
 
 
 def _trial_record(
-    session: Session, stage: RunTrial, motion: MotionRecord, evidence: Evidence, track: ObjectTrack, tracked: Outcome
+    session: Session,
+    stage: RunTrial,
+    motion: MotionRecord,
+    evidence: TrialEvidence,
+    track: ObjectTrack,
+    tracked: Outcome,
 ) -> TrialRecord:
     task, context = session.parts.task, np.array(motion.context)
     return TrialRecord(
@@ -281,7 +273,7 @@ def _trial_record(
         reward=task.score(track, context),
         outcome=track.outcome,
         overruled_from=None if tracked == track.outcome else tracked,
-        track=TrackRecord.of(track),
+        track=TrackRecord.from_track(track),
         moments=evidence.moments,
         control_success_rate=evidence.control_success_rate,
         started=motion.started,
@@ -290,7 +282,7 @@ def _trial_record(
     )
 
 
-def _policy(session: Session, iteration: int, particle: int) -> TrainedPolicy:
+def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
     """The task policy of a particle, trained again where an earlier process did: it is the same."""
     if (iteration, particle) not in session.policies:
         _train(session, iteration, particle, particles_of(session.store, iteration)[particle])

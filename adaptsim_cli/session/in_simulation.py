@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import TrackRecord, read, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Evidence
+from adaptsim_cli.session.target import TrialEvidence
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
@@ -31,8 +31,8 @@ class InSimulation:
     is_real: bool = False
     outcomes: tuple[Outcome, ...] = ()  # nobody sees it otherwise
 
-    def checks(self) -> tuple[Check, ...]:
-        return (Check("devices", True, "none needed"),)
+    def checks(self) -> tuple[Readiness, ...]:
+        return (Readiness("devices", True, "none needed"),)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         return False  # nothing can have moved
@@ -69,11 +69,11 @@ class SimulatedPlan:
     action: Array
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         return f"{self.target.duration_s:.1f} s of the {self.target.object_name} will be simulated"
 
     @property
-    def announced(self) -> str:
+    def announcement(self) -> str:
         return f"The {self.target.object_name} is simulated for {self.target.duration_s:.1f} s"
 
     @property
@@ -92,7 +92,7 @@ class SimulatedTrial:
     stopped: None = None
 
     def files(self) -> Mapping[str, bytes]:
-        return {FILE: to_json(TrackRecord.of(self.trajectory))}
+        return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +105,6 @@ class SimulatedReplay:
     def track(self) -> ObjectTrack:
         return self.trajectory
 
-    def evidence(self, track: ObjectTrack) -> Evidence:
+    def evidence(self, track: ObjectTrack) -> TrialEvidence:
         """The trajectory is all there is."""
-        return Evidence()
+        return TrialEvidence()

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
-from adaptsim_cli.session.records import RigFacts, to_json
+from adaptsim_cli.session.records import to_json
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Evidence
+from adaptsim_cli.session.target import TrialEvidence
 from hw.errors import ArmFault, HardwareError
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
@@ -35,8 +35,6 @@ class OnRig:
     rig: Rig
     tracker: Tracker
     planner: Planner
-    facts: Callable[[], RigFacts] | None = None
-    """What a real rig says of itself after a trial; None: nothing is kept."""
 
     @property
     def hardware(self) -> Hardware:
@@ -54,17 +52,22 @@ class OnRig:
     def outcomes(self) -> tuple[Outcome, ...]:
         return self.tracker.outcomes
 
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Readiness, ...]:
+        """Calibration, arm and camera; a fault that a person lets go of is cleared first."""
+        if self.rig.attendant is not None:
+            self.rig.attendant.recover()
         return rig_checks(self.rig)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """The arm may have moved: a person is asked first, and on a real arm the attempt does not come back."""
-        operator.repeat_interrupted(stage, self.is_real)
+        operator.repeat_interrupted(stage)
         return self.is_real
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Found:
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> RigReady:
         """Have the object placed, find it, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
+        if rig.attendant is not None:
+            rig.attendant.prepare(task.object_name)
         wanted_m = tracker.placement(drawn)
         operator.placed(task.object_name, wanted_m, rig.is_real)
         rig.bench.place(wanted_m, key.number, key.attempt)
@@ -76,7 +79,7 @@ class OnRig:
             found = ", ".join(f"{value:.3f}" for value in context)
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
-        return Found(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
+        return RigReady(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
 
     def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
         """The object is found again in the very pixels in which it was found before the motion."""
@@ -95,7 +98,7 @@ class OnRig:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class RigReady:
     """The object lies in the area and was found there."""
 
     target: OnRig
@@ -105,20 +108,20 @@ class Found:
     detection: Any
     overlay: bytes  # JPEG of what was found
 
-    def plan(self, action: Array) -> MotionPlan:
+    def plan(self, action: Array) -> RigPlan:
         """Three paths that passed every limit."""
         planner = self.target.planner
         paths = planner.paths(self.target.hardware.plan(self.context, action))
         for path in paths:
             planner.check(path)
-        return MotionPlan(self, paths)
+        return RigPlan(self, paths)
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPlan:
+class RigPlan:
     """A motion that passed every limit."""
 
-    found: Found
+    found: RigReady
     paths: Paths  # approach, motion, way back
     doing: str = "The robot moves and the camera records"
 
@@ -127,18 +130,18 @@ class MotionPlan:
         return sum(path.duration_s for path in self.paths)
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         return f"The motion takes {self.duration_s:.1f} s and passed all limits"
 
     @property
-    def announced(self) -> str:
+    def announcement(self) -> str:
         target = self.found.target
         flange, X_FT = target.planner.flange, target.hardware.X_FT
         speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
         what = f"comes to the {target.task.object_name}, makes its motion and goes back"
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
-    def execute(self) -> Recorded:
+    def execute(self) -> RigTrial:
         """Approach, record the motion, go back. Of an arm that stopped, what was recorded until then is kept."""
         approach, motion, back = self.paths
         target, after = self.found.target, None
@@ -151,7 +154,7 @@ class MotionPlan:
                 after = target.in_time(target.rig.camera.snapshot()) if target.hardware.carries else None
             except ArmFault as fault:
                 stopped = fault
-        return Recorded(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
+        return RigTrial(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` before the camera. Its recording ends whatever happens, and never hides what happened first."""
@@ -171,10 +174,10 @@ class MotionPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RigTrial:
     """What arm and camera say of one motion."""
 
-    found: Found
+    found: RigReady
     played: Execution | None  # None: the arm stopped during the motion
     frames: tuple[Frame, ...]
     stopped: ArmFault | None
@@ -198,8 +201,8 @@ class Recorded:
             eye.camera_late_s,
             self.after,
         )
-        told = {} if target.facts is None else {"rig.json": to_json(target.facts())}
-        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **told}
+        said = {} if rig.attendant is None else {"rig.json": to_json(rig.attendant.facts())}
+        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +234,7 @@ class RigReplay:
             )
         )
 
-    def evidence(self, track: ObjectTrack) -> Evidence:
+    def evidence(self, track: ObjectTrack) -> TrialEvidence:
         """The frames of the key moments, and the track for a viewer."""
         stored, motion, played = self.stored, self.motion, self.stored.execution
         wanted = moments.moments(motion.t_s[-1], motion.contact, float(track.t_s[-1]))
@@ -241,7 +244,7 @@ class RigReplay:
             stored.frames, stored.model, stored.X_BC, seen_m, played.t_start_s, wanted, fallen=fallen
         )
         path = recording.encode_object(track, played.t_start_s)
-        return Evidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
+        return TrialEvidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
 
 
 def joints(played: Execution) -> Callable[[float], Array]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.session.policy import Prediction
+from adaptsim_cli.session.policy import ExpectedReward
 from adaptsim_cli.session.stages import RunTrial
 from hw.types import Array
 from perception.types import Outcome
@@ -21,9 +21,9 @@ class Proposal:
     drawn: Array  # (c,) the context that was asked for
     context: Array  # (c,) as measured
     action: Array  # (a,)
-    prediction: Prediction
-    told: str  # what has been planned
-    announced: str  # what happens when the operator agrees
+    prediction: ExpectedReward
+    summary: str  # what has been planned
+    announcement: str  # what happens when the operator agrees
     overlay: Path | None  # image with what the camera found, where there is one
 
 
@@ -63,7 +63,7 @@ Review = Accept | Overrule | Redo
 class Operator(Protocol):
     """Every question of a session. Each may raise StoppedByOperator."""
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         """A motion had started and never completed. Returns when the trial may be done again."""
         ...
 
@@ -77,6 +77,6 @@ class Operator(Protocol):
 
     def review(self, judged: Judged) -> Review: ...
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
+    def try_again(self, stage: RunTrial) -> bool:
         """Whether to set the trial up again after the object was not found, misplaced, or lost in tracking."""
         ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from adaptsim_cli.session.policy import Learner
+from adaptsim_cli.session.policy import SessionLearner
 from adaptsim_cli.session.target import Target
 from sim.tasks.task import Task
 
@@ -28,5 +28,5 @@ class Parts:
 
     task: Task
     target: Target
-    learner: Learner
+    learner: SessionLearner
     provenance: Provenance

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hw.types import Array
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.tasks.solver import SolvedPolicy
 
 
-@dataclass(frozen=True)
-class Prediction:
+class ExpectedReward(NamedTuple):
     """What training expects of an action at a context."""
 
     reward: float
@@ -21,20 +19,12 @@ class Prediction:
     high: float
 
 
-class TrainedPolicy(Protocol):
-    """A task policy that can say what it expects."""
-
-    def __call__(self, context: Array) -> Array: ...
-
-    def predict(self, context: Array) -> Prediction: ...
-
-
-class Learner(Protocol):
+class SessionLearner(Protocol):
     """A method of adaptation together with the training of its task policies."""
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...
 
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         """Its task policy after the iterations of `history`; for the same of both the same one."""
         ...
 

@@ -6,7 +6,7 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.target import Target
@@ -14,53 +14,53 @@ from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
 
 
-def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Check, ...]:
+def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
     """All checks, in the order in which they are shown. Raises nothing for a device that is not ready."""
     return (
-        Check("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
+        Readiness("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
         _disk(folder, min_free_mb),
         *target.checks(),
     )
 
 
-def rig_checks(rig: Rig) -> tuple[Check, ...]:
+def rig_checks(rig: Rig) -> tuple[Readiness, ...]:
     """Calibration, arm and camera."""
     return (calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC)), _arm(rig), _camera(rig))
 
 
-def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Check:
+def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Readiness:
     """Never fails; one that is older than `calibration_days` says so and how to look whether it still holds."""
     detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
     detail += f", {1e3 * eye.camera_late_s:.1f} ms subtracted from the camera's time stamps"
     days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0
     if days >= calibration_days:
         detail += f". It is {days} days old: has the camera moved? adaptsim calibrate check, one minute"
-    return Check("calibration", True, detail)
+    return Readiness("calibration", True, detail)
 
 
-def _disk(folder: Path, min_free_mb: int) -> Check:
+def _disk(folder: Path, min_free_mb: int) -> Readiness:
     free_mb = shutil.disk_usage(folder).free // 1_000_000
     if free_mb >= min_free_mb:
-        return Check("disk", True, f"{free_mb / 1000:.1f} GB free")
-    return Check(
+        return Readiness("disk", True, f"{free_mb / 1000:.1f} GB free")
+    return Readiness(
         "disk", False, f"{free_mb} MB free in {folder}, {min_free_mb} MB needed (min_free_mb); remove something"
     )
 
 
-def _arm(rig: Rig) -> Check:
+def _arm(rig: Rig) -> Readiness:
     try:
         state = rig.arm.state()
     except DeviceUnavailable as error:
-        return Check("arm", False, str(error))
+        return Readiness("arm", False, str(error))
     if state.fault is not None:
-        return Check("arm", False, f"it reports {state.fault}; clear the fault on the arm, then run again")
-    return Check("arm", True, f"{rig.arm.model}, no fault")
+        return Readiness("arm", False, f"it reports {state.fault}; clear the fault on the arm, then run again")
+    return Readiness("arm", True, f"{rig.arm.model}, no fault")
 
 
-def _camera(rig: Rig) -> Check:
+def _camera(rig: Rig) -> Readiness:
     try:
         model = rig.camera.model()
         rig.camera.snapshot()
     except (CameraError, DeviceUnavailable) as error:
-        return Check("camera", False, str(error))
-    return Check("camera", True, f"{model.serial}, {model.colour.width} × {model.colour.height}")
+        return Readiness("camera", False, str(error))
+    return Readiness("camera", True, f"{model.serial}, {model.colour.width} × {model.colour.height}")

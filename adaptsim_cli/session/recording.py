@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import cdr
 from adaptsim_cli.session.records import corrupt
+from hw.bounded import decode_image
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
 from perception.types import ObjectTrack
 
@@ -232,17 +233,14 @@ def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
 def _decode_colour(
     content: Bytes,
 ) -> Bytes:
-    image = cv2.imdecode(content, cv2.IMREAD_COLOR)
-    if image is None:
-        raise ValueError("a colour image cannot be decoded")
-    return np.ascontiguousarray(image[..., ::-1])
+    return np.ascontiguousarray(decode_image(content.tobytes(), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
 def _decode_depth(
     content: Bytes,
 ) -> NDArray[np.uint16]:
-    image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED)
-    if image is None or image.dtype != np.uint16:
+    image = decode_image(content.tobytes(), cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.uint16:
         raise ValueError("a depth image cannot be decoded")
     return np.asarray(image, np.uint16)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -15,9 +14,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import sealed
 from adaptsim_cli.storage.validation import place
+from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.types import Dimension, Space
+from sim.types import Space
 
 FORMAT = 2
 SEALED_SINCE = 2
@@ -48,11 +48,6 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     return tuple(
         DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale) for d in space.dimensions
     )
-
-
-def as_space(dimensions: tuple[DimensionRecord, ...]) -> Space:
-    """The space that `as_records` wrote down."""
-    return Space(tuple(Dimension(d.name, d.unit, d.low, d.high, d.scale) for d in dimensions))
 
 
 class Facts(Record):
@@ -86,7 +81,7 @@ class Facts(Record):
     """Column of the track by what it is called, where it is drawn over time instead of on the table."""
 
 
-class Start(Record):
+class SessionStart(Record):
     """start.json: the first particles, as samples in units."""
 
     particles: tuple[Samples, ...]
@@ -103,7 +98,7 @@ class TrackRecord(Record):
     flags: tuple[str, ...]
 
     @classmethod
-    def of(cls, track: ObjectTrack) -> TrackRecord:
+    def from_track(cls, track: ObjectTrack) -> TrackRecord:
         end = track.end_in_tool_m
         return cls(
             t_s=as_row(track.t_s),
@@ -252,14 +247,11 @@ def read_object(path: Path) -> dict[str, Any]:
 def _load(path: Path) -> tuple[dict[str, Any], bool]:
     """The table in a file, and whether it is sealed."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, JSON_BYTES)
         is_sealed = sealed.is_sealed(content, path.suffix)
-        text = content.decode()
-        data: Any = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
-    except (OSError, ValueError, RecursionError) as error:  # what is not UTF-8, JSON, TOML or as it was written
-        raise corrupt(path, str(error)) from error
-    if not isinstance(data, dict):
-        raise corrupt(path, "it does not hold a table")
+        data = parse_table(content, is_toml=path.suffix == ".toml")
+    except (FileNotFoundError, Unreadable, sealed.SealBroken) as error:
+        raise corrupt(path, f"it {error}") from error
     if is_sealed:
         data.pop(sealed.KEY, None)
     return data, is_sealed

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.session.records import RigFacts
 from calib.types import HandEye
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, CameraModel, Frame, JointPath
@@ -73,6 +74,25 @@ class Planner:
     """Joints (7,) as the arm reports them -> its flange over the table, X_WF (4, 4)."""
 
 
+class Attendant(Protocol):
+    """The person beside a real arm, around its trials."""
+
+    def recover(self) -> None:
+        """Clear the arm's fault, if it has one, where the person says so. Nothing moves."""
+        ...
+
+    def prepare(self, what: str) -> None:
+        """Before `what` is placed: the confirmation, the way home, the weighing.
+
+        Raises NotExecutable, MotionRefused, StoppedByOperator.
+        """
+        ...
+
+    def facts(self) -> RigFacts:
+        """What the rig says of itself after a trial."""
+        ...
+
+
 @dataclass(frozen=True)
 class Rig:
     """The connected devices of one bench."""
@@ -84,6 +104,7 @@ class Rig:
     bench: Bench
     hand_eye: HandEye
     calibration_days: int = 30  # the age from which it is warned of
+    attendant: Attendant | None = None  # None: nobody is needed
     wait: Callable[[float], None] = lambda _: None
     """Lets so many seconds pass. A simulated lab's motion returns with the object at rest, so nothing is waited for."""
     await_enabled: Callable[[], None] = lambda: None

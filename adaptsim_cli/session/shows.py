@@ -53,7 +53,7 @@ def proposal(task: Task, made: Proposal) -> RenderableType:
         *_where(task, made.context),
         f"Action   {views.values(task.action, made.action)}",
         f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
-        made.told,
+        made.summary,
     )
     return views.indent(Group(*map(Text, lines)))
 

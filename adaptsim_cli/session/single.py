@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,13 @@ from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.screen import console, values
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import shows
+from adaptsim_cli.session import trial
 from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Planned, Ready, Target
+from adaptsim_cli.session.target import Executed, Planned, Ready, Target
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -80,16 +81,10 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
     planned = _plan(task, ready, action)
-    overlay = None if ready.overlay is None else _shown(ready.overlay)
-    expected = policy.predict(ready.context)
-    proposal = Proposal(_STAGE, mean, drawn, ready.context, action, expected, planned.told, planned.announced, overlay)
-    screen.show(shows.proposal(task, proposal))
+    proposal = trial.propose(task, _STAGE, mean, policy, ready, action, planned, _shown, screen)
     operator.approve(proposal, target.is_real)
-    _move(planned, folder, screen)
-    with screen.busy("Reading the recording"):
-        replay = target.replay(ready.context, action, folder)
-    with screen.busy(replay.looking):
-        track = replay.track()
+    trial.execute(planned, partial(_store, folder), screen)
+    replay, track = trial.look(target, ready.context, action, folder, screen)
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
     content = json.dumps(record, allow_nan=False, indent=1).encode()
     durable.complete_folder(folder, replay.evidence(track).files, "trial.json", content)
@@ -104,7 +99,7 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
             return target.set_up(drawn, stage.key, operator)
         except PerceptionError as error:
             screen.note(f"Attempt {stage.key.attempt + 1}, nothing has moved: {error}")
-            if not operator.try_again(stage, str(error), False):
+            if not operator.try_again(stage):
                 raise
         stage = replace(stage, key=TrialKey(stage.key.number, stage.key.attempt + 1))
 
@@ -121,15 +116,9 @@ def _plan(task: Task, ready: Ready, action: Array) -> Planned:
         raise
 
 
-def _move(planned: Planned, folder: Path, screen: Screen) -> None:
-    """Execute, and store what was recorded. Raises HardwareError."""
-    with screen.busy(planned.doing):
-        executed = planned.execute()
-    with screen.busy("Storing what was recorded"):
-        durable.make_folder(folder.parent)
-        durable.write_folder(folder, executed.files())
-    if executed.stopped is not None:
-        raise executed.stopped
+def _store(folder: Path, executed: Executed) -> None:
+    durable.make_folder(folder.parent)
+    durable.write_folder(folder, executed.files())
 
 
 def _shown(overlay: bytes) -> Path:
@@ -155,7 +144,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
         "reward": task.score(track, made.context),
         "flags": list(track.flags),
         "observation": as_row(task.observation(track)),
-        "track": TrackRecord.of(track).model_dump(mode="json"),
+        "track": TrackRecord.from_track(track).model_dump(mode="json"),
         "when": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

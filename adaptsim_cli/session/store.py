@@ -12,7 +12,7 @@ from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Facts, MotionRecord, Note, ResultRecord, Start, TrialRecord
+from adaptsim_cli.session.records import Facts, MotionRecord, Note, ResultRecord, SessionStart, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked
@@ -36,10 +36,10 @@ class SessionStore:
 
     folder: Path
     facts: Facts
-    start: Start
+    start: SessionStart
 
     @classmethod
-    def create(cls, root: Path, facts: Facts, start: Start) -> SessionStore:
+    def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
         """Make the folder of a new session below `root`. Raises UsageError on a bad name, SessionError, DiskFull.
 
         Of two commands that begin the same session at once, the second gets the SessionError.
@@ -60,7 +60,7 @@ class SessionStore:
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
         facts = records.read(Facts, _facts_file(folder))
         is_sealed = facts.format >= records.SEALED_SINCE
-        return cls(folder, facts, records.read(Start, folder / START, must_be_sealed=is_sealed))
+        return cls(folder, facts, records.read(SessionStart, folder / START, must_be_sealed=is_sealed))
 
     def existing(self) -> Existing:
         """What is there. Raises SessionError on names that do not belong."""

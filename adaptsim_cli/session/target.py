@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.screen.checks import Check
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import KeyMoment
 from adaptsim_cli.session.stages import RunTrial, TrialKey
@@ -21,7 +21,7 @@ from perception.types import ObjectTrack, Outcome
 
 
 @dataclass(frozen=True)
-class Evidence:
+class TrialEvidence:
     """What is kept of a trial beside its recording and its record."""
 
     files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
@@ -42,7 +42,7 @@ class Executed(Protocol):
         ...
 
 
-class Replay(Protocol):
+class TrialReplay(Protocol):
     """A motion that is over, read from what was stored of it, and not looked at yet."""
 
     @property
@@ -54,19 +54,19 @@ class Replay(Protocol):
         """Raises TrackingFailed."""
         ...
 
-    def evidence(self, track: ObjectTrack) -> Evidence: ...
+    def evidence(self, track: ObjectTrack) -> TrialEvidence: ...
 
 
 class Planned(Protocol):
     """A trial that may be executed."""
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """What has been planned, in one sentence."""
         ...
 
     @property
-    def announced(self) -> str:
+    def announcement(self) -> str:
         """What is going to happen when the operator agrees."""
         ...
 
@@ -121,7 +121,7 @@ class Target(Protocol):
         """How a trial can end, for an operator who saw it otherwise."""
         ...
 
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Readiness, ...]:
         """Whether it is ready."""
         ...
 
@@ -133,7 +133,7 @@ class Target(Protocol):
         """Make the `drawn` context (c,) true, as far as it can be. Raises HardwareError, ObjectNotFound."""
         ...
 
-    def replay(self, context: Array, action: Array, folder: Path) -> Replay:
+    def replay(self, context: Array, action: Array, folder: Path) -> TrialReplay:
         """The motion that was executed for context (c,) and action (a,), from what was stored of it in `folder`.
 
         No device is asked. Raises SessionError naming a file that is corrupt, ObjectNotFound.

@@ -33,7 +33,7 @@ def is_sealed(content: bytes, suffix: str) -> bool:
     if start < 0 or content[start : start + len(before)] != before or not content.endswith(after):
         return False
     if content != _sealed(content[:start], (before, after)):
-        raise SealBroken("it was changed after it had been written: its SHA-256 is another")
+        raise SealBroken("was changed after it had been written: its SHA-256 is another")
     return True
 
 

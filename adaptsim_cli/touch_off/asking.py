@@ -13,7 +13,7 @@ from adaptsim_cli.touch_off.parts import TouchRig
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run without it, at a terminal"
 
 
-class Operator(Protocol):
+class Assistant(Protocol):
     """Each may raise StoppedByOperator or UsageError."""
 
     def begin(self, rig: TouchRig) -> None:
@@ -37,7 +37,7 @@ class Operator(Protocol):
 
 
 @dataclass(frozen=True)
-class Attended:
+class HumanAssistant:
     """A person at the terminal answers."""
 
     screen: Screen
@@ -68,7 +68,7 @@ class Attended:
 
 
 @dataclass(frozen=True)
-class Unattended:
+class NoAssistant:
     """Nobody is there: the simulated lab alone."""
 
     def begin(self, rig: TouchRig) -> None:

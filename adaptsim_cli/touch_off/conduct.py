@@ -14,7 +14,7 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.touch_off import flow, shows
-from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, Attended, Unattended
+from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, HumanAssistant, NoAssistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore, record
@@ -26,7 +26,7 @@ Stores = Callable[[Config, Places], TouchOffStore]
 
 
 @dataclass(frozen=True)
-class Request:
+class TouchOffRequest:
     """What the operator asked for on the command line."""
 
     grasp: Grasp
@@ -34,14 +34,14 @@ class Request:
     as_json: bool
 
 
-def touch_off(resolved: Resolved, request: Request, open_rig: OpenRig, stores: Stores) -> None:
+def touch_off(resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores) -> None:
     """The whole touch-off. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     if not config.is_simulated and request.yes:
         raise UsageError(NEVER_CONFIRMS)
     if not request.yes:
         console.require_terminal()
-    operator = Unattended() if request.yes else Attended(screen)
+    operator = NoAssistant() if request.yes else HumanAssistant(screen)
     store = stores(config, resolved.places)
     with _how_to_continue(), open_rig(config, resolved.places, request.grasp) as rig:
         screen.show(shows.explanation(rig))

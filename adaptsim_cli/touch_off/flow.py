@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off import shows
-from adaptsim_cli.touch_off.asking import Operator
+from adaptsim_cli.touch_off.asking import Assistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import DIFFER_M, Result, Touched, differ, solve, table_of
@@ -22,7 +22,7 @@ from hw.errors import HandError, NoContact
 from hw.kinematics import forward
 from hw.types import Array, Contact, Guard
 from sim.panda.detours import free_path
-from sim.panda.touching import Bench, Probe, Stage, descent, stance
+from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 
 ABOVE_M = 0.022
 """From here every way down begins, over where the table is expected."""
@@ -55,7 +55,7 @@ class Slip:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class TouchOffRun:
     """All that a touch-off gives."""
 
     result: Result
@@ -64,7 +64,7 @@ class Found:
     tool: tuple[Touched, ...]
 
 
-def touch_off(rig: TouchRig, operator: Operator, screen: Screen) -> Found:
+def touch_off(rig: TouchRig, operator: Assistant, screen: Screen) -> TouchOffRun:
     """Home the hand, touch the table, take the tool, touch with it, press, touch again, solve.
 
     Raises TouchOffFailed, HardwareError, NotExecutable, StoppedByOperator.
@@ -93,10 +93,10 @@ def touch_off(rig: TouchRig, operator: Operator, screen: Screen) -> Found:
         )
     if result.problems:
         raise TouchOffFailed("not accepted: " + "; ".join(result.problems))
-    return Found(result, slip, tuple(fingers), tuple(tool))
+    return TouchOffRun(result, slip, tuple(fingers), tuple(tool))
 
 
-def _touch_all(rig: TouchRig, bench: Bench, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
+def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
     """Each place: down until it touches, then slowly again; what one place shows helps to find the next."""
     found: list[Touched] = []
     lower_m = 0.0  # how much lower than expected the last place was
@@ -121,7 +121,7 @@ def _touch_all(rig: TouchRig, bench: Bench, probes: Sequence[Probe], table: Tabl
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
         found += [Touched(probe, q) for q in slow]
-        screen.show(shows.touched(number + 1, len(probes), probe.name, heights, expected))
+        screen.show(shows.touched(number + 1, len(probes), probe.name, heights))
     return found
 
 
@@ -139,7 +139,7 @@ def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) 
     return Slip(float(np.mean(after) - np.mean(before)), PRESS_N)
 
 
-def _at(rig: TouchRig, bench: Bench, probe: Probe, expected: Table, deeper_m: float) -> Array:
+def _at(rig: TouchRig, bench: HeldTool, probe: Probe, expected: Table, deeper_m: float) -> Array:
     """Go over the place -> the posture there (7,), as the arm reports it."""
     search = (Stage(ABOVE_M + deeper_m, FAST_M_S),)
     q_rad = stance(probe, bench, expected, ABOVE_M, search, TOUCH_N, rig.arm.state().q_rad)
@@ -147,7 +147,7 @@ def _at(rig: TouchRig, bench: Bench, probe: Probe, expected: Table, deeper_m: fl
     return q_rad
 
 
-def _slowly(rig: TouchRig, bench: Bench, probe: Probe, here: Array, found_m: float) -> Array:
+def _slowly(rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, found_m: float) -> Array:
     """Down again, the last stretch slowly -> the true joints (7,) where the touch began, before anything bent."""
     guard = bench.guard(probe.feeler, TOUCH_N)
     contact = _feel(rig, bench, probe, here, _last_slow(found_m, BEYOND_M), BEYOND_M - found_m, guard)
@@ -166,7 +166,7 @@ def _last_slow(found_m: float, beyond_m: float) -> tuple[Stage, Stage]:
 
 
 def _feel(
-    rig: TouchRig, bench: Bench, probe: Probe, here: Array, stages: tuple[Stage, ...], below_m: float, guard: Guard
+    rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, stages: tuple[Stage, ...], below_m: float, guard: Guard
 ) -> Contact:
     """Down from `here` until it touches. The arm is back at `here`."""
     path = descent(here, stages, guard, below_m, bench.cell.arm)
@@ -179,7 +179,7 @@ def _feel(
         ) from error
 
 
-def take_tool(rig: TouchRig, operator: Operator) -> None:
+def take_tool(rig: TouchRig, operator: Assistant) -> None:
     """Let the operator put the tool between the fingers, and grasp it. Raises TouchOffFailed, HandError."""
     rig.hand.move(_OPEN_M)
     operator.hand_over(rig)
@@ -192,13 +192,13 @@ def take_tool(rig: TouchRig, operator: Operator) -> None:
         raise TouchOffFailed("the hand reports that it holds nothing; hand the tool over again, and run again")
 
 
-def _go(rig: TouchRig, q_rad: Array, bench: Bench) -> None:
+def _go(rig: TouchRig, q_rad: Array, bench: HeldTool) -> None:
     here = rig.arm.state().q_rad
     if np.abs(here - q_rad).max() > 1e-4:
         rig.arm.execute(free_path(here, q_rad, bench.cell))
 
 
-def _above(bench: Bench, q_rad: Array, probe: Probe, table: Table) -> float:
+def _above(bench: HeldTool, q_rad: Array, probe: Probe, table: Table) -> float:
     """How far over `table` the tool, as designed, takes its corner to be."""
     X_BT = forward(q_rad) @ bench.X_FT
     p_m = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from adaptsim_cli.config import is_simulated
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
-from sim.panda.touching import Bench, Probe
+from sim.panda.feelers import Touching, touchable
+from sim.panda.touch_plan import table_probes, tool_probes
+from sim.panda.touching import HeldTool, Probe
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +19,12 @@ class Plan:
 
     table: tuple[Probe, ...]  # with the closed, empty fingers
     tool: tuple[Probe, ...]  # with the tool; the first one is touched again after the slip check
+
+
+def plan_of(hardware: Touching) -> Plan:
+    """What is touched for a task's tool. Raises UnknownName."""
+    touched = touchable(hardware)
+    return Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m))
 
 
 @dataclass(frozen=True)
@@ -38,8 +46,8 @@ class TouchRig:
     arm: GuardedArm
     hand: Hand
     grasp: Grasp
-    empty: Bench  # with nothing in the hand, the table where it is taken to be at first
-    loaded: Bench  # with the tool, as designed
+    empty: HeldTool  # with nothing in the hand, the table where it is taken to be at first
+    loaded: HeldTool  # with the tool, as designed
     plan: Plan
     home_rad: Array  # (7,) where the tool is handed over and the arm returns to
     tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away

@@ -11,8 +11,7 @@ from rich.text import Text
 
 from adaptsim_cli.screen import views
 from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import Estimate, Result
-from hw.collision import Table
+from adaptsim_cli.touch_off.solving import MeasuredValue, Result
 
 
 def explanation(rig: TouchRig) -> RenderableType:
@@ -31,7 +30,7 @@ def explanation(rig: TouchRig) -> RenderableType:
     )
 
 
-def touched(number: int, of: int, name: str, heights_m: Sequence[float], expected: Table) -> RenderableType:
+def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> RenderableType:
     """One line for one place."""
     seen = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
     return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm against what was expected")
@@ -59,5 +58,5 @@ def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
     return Group(Text(""), views.rows(("found", "value", "within, 19 times of 20"), rows))
 
 
-def _row(name: str, found: Estimate, scale: float, unit: str) -> tuple[str, str, str]:
+def _row(name: str, found: MeasuredValue, scale: float, unit: str) -> tuple[str, str, str]:
     return name, f"{scale * found.value:+.2f} {unit}", f"± {scale * found.within:.2f} {unit}"

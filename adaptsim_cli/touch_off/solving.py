@@ -40,7 +40,7 @@ class Touched:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MeasuredValue:
     """A value and the half width of its 95 % interval."""
 
     value: float
@@ -52,13 +52,13 @@ class Result:
     """What a touch-off found."""
 
     correction: ToolCorrection
-    table_height_m: Estimate  # of the table top under the work area, over z = 0 of the base
-    tilt_x: Estimate
-    tilt_y: Estimate
-    height_m: Estimate  # of the tool, along its own Z
-    forward_m: Estimate
-    pitch_rad: Estimate
-    roll_rad: Estimate
+    table_height_m: MeasuredValue  # of the table top under the work area, over z = 0 of the base
+    tilt_x: MeasuredValue
+    tilt_y: MeasuredValue
+    height_m: MeasuredValue  # of the tool, along its own Z
+    forward_m: MeasuredValue
+    pitch_rad: MeasuredValue
+    roll_rad: MeasuredValue
     edge_over_table_m: float  # half width of the 95 % interval of what a task feels: edge against table
     repeat_m: float  # spread of repeats, one standard deviation
     misfit_m: float  # largest residual of a place
@@ -100,7 +100,7 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
         raise ValueError("a touch-off needs the fingers at 3 places, and the tool held in 4 ways, at least")
     table, table_off, table_N = table_of(fingers)
     correction, tool_off, tool_N = tool_of(tool, designed, table)
-    repeat_m = _repeatability(fingers, tool, designed, table)
+    repeat_m = _repeatability(fingers, tool, designed)
     table_cov = _covariance(table_off, table_N, repeat_m)
     tool_cov = _covariance(tool_off, tool_N, repeat_m)
     at = np.array([1.0, *work_m])
@@ -113,13 +113,13 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
     misfit_m = float(max(np.abs(table_off).max(), np.abs(tool_off).max()))
     return Result(
         correction=correction,
-        table_height_m=Estimate(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
-        tilt_x=Estimate(table.slope_x, wide[0] * float(tilt[1])),
-        tilt_y=Estimate(table.slope_y, wide[0] * float(tilt[2])),
-        height_m=Estimate(correction.height_m, max(wide) * height_sigma),
-        forward_m=Estimate(correction.forward_m, wide[1] * float(sigma[1])),
-        pitch_rad=Estimate(correction.pitch_rad, wide[1] * float(sigma[2])),
-        roll_rad=Estimate(correction.roll_rad, wide[1] * float(sigma[3])),
+        table_height_m=MeasuredValue(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
+        tilt_x=MeasuredValue(table.slope_x, wide[0] * float(tilt[1])),
+        tilt_y=MeasuredValue(table.slope_y, wide[0] * float(tilt[2])),
+        height_m=MeasuredValue(correction.height_m, max(wide) * height_sigma),
+        forward_m=MeasuredValue(correction.forward_m, wide[1] * float(sigma[1])),
+        pitch_rad=MeasuredValue(correction.pitch_rad, wide[1] * float(sigma[2])),
+        roll_rad=MeasuredValue(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
         repeat_m=repeat_m,
         misfit_m=misfit_m,
@@ -138,7 +138,7 @@ def _lowest(X_BT: Array, probe: Probe) -> Array:
     return np.asarray(p_m - [0.0, 0.0, probe.feeler.radius_m])
 
 
-def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, table: Table) -> float:
+def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array) -> float:
     """Pooled spread of the repeats of each place, one standard deviation."""
     squares, free = 0.0, 0
     for touches, X_FT in ((fingers, np.eye(4)), (tool, designed)):

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
-from adaptsim_cli.touch_off.flow import Found
+from adaptsim_cli.touch_off.flow import TouchOffRun
 from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import Estimate, Touched
+from adaptsim_cli.touch_off.solving import MeasuredValue, Touched
 from calib.errors import ViewFolderError
 from calib.record import Record
 from calib.records import read
@@ -33,18 +33,18 @@ class EstimateRecord(Record):
     within: float
 
     @classmethod
-    def of(cls, found: Estimate) -> EstimateRecord:
+    def from_value(cls, found: MeasuredValue) -> EstimateRecord:
         return cls(value=found.value, within=found.within)
 
 
-class TouchRecord(Record):
+class SlowTouchRecord(Record):
     """One slow touch."""
 
     place: str
     q_rad: tuple[float, ...]  # true joints, as far as calibration knows
 
     @classmethod
-    def of(cls, touched: Touched) -> TouchRecord:
+    def from_touch(cls, touched: Touched) -> SlowTouchRecord:
         return cls(place=touched.probe.name, q_rad=tuple(float(q) for q in touched.q_rad))
 
 
@@ -73,7 +73,7 @@ class SavedTouchOff(Record):
     pressed_N: float
     grasp_force_N: float
     joint_zeros_rad: tuple[float, ...]  # of the calibration that it was made with
-    touches: tuple[TouchRecord, ...]
+    touches: tuple[SlowTouchRecord, ...]
     versions: dict[str, str]
 
     def correction(self) -> ToolCorrection:
@@ -93,7 +93,7 @@ class SavedTouchOff(Record):
         return hashlib.sha256(self.content()).hexdigest()
 
 
-def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) -> SavedTouchOff:
+def record(found: TouchOffRun, rig: TouchRig, created: str, versions: dict[str, str]) -> SavedTouchOff:
     """All of it as it is stored."""
     result, table = found.result, found.result.correction.table
     return SavedTouchOff(
@@ -103,14 +103,14 @@ def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) 
         rig=rig.key,
         tool=rig.tool_name,
         source=f"touch-off on {rig.title}",
-        table_height_m=EstimateRecord.of(result.table_height_m),
-        tilt_x=EstimateRecord.of(result.tilt_x),
-        tilt_y=EstimateRecord.of(result.tilt_y),
+        table_height_m=EstimateRecord.from_value(result.table_height_m),
+        tilt_x=EstimateRecord.from_value(result.tilt_x),
+        tilt_y=EstimateRecord.from_value(result.tilt_y),
         table_origin_m=table.height_m,
-        tool_height_m=EstimateRecord.of(result.height_m),
-        tool_forward_m=EstimateRecord.of(result.forward_m),
-        tool_pitch_rad=EstimateRecord.of(result.pitch_rad),
-        tool_roll_rad=EstimateRecord.of(result.roll_rad),
+        tool_height_m=EstimateRecord.from_value(result.height_m),
+        tool_forward_m=EstimateRecord.from_value(result.forward_m),
+        tool_pitch_rad=EstimateRecord.from_value(result.pitch_rad),
+        tool_roll_rad=EstimateRecord.from_value(result.roll_rad),
         edge_over_table_m=result.edge_over_table_m,
         repeat_m=result.repeat_m,
         misfit_m=result.misfit_m,
@@ -118,7 +118,7 @@ def record(found: Found, rig: TouchRig, created: str, versions: dict[str, str]) 
         pressed_N=found.slip.pressed_N,
         grasp_force_N=rig.grasp.force_N,
         joint_zeros_rad=tuple(float(q) for q in rig.empty.cell.arm.zeros_rad),
-        touches=tuple(TouchRecord.of(t) for t in (*found.fingers, *found.tool)),
+        touches=tuple(SlowTouchRecord.from_touch(t) for t in (*found.fingers, *found.tool)),
         versions=versions,
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,19 +13,20 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.calibration.store import CalibrationStore
-from adaptsim_cli.config import SIMULATED, Config, Places
+from adaptsim_cli.config import Config, Places
+from adaptsim_cli.devices.mounted import weighed, workcell
+from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.reading import BOARD, rig_of
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
-from hw import collision
-from hw.collision import LEVEL, KeepOut
+from hw.collision import camera_box
 from hw.types import Array, JointPath
-from hw.workcell import STOPS_AT_N, Workcell, arm_model
+from hw.workcell import Workcell
 from perception.board.types import Board
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.openers import Openers
+    from adaptsim_cli.devices.drivers import Drivers
     from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
@@ -77,77 +77,35 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
 
 @contextmanager
 def open_calibration_rig(
-    config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None = None
+    config: Config, board: Board, rough: SavedCalibration | None, drivers: Drivers | None = None
 ) -> Iterator[CalibrationRig]:
-    """The devices, connected, with the board in the gripper. Raises SimError, DeviceUnavailable, UsageError.
+    """The devices, connected, with the board in the gripper. Raises DeviceUnavailable, and what `open_lab` raises.
 
-    `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone. `openers`: how the
-    devices of a real lab are opened.
+    `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone. Where nothing is
+    known of it, nothing is planned: the arm is guided by hand. `drivers`: of a real lab's devices.
     """
-    opened = _lab(config, board, rough) if config.is_simulated else _real(config, board, rough, openers)
-    with opened as rig:
-        yield rig
-
-
-@contextmanager
-def _lab(config: Config, board: Board, rough: SavedCalibration | None) -> Iterator[CalibrationRig]:
     from hw.kinematics import forward
-    from sim.lab.calibrating import CalibrationLab
-    from sim.lab.calibration import nominal_of
-    from sim.lab.world import load_world
     from sim.tasks import get_task
 
-    task = get_task(config.task)
-    world, held = load_world(config.world, task), _held(board)
-    home_rad = np.array(BOARD_HOME_RAD)
-    rough_X_BC = nominal_of(world, config.seed).X_BC if rough is None else np.array(rough.X_AC)
-    cell = Workcell(arm_model("panda", UNKNOWN_RAD), held.tool(), LEVEL, camera_box(rough_X_BC), STOPS_AT_N)
-    with CalibrationLab(task, world, config.seed, held, cell, home_q_rad=home_rad) as lab:
-        yield CalibrationRig(
-            name=SIMULATED,
-            title=f"simulated lab, world {world.name}",
-            key=calibration_key(config),
-            arm=lab.arm,
-            camera=lab.camera,
-            board=board,
-            X_FM=held.X_FM,
-            rough_X_BC=rough_X_BC,
-            ways=ways(cell, home_rad),
-            flange=forward,
-            pause=lambda _: None,
-            hands=lab.hands,
-        )
-
-
-@contextmanager
-def _real(
-    config: Config, board: Board, rough: SavedCalibration | None, openers: Openers | None
-) -> Iterator[CalibrationRig]:
-    """Without an earlier calibration nothing is planned: the arm is guided by hand."""
-    from adaptsim_cli.devices.mounted import weighed
-    from adaptsim_cli.devices.opening import open_lab
-    from hw.kinematics import forward
-
-    with open_lab(config, (), openers) as lab:
-        rig, held = lab.rig, _held(board)
-        rough_X_BC = None if rough is None else np.array(rough.X_AC)
-        boxes = (*rig.boxes(), *(() if rough_X_BC is None else camera_box(rough_X_BC)))
-        arm_alone, tool = arm_model(rig.arm.model, UNKNOWN_RAD), weighed(held.tool(), rig.tool(BOARD))
-        cell = Workcell(arm_alone, tool, rig.table.plane(), boxes, rig.arm.stops_at_N)
-        arm, camera = lab.arm(cell, BOARD), lab.camera(infrared=True)
-        lab.connect_recovered(arm)
+    with open_lab(config, get_task(config.task), drivers) as lab:
+        eye = lab.nominal if rough is None else rough.hand_eye()
+        boxes = () if eye is None else (camera_box(eye.X_BC),)
+        held, home_rad = _held(board), np.array(BOARD_HOME_RAD)
+        cell = workcell(lab.rig, UNKNOWN_RAD, weighed(held.tool(), lab.rig.tool(BOARD)), boxes)
+        devices = lab.for_calibration(held, cell, home_rad)
         yield CalibrationRig(
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
-            arm=arm,
-            camera=camera,
+            arm=devices.arm,
+            camera=devices.camera,
             board=board,
             X_FM=held.X_FM,
-            rough_X_BC=rough_X_BC,
-            ways=ways(cell, np.array(BOARD_HOME_RAD)),
+            rough_X_BC=None if eye is None else eye.X_BC,
+            ways=ways(cell, home_rad),
             flange=forward,
-            pause=time.sleep,
+            pause=devices.pause,
+            hands=devices.hands,
         )
 
 
@@ -170,11 +128,6 @@ def ways(cell: Workcell, home_rad: Array) -> Ways:
         return visits.way(q_from, q_to, home_rad, cell)
 
     return Ways(postures=postures, order=visits.nearest_first, way=way)
-
-
-def camera_box(X_BC: Array) -> tuple[KeepOut, ...]:
-    """The box around a camera at `X_BC` (4, 4), into which the arm never goes."""
-    return (collision.camera_box(X_BC),)
 
 
 def _plain(name: str) -> str:

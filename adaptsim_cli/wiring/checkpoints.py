@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
 
 ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a re-evaluation: half a minute of one core, and some ten seconds."""
+"""True rollouts of a verification: half a minute of one core, and some ten seconds."""
 
 
 def task_of(config: Config) -> Task:
@@ -62,12 +62,13 @@ def _pretrained(task: Task) -> list[Path]:
     return [folder for folder in own_checkpoints() if fits(folder)]
 
 
-def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
+def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Load the setting's checkpoint against card and task, and see whether the card's figures hold; for JSON.
 
     Raises CheckpointError where it is corrupt or foreign; a figure that does not hold is told in `holds`.
     """
-    from sim.pretraining.reevaluation import Figure, reevaluate
+    from sim.pretraining.verification.figures import Figure
+    from sim.pretraining.verification.figures import verify_figures as verify
     from sim.rollouts import process_pool, run_many
 
     checkpoint = checkpoint_of(config)
@@ -76,7 +77,7 @@ def reevaluate(config: Config, rollouts: int, progress: Callable[[int, int], Non
     if rollouts:
         with process_pool(config.workers or None) as executor:
             roll = partial(run_many, task, executor=executor)
-            figures = reevaluate(checkpoint, roll, rollouts, config.seed, progress)
+            figures = verify(checkpoint, roll, rollouts, config.seed, progress)
     return {
         "task": task.name,
         "folder": str(checkpoint.path),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import values
@@ -13,13 +13,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from adaptsim_cli.config import Resolved
-    from adaptsim_cli.devices.rig_file.description import RigDescription
-    from hw.collision import KeepOut
+    from adaptsim_cli.devices.mounted import MountedTask
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
-    from hw.workcell import ArmModel
     from sim.lab.preview import Preview
-    from sim.panda.correction import ToolCorrection
     from sim.tasks.task import Task
 
 PATHS = ("approach", "task", "way back")
@@ -88,58 +85,49 @@ class PlannedMotion:
 _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 
 
-@dataclass(frozen=True, eq=False)
-class Lab:
-    """What a motion is planned for: an arm, and the lab around it where there is a rig file."""
+def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
+    """The task on an `arm` by name as it ships; else in the lab of the rig file where the settings name a real one;
+    else on a Panda.
 
-    arm: ArmModel
-    rig: RigDescription | None
-    keep_out: tuple[KeepOut, ...]  # on top of the rig's
-    correction: ToolCorrection | None  # what its touch-off found
-
-
-def lab_of(resolved: Resolved, arm: str | None) -> Lab:
-    """An `arm` by name as it ships; else the lab of the rig file where the settings name a real one; else a Panda.
-
-    Raises UsageError, SessionError for a calibration that cannot be read, PreflightFailed for a stale touch-off.
+    Raises UsageError, NoHardware, NotExecutable, SessionError for a calibration that cannot be read, PreflightFailed
+    for a stale touch-off.
     """
     import numpy as np
 
+    from adaptsim_cli.devices.mounted import mounted, mounted_as_shipped
+    from adaptsim_cli.devices.rig_file.description import Model
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.wiring.calibration import camera_box, current_calibration
+    from adaptsim_cli.wiring.calibration import current_calibration
     from adaptsim_cli.wiring.touch_off import touch_off_of
-    from hw.joint_limits import LIMITS
-    from hw.workcell import arm_model
+    from hw.collision import camera_box
+    from sim.tasks import get_task
 
     config = resolved.config
+    task, models = get_task(config.task), get_args(Model)
     if arm is not None or config.is_simulated:
-        if arm not in (None, *LIMITS):
-            raise UsageError(f"--arm {arm}: it is one of {', '.join(LIMITS)}")
-        return Lab(arm_model(arm or "panda", np.zeros(7)), None, (), None)
+        if arm not in (None, *models):
+            raise UsageError(f"--arm {arm}: it is one of {', '.join(models)}")
+        return mounted_as_shipped(task, cast(Model, arm or "panda"))
     known = current_calibration(config, resolved.places)
-    boxes = () if known is None else camera_box(known.hand_eye().X_BC)
+    boxes = () if known is None else (camera_box(known.hand_eye().X_BC),)
     zeros_rad = np.zeros(7) if known is None else known.offsets_rad()
     touched = touch_off_of(config, resolved.places, zeros_rad)
     correction = None if touched is None else touched.correction()
-    return Lab(arm_model(config.hw, zeros_rad), rig_of(config, tasks_with_tools()), boxes, correction)
+    return mounted(task, rig_of(config, tasks_with_tools()), zeros_rad, boxes, correction)
 
 
-def planned(task_name: str, lab: Lab, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
+def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
     """The motion for values typed as name=value; what is not given is the middle of its range.
 
-    Raises UsageError for values or a task that cannot be planned, NotExecutable or MotionRefused (also where no stop
-    along the path keeps the limits) where the arm cannot do it.
+    Raises UsageError for values that are wrong, NotExecutable or MotionRefused (also where no stop along the path keeps
+    the limits) where the arm cannot do it.
     """
     import numpy as np
 
-    from adaptsim_cli.devices.mounted import mounted
-    from sim.tasks import get_task
-
-    task = get_task(task_name)
-    there = mounted(task, lab.arm, lab.rig, lab.keep_out, lab.correction)
+    task = there.task
     where = values.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
     how = values.point(task.action, action, middle, "--action")
     paths = there.paths(there.hardware.plan(where, how))
     approach, motion, back = (there.cell.require(path) for path in paths)
-    return PlannedMotion(there.task, lab.arm.name, where, how, paths, (approach, motion, back))
+    return PlannedMotion(task, there.cell.arm.name, where, how, paths, (approach, motion, back))

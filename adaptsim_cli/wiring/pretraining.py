@@ -29,7 +29,7 @@ class Sizes:
     steps: int | None = None  # adaptation steps that the Q-policy learns from
     judged: int | None = None  # unseen targets of the evaluation
 
-    def of(self, budget: PretrainBudget) -> PretrainBudget:
+    def applied_to(self, budget: PretrainBudget) -> PretrainBudget:
         """The budget with these sizes."""
         return replace(
             budget,
@@ -79,7 +79,7 @@ def pretrain(
     kind = next((known for known in TARGETS if known == targets), None)
     if kind is None:
         raise UsageError(f"--targets {targets}: it is one of {', '.join(TARGETS)}")
-    task, chosen = task_of(config), sizes.of(budgets[budget]().on_targets(kind))
+    task, chosen = task_of(config), sizes.applied_to(budgets[budget]().on_targets(kind))
     unusual = (
         Path(config.object).stem,
         solver if solver != SOLVERS[0] else "",

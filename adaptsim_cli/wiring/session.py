@@ -3,54 +3,44 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.config import SIMULATED, Config, Places, places
-from adaptsim_cli.devices.attended import AttendedRig, Person
+from adaptsim_cli.config import Config, Places, places
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.opening import open_lab
-from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Prediction, TrainedPolicy
-from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.session.rig import Planner, Rig
+from adaptsim_cli.session.rig import Planner
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.wiring.calibration import calibration_of
 from adaptsim_cli.wiring.checkpoints import checkpoint_of
 from adaptsim_cli.wiring.touch_off import touch_off_of
 from calib.types import HandEye
-from hw.collision import camera_box
 from hw.errors import MotionRefused
 from hw.types import Array
-from hw.workcell import arm_model
 from perception.types import ObjectTrack
 from sim.adaptation.method import Best, Iteration, Method, Particle
 from sim.errors import NotExecutable
-from sim.solvers.solver import Executable, SolvedPolicy, Solver
-from sim.tasks.task import Task
+from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
+from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.mounted import MountedTask
-    from adaptsim_cli.devices.openers import Openers
-    from sim.lab.simulated import SimulatedLab
-    from sim.lab.world import World
+    from adaptsim_cli.devices.drivers import Drivers
 
 
 @contextmanager
-def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> Iterator[Parts]:
-    """Everything a session needs, with its devices connected. `openers`: how those of a real lab are opened.
+def open_parts(config: Config, learnt: Path, drivers: Drivers | None = None) -> Iterator[Parts]:
+    """Everything a session needs, with its devices connected. `drivers`: of a real lab's devices.
 
     NAF keeps its policies and rollouts in the folder `learnt`, which nobody else may use meanwhile.
 
@@ -62,18 +52,17 @@ def open_parts(config: Config, learnt: Path, openers: Openers | None = None) -> 
     checkpoint = checkpoint_of(config)
     own = checkpoint.solver.task
     with (
-        _open_target(config, own, openers) as (task, target, executable, calibration),
-        solver_of(checkpoint, config.solver, config.workers, learnt) as solver,
+        _open_target(config, own, drivers) as (task, target, executable, calibration),
+        solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
-        learner = _SolverLearner(make_method(config.method, own, checkpoint), solver, executable)
+        poses = () if calibration is None else (calibration.X_BC, task.require_hardware().X_FT)
+        learner = _SolverLearner(make_method(config.method, own, checkpoint), policies, expectations, executable)
         origin = Provenance(
             checkpoint=f"{own.name}/{checkpoint.path.name}",
             checkpoint_sha256=checkpoint.sha256,
             world_sha256=_world_sha256(config.world) if config.is_simulated else "",
             calibration=calibration.source if calibration else "",
-            calibration_sha256=_sha256(np.stack([calibration.X_BC, task.require_hardware().X_FT]))
-            if calibration
-            else "",
+            calibration_sha256=_sha256(np.stack(poses)) if poses else "",
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
@@ -84,19 +73,33 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 
 
 @contextmanager
-def _open_target(config: Config, task: Task, openers: Openers | None) -> Iterator[_Opened]:
+def _open_target(config: Config, task: Task, drivers: Drivers | None) -> Iterator[_Opened]:
     """The task as mounted there, where trials happen, what can be executed, the calibration."""
     if task.hardware is None:
         yield task, _simulated(config, task), None, None
-    elif not config.is_simulated:
-        with open_real(config, places(), task, openers) as real:
-            on_rig = real.on_rig
-            executable = _executable(task, on_rig.planner)
-            yield real.mounted.task, real, executable, on_rig.rig.hand_eye
-    else:
-        with _open_lab(config, task) as on_rig:
-            executable = _executable(task, on_rig.planner)
-            yield on_rig.task, on_rig, executable, on_rig.rig.hand_eye
+        return
+    with open_trials(config, places(), task, drivers) as on_rig:
+        yield on_rig.task, on_rig, _executable(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
+
+
+@contextmanager
+def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | None = None) -> Iterator[OnRig]:
+    """The devices for trials, connected, the arm last. Nothing moves.
+
+    Everything that can be wrong without a device is found first. Raises SessionError (a touch-off cannot be read),
+    PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the tool cannot be held), DeviceUnavailable,
+    CameraError, and what `open_lab` raises.
+    """
+    with open_lab(config, task, drivers) as lab:
+        eye, zeros_rad = calibration_of(config, places, lab.nominal)
+        known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
+        correction = None if known is None else known.correction()
+        there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
+        if known is not None:
+            lab.note(f"Table and tool are where the touch-off of {known.created} found them.")
+        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
+        rig = lab.for_trials(there, over_table, config.calibration_days)
+        yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
@@ -123,45 +126,6 @@ def _sha256(array: Array) -> str:
     return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
-@contextmanager
-def _open_lab(config: Config, task: Task) -> Iterator[OnRig]:
-    from hw.workcell import arm_model
-    from sim.lab.simulated import SimulatedLab
-    from sim.lab.world import load_world
-
-    world = load_world(config.world, task)
-    eye, zeros_rad = calibration_of(config, places(), _nominal(world, config.seed))
-    touched = touch_off_of(config, places(), zeros_rad)
-    correction = None if touched is None else touched.correction()
-    there = mounted(task, arm_model("panda", zeros_rad), None, (), correction)
-    with SimulatedLab(task, world, config.seed, there.cell, home_q_rad=there.home_rad) as lab:
-        yield _on_rig(there, lab, eye, config.calibration_days)
-
-
-@contextmanager
-def lab_as_shipped(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
-    """A simulated lab before any calibration or touch-off of its own, and its rig, with its devices connected."""
-    from adaptsim_cli.devices.mounted import mounted_as_shipped
-    from sim.lab.simulated import SimulatedLab
-
-    there = mounted_as_shipped(task, "panda")
-    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
-        yield lab, _on_rig(there, lab, _nominal(world, seed))
-
-
-def _nominal(world: World, seed: int) -> HandEye:
-    from sim.lab.calibration import nominal_of
-
-    shipped = nominal_of(world, seed)
-    return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
-
-
-def _on_rig(there: MountedTask, lab: SimulatedLab, eye: HandEye, days: int = 30) -> OnRig:
-    over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-    rig = Rig(SIMULATED, f"simulated lab, {lab.title}", lab.arm, lab.camera, lab.bench, over_table, days)
-    return OnRig(there.task, rig, tracker_of(there.task), there.planner())
-
-
 def _world_sha256(name_or_path: str) -> str:
     """Of the file of an own world; of the name of one that ships with this version."""
     path = Path(name_or_path).expanduser()
@@ -170,24 +134,12 @@ def _world_sha256(name_or_path: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Policy:
-    """A solver's task policy, as the sequence wants it."""
-
-    policy: SolvedPolicy
-
-    def __call__(self, context: Array) -> Array:
-        return np.asarray(self.policy(context))
-
-    def predict(self, context: Array) -> Prediction:
-        return Prediction(*self.policy.predict(context))
-
-
-@dataclass(frozen=True, eq=False)
 class _SolverLearner:
-    """A method of adaptation, and task policies of the checkpoint's solver."""
+    """A method of adaptation, task policies, and what the simulator expects of trials."""
 
     method: Method
-    solver: Solver
+    policies: Policies
+    expectations: Expectations
     executable: Executable | None
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -196,64 +148,26 @@ class _SolverLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.next(history, rng)
 
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         from sim.adaptation.method import policy_of
 
-        return _Policy(policy_of(self.method, self.solver, particle, history, self.executable))
+        return policy_of(self.method, self.policies, particle, history, self.executable)
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         from sim.adaptation.best import choose_best
         from sim.adaptation.verdict import verdict
 
-        return choose_best(self.solver.task, history), verdict(self.solver.task, history, self.solver)
+        task = self.expectations.task
+        return choose_best(task, history), verdict(task, history, self.expectations)
 
 
-def _executable(task: Task, planner: Planner) -> Executable:
-    plan = task.require_hardware().plan
-
+def _executable(hardware: Hardware, planner: Planner) -> Executable:
     def executable(context: Array, action: Array) -> bool:
         try:
-            for path in planner.paths(plan(context, action)):
+            for path in planner.paths(hardware.plan(context, action)):
                 planner.check(path)
         except (NotExecutable, MotionRefused):
             return False
         return True
 
     return executable
-
-
-@runtime_checkable
-class _Telling(Protocol):
-    """A camera that says how it was set and how its last recording went."""
-
-    def facts(self) -> dict[str, Any]: ...
-
-
-@contextmanager
-def open_real(config: Config, places: Places, task: Task, openers: Openers | None = None) -> Iterator[AttendedRig]:
-    """The devices of the rig file, connected, the arm last. Nothing moves.
-
-    Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal),
-    SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the
-    tool cannot be held), DeviceUnavailable, CameraError.
-    """
-    with open_lab(config, tasks_with_tools(), openers) as lab:
-        eye, zeros_rad = calibration_of(config, places, None)
-        known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
-        correction = None if known is None else known.correction()
-        there = mounted(task, arm_model(lab.rig.arm.model, zeros_rad), lab.rig, (camera_box(eye.X_BC),), correction)
-        if known is not None:
-            lab.screen.note(f"Table and tool are where the touch-off of {known.created} found them.")
-        arm = lab.arm(there.cell, task.name)
-        camera, scales = lab.camera(infrared=False), lab.scales()
-        lab.connect(arm)
-
-        def facts() -> RigFacts:
-            said = camera.facts() if isinstance(camera, _Telling) else None
-            return (scales.facts if scales else RigFacts()).model_copy(update={"camera": said})
-
-        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-        days = config.calibration_days
-        rig = Rig(config.hw, lab.title, arm, camera, Person(), over_table, days, time.sleep, arm.await_pedal)
-        on_rig = OnRig(there.task, rig, tracker_of(there.task), there.planner(), facts)
-        yield AttendedRig(on_rig, arm, there, lab.screen, scales)

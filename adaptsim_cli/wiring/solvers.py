@@ -12,40 +12,46 @@ from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.solvers.solver import Solver
+    from sim.solvers.solver import Expectations, Policies
 
 SOLVERS = ("emulator", "naf")
 
 
 @contextmanager
-def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[Solver]:
-    """The checkpoint's own solver where `name` is empty, on `workers` processes (0: one a core).
+def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[tuple[Policies, Expectations]]:
+    """Task policies as `name` says (empty: as the checkpoint has them), on `workers` processes (0: one a core).
 
-    The winners of an emulator are simulated. NAF keeps rollouts and policies in `folder`, which is the session's alone.
+    The winners of an emulator are simulated. NAF keeps rollouts and policies in `folder`, which is the session's alone;
+    its rules are those of the checkpoint, if that was made with NAF, and otherwise the paper's. Expectations are the
+    checkpoint's.
 
     Raises UsageError on an unknown name and where the checkpoint lacks what is asked for, UnknownName where a task has
     no NAF, CheckpointError where `folder` holds something else.
     """
     from sim.rollouts import process_pool, run_many
     from sim.rollouts.cache import CachedRollouts
-    from sim.solvers.confirmation import confirming
-    from sim.solvers.emulator.solver import EmulatorSolver
-    from sim.solvers.naf.solver import NafSolver, session_naf
+    from sim.solvers.confirmation import ConfirmingPolicies
+    from sim.solvers.naf.memory import NafMemory
+    from sim.solvers.naf.solver import NafSolver, restore_naf, rules_of
 
     if name not in ("", *SOLVERS):
         raise UsageError(f"--solver {name}: it is one of {', '.join(SOLVERS)}")
-    made_with_naf = isinstance(checkpoint.solver, NafSolver)
-    if name == "emulator" and made_with_naf:
+    if name == "emulator" and checkpoint.naf:
         raise UsageError(
             f"--solver emulator: the checkpoint {checkpoint.path} was made with --solver naf and holds no emulator. "
             "Leave --solver out, or choose another checkpoint"
         )
-    if name != "naf" and not isinstance(checkpoint.solver, EmulatorSolver | NafSolver):
-        yield checkpoint.solver
+    own = checkpoint.solver
+    if name != "naf" and not checkpoint.naf and checkpoint.emulator is None:
+        yield own, own
         return
     with process_pool(workers or None) as crew:
-        if name != "naf" and not made_with_naf:
-            yield confirming(checkpoint.solver, partial(run_many, checkpoint.solver.task, executor=crew))
+        if name != "naf" and checkpoint.emulator is not None:
+            yield ConfirmingPolicies(checkpoint.emulator, partial(run_many, own.task, executor=crew)), own
             return
-        roll = CachedRollouts(checkpoint.solver.task, folder / "rollouts", crew)
-        yield session_naf(checkpoint.solver, roll, folder / "policies")
+        roll, kept = CachedRollouts(own.task, folder / "rollouts", crew), folder / "policies"
+        if checkpoint.naf:
+            solver = restore_naf(own.task, checkpoint.naf, roll, kept)
+            yield solver, solver
+        else:
+            yield NafSolver(own.task, roll, rules_of(own.task), NafMemory(own.task, kept)), own

@@ -8,20 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from adaptsim_cli.config import SIMULATED, Config, Places
-from adaptsim_cli.devices.mounted import weighed
-from adaptsim_cli.devices.openers import Openers
+from adaptsim_cli.config import Config, Places
+from adaptsim_cli.devices.drivers import Drivers
+from adaptsim_cli.devices.mounted import weighed, workcell
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.description import TablePart
-from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.touch_off.joining import plan_of, touch_rig
-from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
+from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
-from adaptsim_cli.wiring.calibration import calibration_key, calibration_of, current_calibration
-from hw.collision import LEVEL, camera_box
+from adaptsim_cli.wiring.calibration import calibration_key, calibration_of
+from hw.collision import camera_box
 from hw.types import Array
-from hw.workcell import STOPS_AT_N, Workcell, arm_model
 from sim.errors import NotExecutable
 
 ZEROS_RAD = 2e-4
@@ -54,90 +51,45 @@ def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouch
 
 
 @contextmanager
-def open_touch_rig(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
-    """Arm and hand, connected. Nothing moves.
+def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None) -> Iterator[TouchRig]:
+    """Arm and hand, connected, the arm last. Nothing moves.
 
-    Raises SimError, DeviceUnavailable, SessionError; for a real lab also UsageError and CalibrationMissing.
+    Everything that can be wrong without a device is found first. Raises UnknownName (a tool without corners),
+    CalibrationMissing, SessionError, NotExecutable (places outside of the work area), DeviceUnavailable, and what
+    `open_lab` raises. `drivers`: of a real lab's devices.
     """
-    opened = _lab(config, places, grasp) if config.is_simulated else open_real_touch_rig(config, places, grasp)
-    with opened as rig:
-        yield rig
-
-
-@contextmanager
-def _lab(config: Config, places: Places, grasp: Grasp) -> Iterator[TouchRig]:
-    from sim.lab.calibration import nominal_of
-    from sim.lab.simulated import READY_RAD
-    from sim.lab.touch import TouchLab
-    from sim.lab.world import load_world
     from sim.panda.feelers import empty_hand, feeling
+    from sim.panda.planning import home
+    from sim.panda.tool import tool_of
+    from sim.panda.touching import HeldTool
     from sim.tasks import get_task
 
     task = get_task(config.task)
-    world = load_world(config.world, task)
-    known = current_calibration(config, places)
-    zeros_rad = np.zeros(7) if known is None else known.offsets_rad()
-    X_BC = nominal_of(world, config.seed).X_BC if known is None else np.array(known.X_AC)
-    cell = Workcell(arm_model("panda", zeros_rad), empty_hand(), LEVEL, (camera_box(X_BC),), STOPS_AT_N)
-    with TouchLab(task, world, config.seed, cell, home_q_rad=cell.arm.reported_rad(READY_RAD)) as lab:
-        yield touch_rig(
-            name=SIMULATED,
-            title=f"simulated lab, world {world.name}",
-            key=calibration_key(config),
-            arm=lab.arm,
-            hand=lab.hand,
-            task=task,
-            grasp=grasp,
-            cell=cell,
-            loaded=feeling(task.require_hardware()),
-            tool_there=lab.offer_tool,
-        )
-
-
-@contextmanager
-def open_real_touch_rig(
-    config: Config, places: Places, grasp: Grasp, openers: Openers | None = None
-) -> Iterator[TouchRig]:
-    """Pedal, hand and arm of the rig file, connected, the arm last. Nothing moves.
-
-    Everything that can be wrong without a device is found first. Raises UsageError (rig file, no terminal), UnknownName
-    (a tool without corners), CalibrationMissing, NotExecutable (places outside of the work area), DeviceUnavailable.
-    """
-    from hw.franka.settings import Payload
-    from sim.panda.feelers import empty_hand, feeling
-    from sim.tasks import get_task
-
-    with open_lab(config, tasks_with_tools(), openers) as lab:
-        rig = lab.rig
-        shipped, part = get_task(config.task), rig.tool(config.task)
-        plan, hardware = plan_of(shipped), shipped.require_hardware()
-        _require_inside(plan, rig.table)
-        eye, zeros_rad = calibration_of(config, places, None)
-        designed = replace(hardware, X_FT=part.designed(hardware.X_FT))
-        task, empty, loaded = replace(shipped, hardware=designed), empty_hand(), weighed(feeling(designed), part)
-        model, boxes = arm_model(rig.arm.model, zeros_rad), (camera_box(eye.X_BC), *rig.boxes())
-        cell = Workcell(model, empty, rig.table.plane(), boxes, rig.arm.stops_at_N)
-        held = Payload() if part.payload is None else part.payload.payload()
-        arm, hand = lab.arm(cell, task.name, "nothing on the table"), lab.hand()
-
-        def tool_there(there: bool) -> None:
-            arm.carry(loaded if there else empty, held if there else Payload())
-
-        opened = touch_rig(
+    with open_lab(config, task, drivers) as lab:
+        rig, shipped = lab.rig, task.require_hardware()
+        _require_inside(plan_of(shipped), rig.table)
+        eye, zeros_rad = calibration_of(config, places, lab.nominal)
+        part = rig.tool(task.name)
+        hardware = replace(shipped, X_FT=part.designed(shipped.X_FT))
+        loaded = weighed(feeling(hardware), part)
+        cell = workcell(rig, zeros_rad, empty_hand(), (camera_box(eye.X_BC),))
+        home_rad = home(hardware.X_FT, cell.holding(tool_of(hardware)), hardware.home_pitch_rad)
+        devices = lab.for_touch_off(cell, loaded)
+        yield TouchRig(
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
-            arm=arm,
-            hand=hand,
-            task=task,
+            tool_name=f"tool of {task.name}",
+            arm=devices.arm,
+            hand=devices.hand,
             grasp=grasp,
-            cell=cell,
-            loaded=loaded,
-            tool_there=tool_there,
-            confirm=arm.confirm,
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(loaded), hardware.X_FT),
+            plan=plan_of(hardware),
+            home_rad=home_rad,
+            tool_there=devices.tool_there,
+            confirm=devices.confirm,
         )
-        lab.connect_recovered(arm)
-        yield opened
 
 
 def _require_inside(plan: Plan, area: TablePart) -> None:

@@ -8,16 +8,20 @@ Needs PyAV (`pip install adaptsim[kinect]`).
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "support"))
+from survey import Survey, survey
+
 from hw.camera.recording import KinectRecording
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.cylinder import Cylinder
-from perception.geometry import inverse, project
-from perception.survey import Survey, survey
+from perception.geometry import project
 
 UP = np.array([0.0, -1.0, 0.0])  # in the depth camera, which stood about level
 READ_RGB, FOUND_RGB = (255, 60, 60), (30, 220, 60)

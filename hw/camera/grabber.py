@@ -21,7 +21,7 @@ LONGEST_S = 60.0
 
 
 @dataclass(frozen=True)
-class Shot:
+class TimedCapture:
     """One instant with its time on the host's clock."""
 
     t_s: float
@@ -32,7 +32,7 @@ class Shot:
 class Film:
     """What became of one recording."""
 
-    shots: tuple[Shot, ...]  # in order of time
+    shots: tuple[TimedCapture, ...]  # in order of time
     dropped: int  # images that should be between start and end and are not
     longest_gap_s: float
     clock: ClockMap
@@ -67,12 +67,12 @@ class Grabber:
         if self._thread.ident is not None:
             self._thread.join()
 
-    def shot_after(self, t_s: float) -> Shot:
+    def shot_after(self, t_s: float) -> TimedCapture:
         """The newest image whose exposure has its middle at `t_s` of the host's clock or later. Raises CameraError."""
         with self._changed:
             self._wait(lambda: self._newest_s() >= t_s)
             assert self._newest is not None
-            return Shot(self._newest_s(), self._newest)
+            return TimedCapture(self._newest_s(), self._newest)
 
     def keep_from(self, t_s: float) -> None:
         """Begin a recording at `t_s`. Raises CameraError when one runs, or the camera is gone."""
@@ -94,7 +94,7 @@ class Grabber:
             clock = self._clock.map()
         if t_s - self._since_s > LONGEST_S:
             raise CameraError(f"the recording took {t_s - self._since_s:.0f} s; at most {LONGEST_S:g} s are kept")
-        shots = [Shot(clock.host_s(captured.device_s), captured) for captured in kept]
+        shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in kept]
         within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)
         dropped, gap_s = gaps([shot.t_s for shot in within], self._since_s, t_s, self._rate_hz)
         return Film(within, dropped, gap_s, clock)

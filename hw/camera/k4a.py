@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from hw.camera import k4a_library
 from hw.camera.clock import DeviceClock
-from hw.camera.grabber import Film, Grabber, Shot
+from hw.camera.grabber import Film, Grabber, TimedCapture
 from hw.camera.k4a_device import COLOUR_MODE, DEPTH_MODE, RATE_HZ, ColourSettings, K4aDevice
 from hw.camera.k4a_library import K4aLibrary
 from hw.camera.probe import probe_k4a
@@ -166,7 +166,7 @@ class KinectCamera:
         return self._grabber
 
 
-def _frame(shot: Shot) -> Frame:
+def _frame(shot: TimedCapture) -> Frame:
     return shot.captured.frame(shot.t_s)
 
 

@@ -12,16 +12,17 @@ from typing import Self
 
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
-from hw.franka.checks import Check, back_from, until
+from hw.franka.checks import PathCheck, back_from, until
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Timing
-from hw.franka.parts import Pedal, Player
-from hw.franka.playback import TOUCH, Motion, Played, motion_of
+from hw.franka.parts import Player
+from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
 from hw.franka.process import PlayerProcess
 from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
+from hw.ports import Pedal
 from hw.refusal import refuse_while_stopped
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell
@@ -154,7 +155,7 @@ class FrankaArm:
         if self._fault is not None:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
 
-    def _admitted(self, path: JointPath, check: Check, fade_s: float) -> Motion:
+    def _admitted(self, path: JointPath, check: PathCheck, fade_s: float) -> PlayableMotion:
         """`path` as the player takes it. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
         refuse_while_stopped(self._stopped_by() or reading.unwilling)
@@ -168,7 +169,7 @@ class FrankaArm:
         self.last_execution = self.last_stop = None
         return motion
 
-    def _way_back(self, played: Played, path: JointPath, check: Check) -> Motion:
+    def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
         """From where a guarded motion has ended to its start. Raises ArmFault and StoppedByPedal: it stays there."""
         assert self._player is not None
         try:
@@ -184,7 +185,7 @@ class FrankaArm:
             raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
         return motion
 
-    def _play(self, motion: Motion, guard: Guard | None = None) -> Played:
+    def _play(self, motion: PlayableMotion, guard: Guard | None = None) -> Played:
         """Raises ArmFault and StoppedByPedal."""
         assert self._player is not None
         try:

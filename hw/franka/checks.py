@@ -10,13 +10,13 @@ from hw.types import Array, Guard, JointPath
 from hw.workcell import Workcell
 
 
-class Check(Protocol):
+class PathCheck(Protocol):
     """Raises MotionRefused for a path, begun where the arm is now (7,) if that is given."""
 
     def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> object: ...
 
 
-def until(guard: Guard, cell: Workcell) -> Check:
+def until(guard: Guard, cell: Workcell) -> PathCheck:
     """Of a motion that ends at a touch. One that is played to its end has `Workcell.require`."""
 
     def check(path: JointPath, q_now_rad: Array | None = None) -> None:
@@ -25,7 +25,7 @@ def until(guard: Guard, cell: Workcell) -> Check:
     return check
 
 
-def back_from(guard: Guard, cell: Workcell) -> Check:
+def back_from(guard: Guard, cell: Workcell) -> PathCheck:
     """Of the way back from there, which declares no contact any more."""
 
     def check(path: JointPath, q_now_rad: Array | None = None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hw.franka.driver import Failure
-from hw.franka.playback import Motion, Played
+from hw.franka.playback import PlayableMotion, Played
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
 
@@ -41,7 +41,7 @@ class Read:
 class Play:
     """Ask for a motion, to its end or to a touch."""
 
-    motion: Motion
+    motion: PlayableMotion
     guard: Guard | None = None  # brake at a touch
 
 
@@ -61,7 +61,7 @@ Request = Connect | Read | Play | Recover | Carry
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class PlayOutcome:
     """What came of a `Play`: the log, and the failure that ended it, if one did."""
 
     played: Played

@@ -6,17 +6,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from hw.franka.driver import Reading
-from hw.franka.messages import Outcome
-from hw.franka.playback import Motion
+from hw.franka.messages import PlayOutcome
+from hw.franka.playback import PlayableMotion
 from hw.franka.settings import Payload
 from hw.types import Guard
-
-
-class Pedal(Protocol):
-    """What is asked of an enabling pedal (`hw.serial.enable_pedal.EnablePedal`)."""
-
-    def enabled(self) -> bool: ...
-    def why_not(self) -> str: ...
 
 
 class Player(Protocol):
@@ -27,5 +20,5 @@ class Player(Protocol):
     def reading(self) -> Reading: ...
     def recover(self) -> Reading: ...
     def carry(self, payload: Payload) -> Reading: ...
-    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome: ...
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome: ...
     def close(self) -> None: ...

@@ -36,7 +36,7 @@ RATE_WINDOW = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PlayableMotion:
     """A checked path, and how long a stop takes from the moments at which one may begin."""
 
     path: JointPath
@@ -44,7 +44,7 @@ class Motion:
     stop_s: Array  # (K,) duration of the time scaling
 
 
-def motion_of(path: JointPath, model: str) -> Motion:
+def motion_of(path: JointPath, model: str) -> PlayableMotion:
     """Raises MotionRefused if the path cannot be stopped within the limits every now and then."""
     stops = check_braking(path, LIMITS[model], STOPS_EVERY_S)
     known = np.isfinite(stops.duration_s)
@@ -54,7 +54,7 @@ def motion_of(path: JointPath, model: str) -> Motion:
             f"{model}: there are moments from which no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
-    return Motion(path, at, stops.duration_s[known])
+    return PlayableMotion(path, at, stops.duration_s[known])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Playback:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: PlayableMotion,
         wanted: Callable[[], str],
         clock: Callable[[], float],
         detector: Detector | None = None,

@@ -21,8 +21,8 @@ from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, Outcome, Play, Recover, Request
-from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, Motion, Playback
+from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, Play, PlayOutcome, Recover, Request
+from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.types import Guard
 
 REST_READINGS = 2000
@@ -57,7 +57,7 @@ class Listener:
         return next((why for letter, why in WHY.items() if letter in said), "")
 
 
-def play(driver: Driver, motion: Motion, listener: Listener, guard: Guard | None = None) -> Outcome:
+def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guard | None = None) -> PlayOutcome:
     """Play `motion`, with a guard until it touches. A failure on the way is part of the outcome.
 
     Raises Failure where the arm does not take its settings, or no motion: nothing has moved.
@@ -72,10 +72,10 @@ def play(driver: Driver, motion: Motion, listener: Listener, guard: Guard | None
     except Failure as failure:
         if failure.kind == FAULT:
             wait_for_rest(driver)
-        return Outcome(playback.played(), failure)
+        return PlayOutcome(playback.played(), failure)
     finally:
         gc.enable()
-    return Outcome(playback.played())
+    return PlayOutcome(playback.played())
 
 
 def wait_for_rest(driver: Driver) -> None:

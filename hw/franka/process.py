@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import Carry, Connect, Outcome, Play, Read, Recover, Request, Timing
-from hw.franka.playback import HOLD_S, Motion
+from hw.franka.messages import Carry, Connect, Play, PlayOutcome, Read, Recover, Request, Timing
+from hw.franka.playback import HOLD_S, PlayableMotion
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
 
@@ -74,7 +74,7 @@ class PlayerProcess:
     def carry(self, payload: Payload) -> Reading:
         return _known(self._ask(Carry(payload)), Reading)
 
-    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome:
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         """Play `motion`, with a guard until it touches.
 
         `word` is asked every 5 ms what to tell the player: ALIVE, PEDAL or REQUESTED.
@@ -84,7 +84,7 @@ class PlayerProcess:
             self._send(Play(motion, guard))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._connection.poll(WORD_EVERY_S):
-                    return _known(self._receive(), Outcome)
+                    return _known(self._receive(), PlayOutcome)
                 self._tell(word())
         self._kill()
         raise Failure(

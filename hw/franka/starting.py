@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw.errors import MotionRefused
-from hw.franka.checks import Check
+from hw.franka.checks import PathCheck
 from hw.limits import START_TOLERANCE_RAD
 from hw.types import Array, JointPath
 
@@ -16,7 +16,7 @@ SAME_RAD = 1e-6
 """States come in single precision: the held joints may differ by as much from what was commanded last."""
 
 
-def from_held(path: JointPath, q_held_rad: Array, model: str, check: Check, fade_s: float) -> JointPath:
+def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, fade_s: float) -> JointPath:
     """`path`, begun at the joints (7,) that the arm's controller holds: a jump would be an error to the arm.
 
     The difference is a bending of the arm under load; it fades over `fade_s`, and what results is checked again by

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hw.braking import brake
-from hw.franka.checks import Check
-from hw.franka.playback import TOUCH, Motion, Played, motion_of
+from hw.franka.checks import PathCheck
+from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
 from hw.franka.starting import SLOW_FADE_S, from_held
 from hw.guarding import withdrawal
 from hw.joint_limits import LIMITS
@@ -33,7 +33,7 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
     return Contact(float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm)
 
 
-def way_back(played: Played, path: JointPath, q_held_rad: Array, model: str, check: Check) -> Motion:
+def way_back(played: Played, path: JointPath, q_held_rad: Array, model: str, check: PathCheck) -> PlayableMotion:
     """From where a motion along `path` has ended to its start, the way it came, begun at the held joints (7,).
 
     Lost cycles of the way there are not repeated. Raises MotionRefused.

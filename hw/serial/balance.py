@@ -86,7 +86,7 @@ PROTOCOLS = {
 }
 
 
-class Balance:
+class SerialBalance:
     """Asks for the mass on the pan."""
 
     def __init__(self, port: str, protocol: str) -> None:

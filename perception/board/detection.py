@@ -109,7 +109,7 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
     other_rms, other = found[1] if len(found) > 1 else (np.inf, None)
     if other is not None and np.allclose(other, X, atol=1e-4):  # both starts ended in the same place
         other_rms, other = np.inf, None
-    return BoardPose(X, rms, other, float(other_rms), bool(other_rms < _AMBIGUOUS * rms))
+    return BoardPose(X, rms, other, bool(other_rms < _AMBIGUOUS * rms))
 
 
 def in_grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:

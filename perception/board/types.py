@@ -176,7 +176,6 @@ class BoardPose:
     X_VM: Array  # (4, 4) the pose that fits better
     rms_px: float  # root mean square distance of the corners, in px
     X_VM_flipped: Array | None  # (4, 4) the mirror solution, None where it does not exist
-    flipped_rms_px: float  # inf where it does not exist
     ambiguous: bool  # both fit about equally well: the tilt's sign is not known from this image alone
 
     def __post_init__(self) -> None:

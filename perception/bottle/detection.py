@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM, Arm
 from perception.bottle.place import Place, patch, place
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
-from perception.geometry import Area, inverse
+from perception.geometry import Area
 from perception.scan import Raw, Scan, scan_of
 from perception.table import TableFit, refine
 
@@ -42,6 +43,7 @@ class BottleDetection:
 
     @property
     def centre_m(self) -> Array:
+        """(3,) in the base frame."""
         return np.asarray(self.X_BO[:3, 3])
 
 
@@ -60,7 +62,7 @@ def find_bottle(
     `X_BC` (4, 4) is the colour camera in the base frame, whose plane z = 0 is the table top; the table in the picture
     refines it. Raises ObjectNotFound, saying what was found instead and what to do, and TableNotFound.
     """
-    scan, raw, table = refined(frame, model, X_BC, area, arm)
+    scan, raw, table = refine_scan(frame, model, X_BC, area)
     judged = [_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)]
     bottles = [c for c in judged if c.best is not None]
     others = [c.thing for c in judged if c.best is None]
@@ -78,7 +80,7 @@ def find_bottle(
     return BottleDetection(best.X_BO, body, best.confidence, table)
 
 
-def refined(frame: Frame, model: CameraModel, X_BC: Array, area: Area, arm: Arm) -> tuple[Scan, Raw, TableFit]:
+def refine_scan(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> tuple[Scan, Raw, TableFit]:
     """(scan, its readings, the fit) with the camera's pose and depth corrected by the table in `frame`."""
     first = scan_of(model, X_BC, area, HEIGHT_M)
     table = refine(first, first.depth(first.raw(frame)))

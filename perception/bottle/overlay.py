@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.bottle.detection import BottleDetection
 from perception.cylinder import Cylinder
-from perception.geometry import inverse, project
+from perception.geometry import project
 
 _MARK_RGB, _FOUND_RGB, _GOAL_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)
 _SHIFT = 4  # OpenCV draws at 1/16 px

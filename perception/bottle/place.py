@@ -41,14 +41,17 @@ class Place:
 
     @property
     def centre_m(self) -> Array:
+        """(3,) in the base frame."""
         return np.asarray(self.X_BO[:3, 3])
 
     @property
     def tilt_deg(self) -> float:
+        """From upright."""
         return float(np.rad2deg(tilt_rad(self.X_BO)))
 
     @property
     def confidence(self) -> float:
+        """0 to 1: little for what is hidden, and for what fits badly."""
         return self.visible * self.fit
 
     @classmethod

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import Arm
 from perception.bottle.detection import HEIGHT_M, BottleDetection
@@ -15,7 +16,7 @@ from perception.bottle.place import Place, patch, place
 from perception.clutter import things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import TrackingFailed
-from perception.geometry import Area, inverse, transform
+from perception.geometry import Area, transform
 from perception.scan import Mask, Raw, Scan, scan_of
 from perception.types import ObjectTrack, Outcome
 

@@ -46,6 +46,7 @@ class PieceDetection:
 
     @property
     def height_m(self) -> float:
+        """Of the piece over the table."""
         return 2 * self.proxy.half_m[2]
 
     @property

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, Frame
-from perception.geometry import View, inverse, transform
+from perception.geometry import View, transform
 from perception.piece.chroma import chromaticity, matte
 from perception.piece.detection import PieceDetection
 from perception.piece.locate import Evidence, Place, appraise, locate
@@ -36,6 +37,7 @@ class Rig:
 
     @property
     def proxy(self) -> Proxy:
+        """Shape and size of the piece that is followed."""
         return self.detection.proxy
 
 

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array
-from perception.geometry import inverse, transform
+from perception.blade import ABOVE_FACE_M, BEHIND_M, BLADE_LENGTH_M, BLADE_WIDTH_M, is_on_blade
+from perception.geometry import transform
 from perception.piece.proxy import Proxy
 from perception.types import Outcome
 
-BLADE_LENGTH_M, BLADE_WIDTH_M = 0.10, 0.08
-"""The blade's face in the tool frame T: x from -length to 0, |y| up to half the width, at z = 0."""
-BEHIND_M = 0.010
-"""So far behind the root of the blade a piece may be: there the neck of the tool holds it."""
-ABOVE_FACE_M = 0.001
-"""The centre of what lies on the blade is at least so much above its face."""
 _LAST_S = 0.20  # the end is the median over the last frames of so much time
 _UNSURE_M = 0.004
 _MOVING_M_S = 0.03
@@ -24,7 +20,7 @@ _SEEN = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class TrialEnd:
     """The end of a trial."""
 
     outcome: Outcome
@@ -32,7 +28,7 @@ class Verdict:
     flags: tuple[str, ...]
 
 
-def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy) -> Verdict:
+def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy) -> TrialEnd:
     """Outcome from centres (N, 3) and tool poses (N, 4, 4) at `t_s` (N,) since the start of a motion.
 
     On the blade: over 1 mm above its face and inside of its outline, or held by the neck behind it. Lost: not seen in
@@ -44,17 +40,17 @@ def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s
     end = np.median(in_tool[seen] if seen.any() else in_tool, axis=0)
     centre = np.median(state_m[last], axis=0)
     if not seen.any() or centre[2] < -max(proxy.half_m):
-        return Verdict(Outcome.LOST, end, ("out of sight at the end",))
+        return TrialEnd(Outcome.LOST, end, ("out of sight at the end",))
     inside_m = float(min(end[0] + BLADE_LENGTH_M + BEHIND_M, -end[0], BLADE_WIDTH_M / 2 - abs(end[1])))
     above_m = float(end[2] - ABOVE_FACE_M)
-    on_blade = inside_m >= 0 and 0 <= above_m <= 2 * max(proxy.half_m) + 0.02
-    flags = list(_doubts(inside_m, above_m, centre[2] - min(proxy.half_m), bool(on_blade)))
+    on_blade = is_on_blade(end) and above_m <= 2 * max(proxy.half_m) + 0.02
+    flags = list(_doubts(inside_m, above_m, centre[2] - min(proxy.half_m), on_blade))
     if last.sum() >= 3:
         span_s = float(t_s[last][-1] - t_s[last][0])
         speed_m_s = float(np.linalg.norm(in_tool[-1] - in_tool[0])) / max(span_s, 1e-3)
         if speed_m_s > _MOVING_M_S:
             flags.append(f"still moving against the tool at the end, at {1e3 * speed_m_s:.0f} mm/s")
-    return Verdict(Outcome.ON_BLADE if on_blade else Outcome.ON_TABLE, end, tuple(flags))
+    return TrialEnd(Outcome.ON_BLADE if on_blade else Outcome.ON_TABLE, end, tuple(flags))
 
 
 def _doubts(inside_m: float, above_m: float, lift_m: float, on_blade: bool) -> tuple[str, ...]:

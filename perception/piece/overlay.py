@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
-from perception.geometry import Area, inverse, project
+from perception.geometry import Area, project
 from perception.piece.detection import PieceDetection
 
 _AREA_RGB, _FOUND_RGB, _TARGET_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array
-from perception.geometry import Array32, View, inverse, transform
+from perception.geometry import Array32, View, transform
 
 
 class Shape(StrEnum):

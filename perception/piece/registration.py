@@ -41,7 +41,7 @@ def tool_shift(
     return middle if apart < 1.0 else None
 
 
-def turned(X_BC: Array, shift_px: Array, focal_px: float) -> Array:
+def turn_camera(X_BC: Array, shift_px: Array, focal_px: float) -> Array:
     """`X_BC` (4, 4) turned so that what appears `shift_px` beside its place falls onto it."""
     about_x, about_y = shift_px[1] / focal_px, -shift_px[0] / focal_px
     R, _ = cv2.Rodrigues(np.array([about_x, about_y, 0.0]))

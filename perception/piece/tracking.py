@@ -15,7 +15,7 @@ from perception.piece.follow import Rig, follow
 from perception.piece.leftover import lies_at
 from perception.piece.locate import Place
 from perception.piece.outcome import judge
-from perception.piece.registration import tool_shift, turned
+from perception.piece.registration import tool_shift, turn_camera
 from perception.tool_mask import ToolMask
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 
@@ -98,7 +98,7 @@ def _prepare(
     if shift_px is None:
         flags = ("camera pose not checked: the resting tool is not seen well enough",)
     else:
-        X_BC = turned(X_BC, shift_px, view.focal_px)
+        X_BC = turn_camera(X_BC, shift_px, view.focal_px)
         view = view_of(model.colour, X_BC, area, _HIGHEST_M)
         off_px = float(np.linalg.norm(shift_px))
         if off_px > _FAR_OFF_PX:

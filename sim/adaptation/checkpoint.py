@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import datetime
 import importlib.metadata
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 from torch import Tensor
 
+from hw.bounded import Unreadable
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.q_network import QNetwork
@@ -61,9 +61,15 @@ class Checkpoint:
     path: Path
     card: Mapping[str, Any]
     solver: Solver
+    emulator: Emulator | None  # of the solver, where it asks one
     networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
     prospects: Prospects | None  # None where the solver is NAF's, which has no answers without simulating
     method: str  # what "adaptsim" stands for
+
+    @property
+    def naf(self) -> Mapping[str, Any] | None:
+        """What `restore_naf` makes the solver of; None where the policies are not NAF's."""
+        return self.card["naf"] if self.card.get("solver") == "naf" and not self.solver.task.exact else None
 
     @property
     def sha256(self) -> str:
@@ -124,10 +130,13 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
     if method not in DEFAULTS:
         raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
+    by_naf = card.get("solver") == "naf"
+    emulator = None if task.exact or by_naf else Emulator(task, _part(tensors, "emulator."))
     return Checkpoint(
         path=path,
         card=card,
-        solver=_solver(task, path, card, tensors),
+        solver=EmulatorSolver(emulator) if emulator else _solver(task, path, card),
+        emulator=emulator,
         networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
         prospects=restore_prospects(task, ahead) if ahead else None,
         method=method,
@@ -149,8 +158,8 @@ def read_card(path: Path, task: str) -> dict[str, Any]:
         )
     try:
         card = read_toml(path / CARD)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CheckpointError(f"{path / CARD} is not valid TOML ({error}): make the checkpoint again") from error
+    except Unreadable as error:
+        raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
     missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
     if missing:
         raise CheckpointError(f"{path / CARD} lacks {', '.join(sorted(missing))}: install or make the checkpoint again")
@@ -174,15 +183,14 @@ def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
         )
 
 
-def _solver(task: Task, path: Path, card: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Solver:
+def _solver(task: Task, path: Path, card: Mapping[str, Any]) -> Solver:
+    """Without an emulator: exact, or NAF's."""
     if task.exact:
         return task.exact(task)
-    if card.get("solver") == "naf":
-        try:
-            return restore_naf(task, card["naf"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
-    return EmulatorSolver(Emulator(task, _part(tensors, "emulator.")))
+    try:
+        return restore_naf(task, card["naf"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
 
 
 def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:

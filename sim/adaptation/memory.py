@@ -85,7 +85,7 @@ def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
     return padded.reshape(len(full), -1)
 
 
-def looking_back(means: Array, observations: Array, rewards: Array) -> Seen:
+def look_back(means: Array, observations: Array, rewards: Array) -> Seen:
     """What each particle sees in episodes (E, P, n, ...) of P particles with the same target: (E * P, P * n, ...)."""
     episodes, particles, n = means.shape[:3]
     columns: list[list[Array]] = [[], [], []]
@@ -101,7 +101,7 @@ def looking_back(means: Array, observations: Array, rewards: Array) -> Seen:
     return Seen(seen[0], seen[1], seen[2], own, age)
 
 
-def of_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
+def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
     """What one particle of a session sees. Raises ValueError without a trial of its own in the last iteration.
 
     Of more than `trials_per_iteration` trials the last count; fewer are repeated.

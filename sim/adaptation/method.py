@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from hw.types import Array, frozen_array
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,15 +81,15 @@ class OwnPolicies(Protocol):
 
 def policy_of(
     method: Method,
-    solver: Solver,
+    policies: Policies,
     particle: Particle,
     history: Sequence[Iteration],
     executable: Executable | None = None,
 ) -> SolvedPolicy:
-    """The task policy of a particle that follows `history`: the solver's for its parameters, or the method's own."""
+    """The task policy of a particle that follows `history`: that for its parameters, or the method's own."""
     if isinstance(method, OwnPolicies):
         return method.policy(particle, history, executable)
-    return policy_for(solver, particle.samples, executable)
+    return policy_for(policies, particle.samples, executable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,3 @@ class Best:
     mean_reward: float
     ci95: tuple[float, float]
     trials: int  # how many trials the estimate rests on
-
-
-Verdict = str
-"""What the data say of the session in one sentence, e.g. that the simulator cannot express this object."""

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
@@ -55,8 +55,8 @@ def look_ahead(
 ) -> Prospects:
     """Both sets fill their space evenly; the same contexts, errors and nuisance for all rewards."""
     task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
-    candidates = spread(task.parameters, sobol(s.candidates, len(task.parameters), rng))
-    truths = spread(task.margin, sobol(s.truths, len(task.margin), rng))
+    candidates = cover(task.parameters, s.candidates, rng)
+    truths = cover(task.margin, s.truths, rng)
     contexts = task.context.sample(rng, s.contexts)
     policies = solver.policies(candidates[:, None, :], rng)
     drawn = int(rng.integers(2**31))

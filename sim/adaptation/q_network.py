@@ -47,6 +47,7 @@ class QNetwork(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
+        """(B, slots * inputs) -> (B, branches, 3) action values."""
         features = self.trunk(self._pooled(x))
         advantage = self.advantage(features).reshape(-1, self.branches, MOVES)
         q: Tensor = self.value(features)[:, :, None] + advantage - advantage.mean(dim=-1, keepdim=True)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.adaptation.best import choose_best
-from sim.adaptation.method import Iteration, Verdict
+from sim.adaptation.method import Iteration
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import Solver
+from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
 LEAST_TRIALS = 6
@@ -19,15 +19,15 @@ SLACK = 1.5
 """How many times the misfit of simulated trajectories a real one may have: real motions and cameras add their part."""
 
 
-def verdict(task: Task, history: Sequence[Iteration], solver: Solver) -> Verdict:
+def verdict(task: Task, history: Sequence[Iteration], expectations: Expectations) -> str:
     """One sentence on whether the parameters have converged, and whether the simulator expresses the object at all."""
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
     if len(trials) < LEAST_TRIALS:
         return f"Too few trials to judge: {len(trials)} so far, at least {LEAST_TRIALS} are needed."
     best = choose_best(task, history)
     interval = f"{best.mean_reward:.2f}, 95 % interval {best.ci95[0]:.2f} to {best.ci95[1]:.2f}"
-    limit = SLACK * solver.misfit_limit
-    strange = sum(misfit(solver, t.context, t.action, t.observation) > limit for t in trials)
+    limit = SLACK * expectations.misfit_limit
+    strange = sum(misfit(expectations, t.context, t.action, t.observation) > limit for t in trials)
     low = best.mean_reward < task.adaptation.threshold
     if 2 * strange > len(trials):
         unlike = (

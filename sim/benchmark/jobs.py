@@ -22,7 +22,6 @@ from sim.benchmark.sessions import (
 )
 from sim.benchmark.tables import WorldTable, world_digest
 from sim.lab.world import World
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.tasks import get_task
 
 UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
@@ -124,7 +123,7 @@ def _simulations(method: str, checkpoint: Checkpoint) -> int:
     name = checkpoint.method if method == "adaptsim" else method
     if name in WITHOUT_SIMULATION:
         return 0
-    if name in LEARNT_FROM_EPISODES or not isinstance(checkpoint.solver, EmulatorSolver):
+    if name in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
         return int(checkpoint.card.get("simulations", 0)) if name in LEARNT_FROM_EPISODES else 0
     budget = checkpoint.card.get("budget", {})
     return int(budget.get("rollouts", 0)) + int(budget.get("denser", 0))

@@ -18,7 +18,7 @@ from perception.types import ObjectTrack
 from sim.benchmark.tables import WorldTable
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World
-from sim.pretraining.episodes import trial_requests
+from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Rollouts
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -51,11 +51,13 @@ class Simulated:
     world: World
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """See `Place`: true rollouts."""
         tracks, seen = self._rolled(contexts, actions, rng), self.solver.task.observation
         shown = np.stack([seen(track) for track in tracks])
         return seen.with_noise(shown, rng), self._scores(tracks, contexts)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: true rollouts."""
         return self._scores(self._rolled(contexts, actions, rng), contexts)
 
     def best_actions(self, contexts: Array) -> Array:
@@ -81,12 +83,14 @@ class Tabled:
     table: WorldTable
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """See `Place`: from the half of the table that answers trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
         there = task.relocate(results.observation[rows], contexts)
         return task.observation.with_noise(there, rng), _rewards(task, results, rows, contexts)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: from the half of the table that scores."""
         known, results = self._for_scores
         return _rewards(self.task, results, self._nearest(known, self._executed(actions, rng)), contexts)
 

@@ -49,6 +49,7 @@ class Results:
             return None
 
     def keep(self, job: Job, row: Row) -> None:
+        """Store the row of a job, whole or not at all."""
         with whole_file(self._path(job)) as temporary:
             temporary.write_text(json.dumps(asdict(row), allow_nan=False) + "\n", encoding="utf-8")
 

@@ -15,10 +15,10 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Method, OwnPolicies, Particle, ParticleTrials, Trial
-from sim.adaptation.methods.udr import several
+from sim.adaptation.methods import udr
 from sim.benchmark.places import Place
 from sim.errors import OutOfRange
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
@@ -109,13 +109,13 @@ def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed:
 
 def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
     """Several for all of Omega; what UDR earns is the mean over them."""
-    return several(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
+    return udr.udr_policies(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
 
 
 def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
     """The best of many E, chosen by trials in the world, in two rounds; and what it earned in the second."""
     task = solver.task
-    grid = spread(task.parameters, sobol(conditions.candidates, len(task.parameters), np.random.default_rng(0)))
+    grid = cover(task.parameters, conditions.candidates, np.random.default_rng(0))
     policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
     first = [shown(task, policy.actions, place, SCREENING, seed) for policy in policies]
     left = [policies[i] for i in np.argsort(first)[-FINAL:]]

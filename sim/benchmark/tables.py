@@ -25,8 +25,8 @@ from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World
+from sim.rollouts.draws import cover, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.rollouts.sampling import sobol, spread
 from sim.rollouts.shards import read_rollouts, read_shard, write_rollouts
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, write_toml
@@ -130,7 +130,7 @@ def table_requests(solver: Solver, world: World, size: int) -> Requests:
     a, evenly = len(task.action), size // 2
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
     filling = low + sobol(evenly, a, rng) * (high - low)
-    grid = spread(task.parameters, sobol(POLICIES, len(task.parameters), np.random.default_rng(0)))
+    grid = cover(task.parameters, POLICIES, np.random.default_rng(0))
     policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
     count = size - evenly
     contexts = task.context.sample(rng, count)

@@ -29,6 +29,7 @@ class Target:
 
     @property
     def name(self) -> str:
+        """The world's name."""
         return self.world.name
 
 

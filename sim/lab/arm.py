@@ -25,6 +25,7 @@ class LabArm:
 
     @property
     def model(self) -> str:
+        """See `hw.ports.Arm`."""
         return self._cell.arm.name
 
     def __enter__(self) -> Self:
@@ -35,10 +36,12 @@ class LabArm:
         self._connected = False
 
     def state(self) -> ArmState:
+        """See `hw.ports.Arm`."""
         self._need_connection()
         return ArmState(self._room.t_s, self._room.q_rad, np.zeros(7), self._fault)
 
     def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`; physics only where the tool touches something on the way."""
         self._need_connection()
         room = self._room
         refuse_unless_safe(path, self._cell, room.q_rad, fault=self._fault)
@@ -56,6 +59,7 @@ class LabArm:
         return self._simulate(path.t_s, path.q_rad)
 
     def recover(self) -> None:
+        """See `hw.ports.Arm`."""
         self._need_connection()
         self._fault = None
 

@@ -23,7 +23,7 @@ from sim.errors import SimError
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.camera import SLICES
 from sim.lab.cell import Cell
-from sim.lab.chance import joint_zeros, of_camera, of_view
+from sim.lab.chance import camera_stream, joint_zeros, view_stream
 from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.world import World
@@ -40,7 +40,7 @@ TOUCH_S = 15.0
 LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
 """Of a Kinect's colour stream; the pictures of a trial go without, where a corner's tenth of a pixel is of no use."""
 
-_LAID, _TOUCHED = 3, 4  # streams of `of_view`, beside those of the pictures
+_LAID, _TOUCHED = 3, 4  # streams of `view_stream`, beside those of the pictures
 _HAND = "panda_hand"
 _LINKS = {f"panda_link{i}": i for i in range(8)}
 _HAND_TURN = -np.pi / 4
@@ -63,9 +63,10 @@ class CalibrationLab:
         self._world, self._seed, self._X_BC = world, seed, default_X_BC()
         self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
         printed = board.scaled(world.sensing.board_scale)
-        self._arm = _BoardArm(self._state, cell)
-        self._camera = _BoardCamera(self._state, self._X_BC, printed, task)
-        self._hands = _LabHands(self._state, printed)
+        self.arm: Arm = _BoardArm(self._state, cell)
+        self.camera: Camera = _BoardCamera(self._state, self._X_BC, printed, task)
+        self.hands = _LabHands(self._state, printed)
+        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
 
     def __enter__(self) -> Self:
         self._state.connected = True
@@ -73,19 +74,6 @@ class CalibrationLab:
 
     def __exit__(self, *exc: object) -> None:
         self._state.connected = False
-
-    @property
-    def arm(self) -> Arm:
-        return self._arm
-
-    @property
-    def camera(self) -> Camera:
-        return self._camera
-
-    @property
-    def hands(self) -> _LabHands:
-        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
-        return self._hands
 
     def truth(self) -> dict[str, Any]:
         """What calibration should find, for checking alone."""
@@ -116,7 +104,7 @@ class _State:
         The noise follows from the posture: whoever comes back to it, in this run or in a resumed one, finds it again.
         """
         posture = zlib.crc32(np.round(self.q_rad, 6).tobytes())
-        noise = 1e-3 * self.world.sensing.encoder_noise_mrad * of_view(self.seed, posture, 0).standard_normal(7)
+        noise = 1e-3 * self.world.sensing.encoder_noise_mrad * view_stream(self.seed, posture, 0).standard_normal(7)
         return np.asarray(self.offset_rad + noise)
 
     def need_connection(self) -> None:
@@ -176,7 +164,7 @@ class _LabHands:
     def lay_board(self) -> None:
         """From the gripper onto the table, in view of the camera; the same place every time."""
         self._state.need_connection()
-        self._state.X_BM_laid = laid_board(self._board, of_view(self._state.seed, 0, _LAID))
+        self._state.X_BM_laid = laid_board(self._board, view_stream(self._state.seed, 0, _LAID))
 
     def touch(self, p_M_m: Array, number: int) -> None:
         """Guide the tip to a point (3,) of the board as stated, leaning to another side for each `number` from 0."""
@@ -185,7 +173,7 @@ class _LabHands:
         if laid is None:
             raise SimError("the board is still in the gripper: lay it on the table first")
         p_B_m = laid[:3, :3] @ (state.world.sensing.board_scale * np.asarray(p_M_m)) + laid[:3, 3]
-        rng = of_view(state.seed, number, _TOUCHED)
+        rng = view_stream(state.seed, number, _TOUCHED)
         encoder_rad = 1e-3 * state.world.sensing.encoder_noise_mrad * rng.standard_normal(7)
         state.q_rad = touching_q_rad(p_B_m, number, rng) - state.offset_rad - encoder_rad
         state.t_s += TOUCH_S
@@ -242,8 +230,10 @@ class _BoardCamera:
         """At joints (S, 7), the true ones."""
         moment = round(1e6 * t_s) % 2**31
         poses, noise = self._poses(q_rad), self._noise
-        colour, depth_mm = self._renderer.render(poses, noise, of_view(self._state.seed, moment, 1))
-        dark = self._renderer.render_infrared(poses, noise, of_view(self._state.seed, moment, 2)) if infrared else None
+        colour, depth_mm = self._renderer.render(poses, noise, view_stream(self._state.seed, moment, 1))
+        dark = (
+            self._renderer.render_infrared(poses, noise, view_stream(self._state.seed, moment, 2)) if infrared else None
+        )
         return Frame(t_s + 1e-3 * self._state.world.sensing.clock_offset_ms, colour, depth_mm, dark)
 
     def _poses(self, q_rad: Array) -> dict[str, Array]:
@@ -261,7 +251,7 @@ class _BoardCamera:
     @cached_property
     def _noise(self) -> SensorNoise:
         sensing = self._state.world.sensing
-        own = SensorNoise.draw(of_camera(self._state.seed), sensing.depth_noise_scale)
+        own = SensorNoise.draw(camera_stream(self._state.seed), sensing.depth_noise_scale)
         shrink = 0.25 if sensing.camera == "small" else 1.0
         return replace(own, lens_blur_px=LENS_BLUR_PX * shrink, jpeg_quality=JPEG_QUALITY)
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.types import Array
-from sim.lab.chance import of_calibration
+from sim.lab.chance import calibration_stream
 from sim.lab.kinect import default_X_BC
 from sim.lab.world import Sensing, World
 
@@ -26,7 +26,7 @@ class NominalCalibration:
 
 def nominal_of(world: World, seed: int) -> NominalCalibration:
     """What an operator of the lab of `world` and `seed` starts from: its error is the world's, its sigma honest."""
-    return nominal_calibration(default_X_BC(), world.sensing, of_calibration(seed))
+    return nominal_calibration(default_X_BC(), world.sensing, calibration_stream(seed))
 
 
 def nominal_calibration(X_BC: Array, sensing: Sensing, rng: np.random.Generator) -> NominalCalibration:

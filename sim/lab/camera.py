@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
-from sim.lab.chance import of_camera
+from sim.lab.chance import camera_stream
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
 from sim.lab.room import Room
 
@@ -35,22 +35,26 @@ class LabCamera:
         self._room.recording_since_s, self._room.shots = None, []
 
     def model(self) -> CameraModel:
+        """See `hw.ports.Camera`."""
         return kinect_model("small" if self._room.world.sensing.camera == "small" else "kinect")
 
     def snapshot(self) -> Frame:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_snapshot(room.t_s))
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.snapshot_stream(room.t_s))
         return Frame(self._stamped(room.t_s), colour, depth_mm)
 
     def start_recording(self) -> None:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         if self._room.recording_since_s is not None:
             raise CameraError("the camera is recording already: call stop_recording first")
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:
+        """See `hw.ports.Camera`; the frames are rendered now."""
         self._need_connection()
         room = self._room
         if room.recording_since_s is None:
@@ -74,14 +78,14 @@ class LabCamera:
         return range(int(np.ceil(first - phase)), int(np.floor(last - phase)) + 1)
 
     def _dropped(self, number: int) -> bool:
-        return bool(self._room.chance.of_frame(number).uniform() < self._room.world.sensing.frame_drop)
+        return bool(self._room.chance.frame_stream(number).uniform() < self._room.world.sensing.frame_drop)
 
     def _frame(self, number: int) -> Frame:
         room = self._room
         t_s = room.t_placed_s + (number + room.chance.frame_phase) / FRAME_RATE_HZ
         slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
         poses = room.cell.poses(room.positions_at(slices_s))
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.of_frame(number))
+        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.frame_stream(number))
         return Frame(self._stamped(t_s), colour, depth_mm)
 
     def _stamped(self, t_s: float) -> float:
@@ -94,7 +98,7 @@ class LabCamera:
 
     @cached_property
     def _noise(self) -> SensorNoise:
-        return SensorNoise.draw(of_camera(self._room.seed), self._room.world.sensing.depth_noise_scale)
+        return SensorNoise.draw(camera_stream(self._room.seed), self._room.world.sensing.depth_noise_scale)
 
     def _need_connection(self) -> None:
         if not self._connected:

@@ -92,10 +92,12 @@ class Cell:
 
     @property
     def q_rad(self) -> Array:
+        """(7,) true joint positions."""
         return np.asarray(self.positions[self._joints])
 
     @property
     def X_BO(self) -> Array:
+        """(4, 4) the object in the world."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
     def simulate(self, t_s: Array, q_rad: Array) -> Motion:

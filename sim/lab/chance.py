@@ -32,7 +32,8 @@ class Chance:
     stop_fraction: float  # where in its path a fault stops the arm
 
     @classmethod
-    def of(cls, seed: int, trial: int, attempt: int) -> Chance:
+    def draw(cls, seed: int, trial: int, attempt: int) -> Chance:
+        """All draws of an attempt, from streams of their own."""
         key = (seed, trial, attempt)
         rng = _stream(seed, _TRIAL, trial, attempt)
         return cls(
@@ -43,23 +44,23 @@ class Chance:
             stop_fraction=float(rng.uniform(0.3, 0.6)),
         )
 
-    def of_frame(self, index: int) -> np.random.Generator:
+    def frame_stream(self, index: int) -> np.random.Generator:
         """The stream of the frame with that number since the object was placed."""
         seed, trial, attempt = self.key
         return _stream(seed, _FRAME, trial, attempt, index)
 
-    def of_snapshot(self, t_s: float) -> np.random.Generator:
+    def snapshot_stream(self, t_s: float) -> np.random.Generator:
         """The stream of a picture taken at that moment: twice the same moment, twice the same picture."""
         seed, trial, attempt = self.key
         return _stream(seed, _SNAPSHOT, trial, attempt, round(1e6 * t_s))
 
 
-def of_camera(seed: int) -> np.random.Generator:
+def camera_stream(seed: int) -> np.random.Generator:
     """The stream for what is particular to the camera of a lab."""
     return _stream(seed, _CAMERA)
 
 
-def of_calibration(seed: int) -> np.random.Generator:
+def calibration_stream(seed: int) -> np.random.Generator:
     """The stream for the error of the nominal calibration."""
     return _stream(seed, _CALIBRATION)
 
@@ -69,12 +70,12 @@ def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
     return np.asarray(1e-3 * joint_offset_mrad * _stream(seed, _JOINTS).standard_normal(7))
 
 
-def of_view(seed: int, rest: int, picture: int) -> np.random.Generator:
+def view_stream(seed: int, rest: int, picture: int) -> np.random.Generator:
     """The stream of one picture of the calibration board (from 1) at one rest of the arm; picture 0: of the rest."""
     return _stream(seed, _VIEW, rest, picture)
 
 
-def of_touch(seed: int, number: int) -> np.random.Generator:
+def touch_stream(seed: int, number: int) -> np.random.Generator:
     """The stream of one guarded motion (from 1); 0: what is particular to the arm's torque sensors."""
     return _stream(seed, _TOUCH, number)
 

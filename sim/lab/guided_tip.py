@@ -12,7 +12,7 @@ from hw.joint_limits import LIMITS
 from hw.types import Array
 from sim.errors import SimError
 from sim.lab.board import THICKNESS_M, HeldBoard
-from sim.panda.inverse import inverse
+from sim.panda.inverse import postures
 
 PLACE_M = (0.62, 0.0)
 """About where the middle of the board comes to lie, in the base."""
@@ -61,6 +61,5 @@ def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:
     X_BF[:3, :3] = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])
     X_BF[:3, 3] = p_B_m - X_BF[:3, :3] @ np.array(TIP_M)
     limits = LIMITS["panda"]
-    q = inverse(X_BF, np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 61)[1:-1]).reshape(-1, 7)
-    q = q[np.isfinite(q).all(axis=1)]
+    q = postures(X_BF, limits, 61)
     return np.asarray(q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)])

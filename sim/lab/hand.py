@@ -39,16 +39,19 @@ class LabHand:
         self._connected = False
 
     def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
         self._need_connection()
         return HandState(self._width_m, self._grip.holds, self._homed)
 
     def home(self) -> None:
+        """See `hw.ports.Hand`."""
         self._need_connection()
         if self._grip.offered or self._grip.holds:
             raise HandError("the hand found something between its fingers while homing; take it out and home it again")
         self._homed, self._width_m = True, WIDEST_M
 
     def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 <= width_m <= WIDEST_M:
             raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * WIDEST_M:.0f} mm")
@@ -57,6 +60,7 @@ class LabHand:
         self._width_m, self._grip.holds, self._grip.force_N = width_m, False, 0.0
 
     def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")

@@ -63,6 +63,7 @@ class Preview:
 
     @property
     def url(self) -> str:
+        """Where a browser on this machine finds it."""
         return str(self._meshcat.web_url())
 
     def html(self) -> str:

@@ -52,7 +52,7 @@ class Room:
     history: list[dict[str, Any]] = field(default_factory=list)  # the truth of every placing, oldest first
 
     def __post_init__(self) -> None:
-        self.chance = Chance.of(self.seed, 0, 0)
+        self.chance = Chance.draw(self.seed, 0, 0)
         self.zeros_rad = joint_zeros(self.seed, self.world.sensing.joint_offset_mrad)
 
     @cached_property
@@ -71,7 +71,7 @@ class Room:
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """The object at rest near `xy_m`, the arm at home, clock and chance as this attempt has them."""
-        self.chance = Chance.of(self.seed, trial, attempt)
+        self.chance = Chance.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
         self.recording_since_s, self.shots = None, []
         due = vars(self.world.faults).items()

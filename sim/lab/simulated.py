@@ -55,30 +55,18 @@ class SimulatedLab:
         self._task, self._world, self._seed = task, world, seed
         self._X_BC = default_X_BC()
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
-        self._arm = LabArm(self._room, cell)
-        self._camera = LabCamera(self._room, self._X_BC)
-        self._bench = LabBench(self._room)
+        self.arm: Arm = LabArm(self._room, cell)
+        self.camera: Camera = LabCamera(self._room, self._X_BC)
+        self.bench: Bench = LabBench(self._room)
 
     def __enter__(self) -> Self:
-        self._arm.__enter__()
-        self._camera.__enter__()
+        self.arm.__enter__()
+        self.camera.__enter__()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._camera.__exit__(*exc)
-        self._arm.__exit__(*exc)
-
-    @property
-    def arm(self) -> Arm:
-        return self._arm
-
-    @property
-    def camera(self) -> Camera:
-        return self._camera
-
-    @property
-    def bench(self) -> Bench:
-        return self._bench
+        self.camera.__exit__(*exc)
+        self.arm.__exit__(*exc)
 
     @property
     def title(self) -> str:
@@ -93,8 +81,8 @@ class SimulatedLab:
     def picture(self) -> Frame:
         """What the camera sees with the arm at home and the object where the task's reference context has it."""
         with self:
-            self._bench.place(self._room.reference_xy_m, trial=1, attempt=0)
-            return self._camera.snapshot()
+            self.bench.place(self._room.reference_xy_m, trial=1, attempt=0)
+            return self.camera.snapshot()
 
     def truth(self) -> dict[str, Any]:
         """All that is hidden, ready for JSON, for checking alone: `X_BC` (4, 4), parameters and effects, and of every

@@ -19,7 +19,7 @@ from hw.refusal import refuse_unless_safe, refuse_while_stopped
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.lab import mounting
-from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, of_touch
+from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.hand import Grip, LabHand
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
@@ -56,25 +56,17 @@ class TouchLab:
         """
         self._task, self._world = task, world
         self._grip = Grip(HANDLE_M)
-        self._arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
-        self._hand = LabHand(self._grip)
+        self.arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
+        self.hand = LabHand(self._grip)
 
     def __enter__(self) -> Self:
-        self._arm.__enter__()
-        self._hand.__enter__()
+        self.arm.__enter__()
+        self.hand.__enter__()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._hand.__exit__(*exc)
-        self._arm.__exit__(*exc)
-
-    @property
-    def arm(self) -> _FeelingArm:
-        return self._arm
-
-    @property
-    def hand(self) -> LabHand:
-        return self._hand
+        self.hand.__exit__(*exc)
+        self.arm.__exit__(*exc)
 
     def offer_tool(self, there: bool) -> None:
         """Somebody holds the tool between the open fingers, or takes it away."""
@@ -91,8 +83,8 @@ class TouchLab:
             "tool_height_m": 1e-3 * mount.tool_height_mm,
             "tool_pitch_rad": float(getattr(self._world.unmodelled, "pitch_bias_rad", 0.0)),
             "tool_roll_rad": 1e-3 * mount.tool_roll_mrad,
-            "tool_slipped_rad": self._arm.slipped_rad,
-            "joint_zeros_rad": self._arm.zeros_rad.tolist(),
+            "tool_slipped_rad": self.arm.slipped_rad,
+            "joint_zeros_rad": self.arm.zeros_rad.tolist(),
         }
 
 
@@ -114,7 +106,7 @@ class _FeelingArm:
         self._feelers = touchable(self._hardware).feelers
         self._workcell, self._things, self._q_rad = cell, things, home_q_rad
         self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
-        self._phase_rad = of_touch(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
+        self._phase_rad = touch_stream(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
         self._t_s, self._touches, self._connected = 0.0, 0, False
         self._fault: str | None = None
         self._cells: dict[bool, TouchCell] = {}
@@ -181,7 +173,7 @@ class _FeelingArm:
 
     def _feel(self, path: JointPath, guard: Guard) -> Contact | None:
         """Down with physics until it touches and stands; the way back is free and takes none."""
-        rng = of_touch(self._seed, self._touches)
+        rng = touch_stream(self._seed, self._touches)
         unseen = self.zeros_rad + REPEATABILITY_RAD * rng.standard_normal(7)
         cell, detector = self._cell(), Detector(guard)
         cell.start(_moved(path, unseen))

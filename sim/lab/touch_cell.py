@@ -109,6 +109,7 @@ class TouchCell:
         return self._turned_rad
 
     def holds_at_most(self, torque_Nm: float) -> None:
+        """Across the fingers, from now on."""
         self._grip_limit_Nm = torque_Nm
 
     def start(self, path: JointPath) -> None:

@@ -8,46 +8,54 @@ required; what else is left out is nominal.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
+from hw.bounded import Unreadable, parse_table
 from hw.types import Array
 from sim.errors import OutOfRange, UnknownName, WorldError
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
+
+_Tilt = Annotated[float, Field(ge=-50, le=50)]
 
 
 @dataclass(frozen=True)
 class Sensing:
     """How the lab's camera, and the arm's sense of its own joints, deviate from perfect ones."""
 
-    depth_noise_scale: float = 1.0  # 1 = the Azure Kinect model
-    extrinsic_error_mm: float = 1.0
-    extrinsic_error_deg: float = 0.1
-    frame_drop: float = 0.0  # share of frames lost
-    camera: str = "kinect"  # or "small": a quarter of the resolution, for tests
-    encoder_noise_mrad: float = 0.0  # of every joint, new at every rest of a calibration, one standard deviation
-    joint_offset_mrad: float = 0.0  # of every joint's zero, root mean square; the same as long as the lab stands
-    clock_offset_ms: float = 0.0  # how late the camera's time stamps are on the arm's clock
-    board_scale: float = 1.0  # how large the calibration board was printed, over what its maker says
+    depth_noise_scale: Annotated[float, Field(ge=0, le=20)] = 1.0  # 1 = the Azure Kinect model
+    extrinsic_error_mm: Annotated[float, Field(ge=0, le=100)] = 1.0
+    extrinsic_error_deg: Annotated[float, Field(ge=0, le=10)] = 0.1
+    frame_drop: Annotated[float, Field(ge=0, le=0.9)] = 0.0  # share of frames lost
+    camera: Literal["kinect", "small"] = "kinect"  # small: a quarter of the resolution, for tests
+    encoder_noise_mrad: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Of every joint, new at every rest of a calibration, one standard deviation."""
+    joint_offset_mrad: Annotated[float, Field(ge=0, le=50)] = 0.0
+    """Of every joint's zero, root mean square; the same as long as the lab stands."""
+    clock_offset_ms: Annotated[float, Field(ge=-500, le=500)] = 0.0
+    """How late the camera's time stamps are on the arm's clock."""
+    board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
+    """How large the calibration board was printed, over what its maker says."""
 
 
 @dataclass(frozen=True)
 class Mount:
     """How far table and tool are from where the arm takes them to be; only a touch-off finds out."""
 
-    table_height_mm: float = 0.0  # of the table top over z = 0 of the arm's base frame, at the base
-    table_tilt_mrad: tuple[float, float] = (0.0, 0.0)  # rise along X and along Y
-    tool_height_mm: float = 0.0  # of the tool along its own Z
-    tool_roll_mrad: float = 0.0  # of the tool about its own X
-    grip_Nm_per_N: float = 1.0  # torque across the fingers that the grip holds per newton of grasp force; 1: any
+    table_height_mm: Annotated[float, Field(ge=-50, le=50)] = 0.0
+    """Of the table top over z = 0 of the arm's base frame, at the base."""
+    table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # rise along X and along Y
+    tool_height_mm: Annotated[float, Field(ge=-30, le=30)] = 0.0  # of the tool along its own Z
+    tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
+    grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Torque across the fingers that the grip holds per newton of grasp force; 1: any."""
 
 
 @dataclass(frozen=True)
@@ -111,35 +119,7 @@ class _Strict(BaseModel):
 
 
 _Model = TypeVar("_Model", bound=BaseModel)
-
-
-_Tilt = Annotated[float, Field(ge=-50, le=50)]
-
-
-class _Sensing(_Strict):
-    depth_noise_scale: float = Field(1.0, ge=0, le=20)
-    extrinsic_error_mm: float = Field(1.0, ge=0, le=100)
-    extrinsic_error_deg: float = Field(0.1, ge=0, le=10)
-    frame_drop: float = Field(0.0, ge=0, le=0.9)
-    camera: Literal["kinect", "small"] = "kinect"
-    encoder_noise_mrad: float = Field(0.0, ge=0, le=10)
-    joint_offset_mrad: float = Field(0.0, ge=0, le=50)
-    clock_offset_ms: float = Field(0.0, ge=-500, le=500)
-    board_scale: float = Field(1.0, ge=0.5, le=2)
-
-
-class _Mount(_Strict):
-    table_height_mm: float = Field(0.0, ge=-50, le=50)
-    table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)
-    tool_height_mm: float = Field(0.0, ge=-30, le=30)
-    tool_roll_mrad: float = Field(0.0, ge=-100, le=100)
-    grip_Nm_per_N: float = Field(1.0, gt=0, le=1)
-
-
-class _Faults(_Strict):
-    camera_timeout: tuple[int, ...] = ()
-    arm_reflex: tuple[int, ...] = ()
-    pedal_release: tuple[int, ...] = ()
+_Kind = TypeVar("_Kind")
 
 
 class _File(_Strict):
@@ -155,9 +135,9 @@ class _File(_Strict):
 
 def _parse(data: bytes, name: str, source: str, task: Task) -> World:
     try:
-        raw = tomllib.loads(data.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WorldError(f"{source} is not TOML: {error}") from error
+        raw = parse_table(data, is_toml=True, finite=False)  # numbers are checked by name
+    except Unreadable as error:
+        raise WorldError(f"{source} {error}") from error
     file = _check(_File, raw, source, "")
     if file.task != task.name:
         raise WorldError(f"{source} is a world of {file.task!r}, not of {task.name!r}; name a world of this task")
@@ -167,10 +147,10 @@ def _parse(data: bytes, name: str, source: str, task: Task) -> World:
         description=file.description,
         parameters=_parameters(file.params, task, source),
         nuisance=_vector(file.nuisance, task.nuisance, source, "nuisance", required=False),
-        unmodelled=_unmodelled(file.unmodelled, task.unmodelled, source),
-        sensing=Sensing(**_check(_Sensing, file.sensing, source, "sensing").model_dump()),
+        unmodelled=_build(task.unmodelled, file.unmodelled, source, "unmodelled"),
+        sensing=_build(Sensing, file.sensing, source, "sensing"),
         faults=_faults(file.faults, source),
-        mount=Mount(**_check(_Mount, file.mount, source, "mount").model_dump()),
+        mount=_build(Mount, file.mount, source, "mount"),
     )
 
 
@@ -255,21 +235,22 @@ def _possible(dimension: Dimension, value: float, source: str, table: str) -> No
         raise WorldError(f"{what} is not physically possible: it must be {'positive' if low > 0 else '0 or more'}")
 
 
-def _unmodelled(raw: Mapping[str, Any], kind: type[Any], source: str) -> Any:
-    hints = get_type_hints(kind)
+def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -> _Kind:
+    """A frozen dataclass from a table, every key checked against the field's annotation."""
+    hints = get_type_hints(kind, include_extras=True)
     types: dict[str, Any] = {}
-    for field in fields(kind):
+    for field in fields(cast("Any", kind)):
         default = field.default if field.default_factory is MISSING else field.default_factory()
         types[field.name] = (hints[field.name], ... if default is MISSING else default)
-    model = _check(create_model("unmodelled", __base__=_Strict, **types), raw, source, "unmodelled")
+    model = _check(create_model(table, __base__=_Strict, **types), raw, source, table)
     try:
-        return kind(**{field.name: getattr(model, field.name) for field in fields(kind)})
+        return kind(**dict(model))
     except (ValueError, OutOfRange) as error:
-        raise WorldError(f"{source}: [unmodelled] {error}") from error
+        raise WorldError(f"{source}: [{table}] {error}") from error
 
 
 def _faults(raw: Mapping[str, Any], source: str) -> Faults:
-    faults = Faults(**_check(_Faults, raw, source, "faults").model_dump())
+    faults = _build(Faults, raw, source, "faults")
     for field in fields(Faults):
         early = [n for n in getattr(faults, field.name) if n < 1]
         if early:

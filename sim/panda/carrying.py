@@ -17,7 +17,7 @@ from hw.kinematics import forward, jacobian
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import ArmModel
 from sim.errors import NotExecutable
-from sim.panda.moves import PEAK_ACCELERATION, timed
+from sim.panda.moves import PEAK_ACCELERATION, time_curve
 
 GENTLE_M_S2 = 0.15
 """Largest acceleration of the tool on the way: a round piece stays at the root of a blade that is tilted back by 1°."""
@@ -47,7 +47,7 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: Arm
     along = make_interp_spline(share, q_rad, k=5)
     distance_m = float(np.linalg.norm(ends[1, :3, 3] - ends[0, :3, 3]))
     duration_s = max(_SHORTEST_S, math.sqrt(PEAK_ACCELERATION * distance_m / GENTLE_M_S2))
-    return arm.reported(timed(along, duration_s, arm.in_true_joints().limits))
+    return arm.reported(time_curve(along, duration_s, arm.in_true_joints().limits))
 
 
 def _nearest(q_wanted: Array, X_BF: Array) -> Array | None:

@@ -21,7 +21,7 @@ from hw.limits import KEEP_OUT_CLEARANCE_M, SELF_CLEARANCE_M, TABLE_CLEARANCE_M
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda.moves import joined, move_path
+from sim.panda.moves import join_paths, move_path
 
 SPEED = 0.25
 ROOM_M = 0.02
@@ -57,7 +57,7 @@ def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed:
             raise NotExecutable(f"{model}: the arm is not clear {name}: {still.worst}; choose another posture")
     corners = _Space(cell).way(q_from, q_to)
     if corners is not None:
-        path = joined(*(move_path(a, b, limits, speed) for a, b in pairwise(corners)))
+        path = join_paths(*(move_path(a, b, limits, speed) for a, b in pairwise(corners)))
         around = cell.check(path, q_from)
         if around.ok:
             return path

@@ -44,7 +44,9 @@ class Touching(Held, Protocol):
     """A tool that a touch-off may be asked for."""
 
     @property
-    def touchable(self) -> Touchable | None: ...
+    def touchable(self) -> Touchable | None:
+        """None: the tool has nothing to touch with."""
+        ...
 
 
 def touchable(hardware: Touching) -> Touchable:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hw.joint_limits import JointLimits
 from hw.kinematics import A4_M, A7_M, D1_M, D3_M, D5_M, FLANGE_M
 from hw.types import Array
 
@@ -61,6 +62,18 @@ def inverse(X_BF: Array, q7_rad: Array) -> Array:
     q = np.stack([q1, q2, q3, *both, q7], axis=-1).reshape(*shape[:-2], BRANCHES, 7)
     q[..., :6] = _CENTRE[:6] + _wrap(q[..., :6] - _CENTRE[:6])
     return q
+
+
+def postures(X_BF: Array, limits: JointLimits, count: int, ratio: float = np.inf) -> Array:
+    """(N, 7) all that hold the flange at one of the poses (..., 4, 4), over `count` - 2 positions of joint 7.
+
+    `ratio` is the largest share of a joint's position limits that they may use.
+    """
+    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], count)[1:-1]
+    q = inverse(X_BF[..., None, :, :], q7).reshape(-1, 7)
+    q = q[np.isfinite(q).all(axis=1)]
+    still = np.zeros_like(q)
+    return np.asarray(q[limits.ratios(q, still, still)[0].max(axis=1) <= ratio])
 
 
 def _elbow(distance2: Array) -> Array:

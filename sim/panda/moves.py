@@ -46,10 +46,10 @@ def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, limits: JointLimits, s
     def along(share: Array) -> Array:
         return np.asarray(q_from + share[:, None] * (q_to - q_from))
 
-    return timed(along, max(fastest_s / speed, 0.05), limits)
+    return time_curve(along, max(fastest_s / speed, 0.05), limits)
 
 
-def timed(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
+def time_curve(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
     """The joint curve `along` (share (N,) of the way -> (N, 7)) in `duration_s`, or slower if limits ask for it.
 
     Raises NotExecutable near a position limit, or next to a singularity, where no slower motion helps either.
@@ -69,7 +69,7 @@ def timed(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
     )
 
 
-def joined(*paths: JointPath) -> JointPath:
+def join_paths(*paths: JointPath) -> JointPath:
     """Paths one after the other; each starts where the one before it rests. Contact windows must not be there."""
     for before, after in pairwise(paths):
         if np.abs(after.q_rad[0] - before.q_rad[-1]).max() > 1e-9 or before.contact or after.contact:

@@ -27,8 +27,8 @@ from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.carrying import carry_path
 from sim.panda.detours import free_path
-from sim.panda.inverse import inverse
-from sim.panda.moves import joined, move_path, timed
+from sim.panda.inverse import inverse, postures
+from sim.panda.moves import join_paths, move_path, time_curve
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.types import ToolMotion
 
@@ -50,21 +50,6 @@ TUCKED_RAD = ((-0.5, -2.2), (-0.9, -2.4), (-1.2, -2.0))
 _RISE_SWING_RAD = 0.8
 
 
-def joint_path(motion: ToolMotion, X_FT: Array, cell: Workcell, q_seed: ArrayLike | None = None) -> JointPath:
-    """The joint path (exact to rounding) that moves the tool, mounted at X_FT (4, 4), along `motion`.
-
-    `q_seed` (7,) is a posture to stay near if there is a choice. Raises NotExecutable with the reason: out of reach, or
-    the check that fails.
-    """
-    seed = None if q_seed is None else cell.arm.true_rad(frozen_array(q_seed, (7,), "q_seed"))
-    found: list[tuple[float, JointPath]] = []
-    for ratio, path in _task_paths(motion, X_FT, cell.in_true_joints(), seed):
-        found.append((ratio, path))
-        if ratio < GOOD_ENOUGH:
-            break
-    return cell.arm.reported(min(found, key=lambda one: one[0])[1])
-
-
 def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
     """(7,) the posture between trials: the tool pitched over `HOME_TOOL_M`, the joints near the middle of their ranges.
 
@@ -76,9 +61,7 @@ def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
     X_BT = np.tile(np.eye(4), (len(places), 1, 1))
     X_BT[:, :3, :3] = Rotation.from_euler("y", pitch_rad).as_matrix()
     X_BT[:, :3, 3] = places
-    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], 91)[1:-1]
-    q = inverse((X_BT @ np.linalg.inv(X_FT))[:, None], q7).reshape(-1, 7)
-    q = q[np.isfinite(q).all(axis=1)]
+    q = postures(X_BT @ np.linalg.inv(X_FT), limits, 91)
     worst = limits.ratios(q, np.zeros_like(q), np.zeros_like(q))[0].max(axis=1)
     for i in np.argsort(worst):
         still = JointPath(np.array([0.0, DT_S]), np.stack([q[i], q[i]]))
@@ -104,7 +87,7 @@ def trial_paths(
     freely: Ways = partial(_ways, q_home=home_rad, cell=true)
     best: tuple[tuple[bool, float], tuple[JointPath, JointPath, JointPath]] | None = None
     refused: NotExecutable | None = None
-    for ratio, task in _task_paths(motion, X_FT, true, home_rad):
+    for ratio, task in task_paths(motion, X_FT, true, home_rad):
         if best is not None and (False, ratio) >= best[0]:
             continue
         try:
@@ -125,7 +108,7 @@ def trial_paths(
     return there, task, back
 
 
-def _task_paths(
+def task_paths(
     motion: ToolMotion, X_FT: Array, cell: Workcell, seed: Array | None
 ) -> Iterator[tuple[float, JointPath]]:
     """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.
@@ -181,7 +164,7 @@ def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float =
     if not (inside & np.isfinite(travel)).any():
         raise NotExecutable(f"{arm.name}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
     swing = swings[np.where(inside, travel, np.inf).argmin()]
-    return arm.reported(timed(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
+    return arm.reported(time_curve(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
 
 
 Ways = Callable[[Array], Iterator[JointPath]]
@@ -205,7 +188,7 @@ def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
             refused = str(error)
             break
         for over in ways(up.q_rad[-1]):
-            path = joined(up, over)
+            path = join_paths(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
             reports = [cell.check(way) for way in both_ways]
             low_m = _lowest_m(over, cell)
@@ -233,7 +216,7 @@ def _ways(q_from: Array, q_home: Array, cell: Workcell) -> Iterator[JointPath]:
     yield move_path(q_from, q_home, limits, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:
         stops = [q_from, _drawn_back(q_from, tucked_rad), _drawn_back(q_home, tucked_rad), q_home]
-        yield joined(*(move_path(a, b, limits, MOVE_SPEED) for a, b in pairwise(stops)))
+        yield join_paths(*(move_path(a, b, limits, MOVE_SPEED) for a, b in pairwise(stops)))
     if cell.keep_out:
         with suppress(NotExecutable):
             yield free_path(q_from, q_home, cell, MOVE_SPEED)

@@ -62,7 +62,7 @@ def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | N
 
     Lazy, up to eight; none where the poses are out of reach. Starts near `q_seed_rad` (7,) are preferred a little.
     """
-    grid = _Grid.of(t_s, X_BF, limits)
+    grid = _Grid.around(t_s, X_BF, limits)
     best = np.inf
     for start in _starts(grid, q_seed_rad):
         profile = _refine(grid, start, best)
@@ -84,7 +84,7 @@ class _Grid:
     limits: JointLimits
 
     @classmethod
-    def of(cls, t_s: Array, X_BF: Array, limits: JointLimits) -> _Grid:
+    def around(cls, t_s: Array, X_BF: Array, limits: JointLimits) -> _Grid:
         last = len(t_s) - 1
         beside = min(_BESIDE, last // 2)
         moments = np.linspace(beside, last - beside, max(round(float(t_s[-1]) / STEP_S), 4) + 1).round().astype(int)

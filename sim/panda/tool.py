@@ -19,11 +19,19 @@ class Held(Protocol):
     """The tool of a task, as an arm holds it."""
 
     @property
-    def X_FT(self) -> Array: ...
+    def X_FT(self) -> Array:
+        """(4, 4) the tool in the flange."""
+        ...
+
     @property
-    def tool_mass(self) -> Mass: ...
+    def tool_mass(self) -> Mass:
+        """In the tool frame, without the hand."""
+        ...
+
     @property
-    def keep_clear(self) -> tuple[Capsule, ...]: ...
+    def keep_clear(self) -> tuple[Capsule, ...]:
+        """In the tool frame."""
+        ...
 
 
 def held(

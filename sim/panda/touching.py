@@ -16,7 +16,7 @@ from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, froze
 from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.feelers import Feeler
-from sim.panda.inverse import inverse
+from sim.panda.inverse import inverse, postures
 from sim.panda.redundancy import ALLOWED
 
 RAMP_S = 0.4
@@ -61,18 +61,25 @@ class Stage:
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class HeldTool:
     """What a plan has to know of arm, tool and surroundings."""
 
     cell: Workcell
     X_FT: Array  # (4, 4) its tool as far as it is known; of empty fingers the identity
 
     def guard(self, feeler: Feeler, force_N: float) -> Guard:
+        """Against `force_N` at the centre of the feeler."""
         return Guard(force_N, self.X_FT[:3, :3] @ feeler.p_T_m + self.X_FT[:3, 3])
 
 
 def stance(
-    probe: Probe, bench: Bench, table: Table, above_m: float, search: Sequence[Stage], force_N: float, q_near: ArrayLike
+    probe: Probe,
+    bench: HeldTool,
+    table: Table,
+    above_m: float,
+    search: Sequence[Stage],
+    force_N: float,
+    q_near: ArrayLike,
 ) -> Array:
     """(7,) the posture nearest to `q_near` with the feeler `above_m` over the table, from which `search` is allowed.
 
@@ -80,11 +87,7 @@ def stance(
     """
     arm, cell = bench.cell.arm, bench.cell.over(table)
     limits, near = arm.in_true_joints().limits, arm.true_rad(frozen_array(q_near, (7,), "q_near"))
-    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
-    q = inverse(probe.X_BT(table, above_m) @ np.linalg.inv(bench.X_FT), q7).reshape(-1, 7)
-    q = q[np.isfinite(q).all(axis=1)]
-    still = np.zeros_like(q)
-    q = q[limits.ratios(q, still, still)[0].max(axis=1) <= ALLOWED] if len(q) else q
+    q = postures(probe.X_BT(table, above_m) @ np.linalg.inv(bench.X_FT), limits, _Q7, ALLOWED)
     guard = bench.guard(probe.feeler, force_N)
     refused = "it is out of the arm's reach"
     for candidate in q[np.argsort(np.abs(q - near).max(axis=1))][::_EVERY][:_MOST]:

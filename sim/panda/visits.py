@@ -13,8 +13,8 @@ from hw.kinematics import link_poses
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda.inverse import inverse
-from sim.panda.moves import joined, move_path
+from sim.panda import inverse
+from sim.panda.moves import join_paths, move_path
 
 ROOM_M = 0.03
 """Least distance of a posture from everything; a path between postures may come nearer, as `hw.limits` allows."""
@@ -28,13 +28,9 @@ def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array |
     """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps its distance, else None."""
     arm, true = cell.arm, cell.in_true_joints()
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
-    q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], _Q7)[1:-1]
     found: list[Array | None] = []
     for X in X_BF:
-        q = inverse(X, q7).reshape(-1, 7)
-        q = q[np.isfinite(q).all(axis=1)]
-        still = np.zeros_like(q)
-        q = q[limits.ratios(q, still, still)[0].max(axis=1) <= _USE] if len(q) else q
+        q = inverse.postures(X, limits, _Q7, _USE)
         q = q[_room(q, true)] if len(q) else q
         found.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
     return found
@@ -65,7 +61,7 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
 def _ways(q_from: Array, q_to: Array, q_home: Array, limits: JointLimits) -> Iterator[JointPath]:
     yield move_path(q_from, q_to, limits, SPEED)
     if np.abs(q_from - q_home).max() > 1e-6 and np.abs(q_to - q_home).max() > 1e-6:
-        yield joined(move_path(q_from, q_home, limits, SPEED), move_path(q_home, q_to, limits, SPEED))
+        yield join_paths(move_path(q_from, q_home, limits, SPEED), move_path(q_home, q_to, limits, SPEED))
 
 
 def _room(q: Array, cell: Workcell) -> Array:

@@ -19,6 +19,7 @@ class EmulatedRolls:
     rng: np.random.Generator
 
     def __call__(self, requests: Requests) -> Rollouts:
+        """One possible outcome of each request, without the camera's noise."""
         task = self.emulator.task
         drawn = self.emulator.draw(requests.parameters, requests.action, requests.nuisance, self.rng)
         at_context = task.relocate(drawn.observation, requests.context)

@@ -8,16 +8,13 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.memory import MemoryName, Seen, encode, looking_back
+from sim.adaptation.memory import MemoryName, Seen, encode, look_back
 from sim.adaptation.method import Trial
 from sim.pretraining.q_training import Transitions
-from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import spread
+from sim.rollouts.draws import trial_requests
+from sim.rollouts.run import Roll
 from sim.solvers.solver import Solver, SolverSettings
 from sim.tasks.task import Task
-
-Roll = Callable[[Requests], Rollouts]
-"""Rollouts: true ones (`run_many` on some executor, or cached), or those of an emulator (`EmulatedRolls`)."""
 
 
 @dataclass(frozen=True)
@@ -96,10 +93,10 @@ class Episodes:
 
     def _seen(self, t: int) -> Seen:
         until = slice(0, t + 1)
-        return looking_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
+        return look_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
 
 
-def joined(parts: Sequence[Episodes]) -> Episodes:
+def join_episodes(parts: Sequence[Episodes]) -> Episodes:
     """All episodes as one, in the order of the parts."""
     return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
 
@@ -107,13 +104,6 @@ def joined(parts: Sequence[Episodes]) -> Episodes:
 def sparse(task: Task, rewards: Array) -> Array:
     """Only rewards that reach the threshold count (paper, eq. A1)."""
     return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
-
-
-def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
-    """Rollouts as the target would execute them: commanded actions (N, a) with their error, nuisance by chance."""
-    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((len(actions), len(task.nuisance))))
-    return Requests(targets, contexts, actions + error, nuisance)
 
 
 def simulated_trials(

@@ -11,11 +11,11 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.best import choose_best
 from sim.adaptation.method import Iteration, Method, ParticleTrials
-from sim.adaptation.methods.udr import several
-from sim.pretraining.episodes import Roll, simulated_trials, trial_requests
+from sim.adaptation.methods.udr import udr_policies
+from sim.pretraining.episodes import simulated_trials
 from sim.pretraining.meta_training import Targets, sample_targets
-from sim.rollouts.run import Requests
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, trial_requests
+from sim.rollouts.run import Requests, Roll
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
@@ -117,9 +117,9 @@ def evaluate(
     task = solver.task
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(settings.targets + 1)]
     targets = sample_targets(task, settings.kind, settings.targets, streams[0])
-    grid = spread(task.parameters, sobol(settings.oracle, len(task.parameters), streams[0]))
+    grid = cover(task.parameters, settings.oracle, streams[0])
     candidates = solver.policies(grid[:, None, :], streams[0])
-    udr = several(solver, streams[0])
+    udr = udr_policies(solver, streams[0])
     true, solved = list[Array](), list[Array]()
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
         fixed = [*udr, _oracle(solver, candidates, target, roll, rng)]

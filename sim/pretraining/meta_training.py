@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.adaptation.memory import MemoryName, inputs, new_policy
 from sim.adaptation.q_network import QNetwork
-from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, Visit, joined, sparse, visit
+from sim.pretraining.episodes import Episodes, EpisodeSettings, Visit, join_episodes, sparse, visit
 from sim.pretraining.logs import Log, silent
-from sim.pretraining.q_training import Learner, Replay, Transitions
+from sim.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions
+from sim.rollouts.run import Roll
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
@@ -71,7 +72,7 @@ def train_adaptation(
     task, rng = solver.task, np.random.default_rng(seed)
     horizon = task.adaptation.horizon
     learner = _learner(task, "iteration", int(rng.integers(2**31)))
-    replay = Replay(learner.online.inputs, learner.online.branches)
+    replay = ReplayBuffer(learner.online.inputs, learner.online.branches)
     curve, parts = _Curve(log), []
     rounds = settings.rounds(horizon)
     for start in range(0, rounds, horizon):
@@ -87,7 +88,7 @@ def train_adaptation(
             if progress is not None:
                 progress(min(len(curve.rows) * settings.parallel, settings.steps), settings.steps)
         parts.append(recorded.episodes())
-    return learner.online, curve.done(), joined(parts)
+    return learner.online, curve.done(), join_episodes(parts)
 
 
 def learn_from(
@@ -106,7 +107,7 @@ def learn_from(
     learner = _learner(task, memory, int(rng.integers(2**31)))
     steps = episodes.transitions(task, memory)
     slots, width = inputs(task, memory)
-    replay = Replay(slots * width, len(task.parameters), capacity=len(steps.reward))
+    replay = ReplayBuffer(slots * width, len(task.parameters), capacity=len(steps.reward))
     replay.add(steps)
     for i in range(updates):
         learner.update(replay.sample(BATCH, rng))
@@ -115,8 +116,8 @@ def learn_from(
     return learner.online
 
 
-def _learner(task: Task, memory: MemoryName, seed: int) -> Learner:
-    return Learner(new_policy(task, memory, seed), task.adaptation.learning_rate, task.adaptation.discount)
+def _learner(task: Task, memory: MemoryName, seed: int) -> DoubleQLearner:
+    return DoubleQLearner(new_policy(task, memory, seed), task.adaptation.learning_rate, task.adaptation.discount)
 
 
 def _epsilons(rounds: int) -> Array:

@@ -11,7 +11,6 @@ the same episodes), `prospects.safetensors` (what E are worth wherever the truth
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from hw.bounded import Unreadable
 from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
@@ -32,19 +32,19 @@ from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
-from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.episodes import Episodes
 from sim.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
 from sim.pretraining.logs import Log, tensorboard
 from sim.pretraining.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
 from sim.pretraining.timing import Stopwatch
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
-from sim.rollouts.run import run_many
+from sim.rollouts.run import Roll, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
 from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of
+from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
@@ -109,7 +109,9 @@ class PretrainBudget:
 class _Means:
     """What the adaptation policy is trained and judged with."""
 
-    solver: Solver
+    task: Task
+    new_solver: Callable[[], Solver]
+    """One that remembers no policy: a stage must not depend on whether another ran before it in this process."""
     emulator: Emulator | None  # to be stored in the checkpoint
     roll: Roll
     simulated: Callable[[], int]  # how many rollouts there have been
@@ -133,7 +135,7 @@ def pretrain(
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
-        means = _exact(task.exact(task), budget, executor)
+        means = _exact(task, task.exact(task), budget, executor)
     elif solver == "naf":
         progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
         means = _by_naf(task, folder, budget, draws[0], executor)
@@ -141,14 +143,15 @@ def pretrain(
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     with tensorboard(folder / "logs") as log:
         networks = _policies(folder, means, budget, draws[2], progress, log)
-    ahead = _prospects(folder, means, budget.prospects, draws[2], progress)
+    # With NAF there are none: without an emulator they would cost a simulation each.
+    ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress)
     path = folder / "checkpoint"
     if not (path / CARD).exists():
         facts = {
             "seed": seed,
             "simulations": means.simulated(),
-            "policy": stored(folder / "policy.toml"),
+            "policy": read_report(folder / "policy.toml"),
             "evaluation": results,
             "method": best_method(results),
         }
@@ -162,22 +165,25 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
-def _exact(solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
+def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
     facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
-    roll = partial(run_many, solver.task, executor=executor)
-    return _Means(solver, None, roll, partial(budget.uncached, solver.task), facts)
+    roll = partial(run_many, task, executor=executor)
+    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task), facts)
 
 
 def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
     """The paper's solver, on true rollouts alone."""
     roll = CachedRollouts(task, folder / "rollouts", executor)
-    solver = NafSolver(task, roll, rules_of(task, budget.naf_scale), NafMemory(task))
-    path = folder / "naf.toml"
+    rules, path = rules_of(task, budget.naf_scale), folder / "naf.toml"
+
+    def new_solver() -> NafSolver:
+        return NafSolver(task, roll, rules, NafMemory(task), float(read_report(path)["misfit_limit"]))
+
     if not path.exists():
-        write_toml(path, {"misfit_limit": measure_misfit_limit(solver, np.random.default_rng(seed))})
-    limit = float(stored(path)["misfit_limit"])
-    facts = {"budget": asdict(budget), **naf_facts(solver, limit)}
-    return _Means(replace(solver, limit=limit), None, roll, roll.count, facts)
+        unlimited = NafSolver(task, roll, rules, NafMemory(task))
+        write_toml(path, {"misfit_limit": measure_misfit_limit(unlimited, np.random.default_rng(seed))})
+    facts = {"budget": asdict(budget), **naf_facts(new_solver())}
+    return _Means(task, new_solver, None, roll, roll.count, facts)
 
 
 def _learnt(
@@ -206,9 +212,9 @@ def _learnt(
         write_toml(report, asdict(held_out))
     progress(STAGES[1], 1, 1)
     emulator = Emulator(task, load_tensors(path))
-    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": stored(report)}
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
-    return _Means(EmulatorSolver(emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
+    return _Means(task, partial(EmulatorSolver, emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
@@ -218,7 +224,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
     if not path.exists():
         write_toml(path, plan)
         return
-    before = stored(path)
+    before = read_report(path)
     different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(
@@ -226,25 +232,25 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
         )
 
 
-def stored(path: Path) -> dict[str, Any]:
+def read_report(path: Path) -> dict[str, Any]:
     """A TOML file of the folder. Raises DatasetError."""
     try:
         return read_toml(path)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}): remove it, or begin in a new folder") from error
+    except (FileNotFoundError, Unreadable) as error:
+        raise DatasetError(f"{path} {error}: remove it, or begin in a new folder") from error
 
 
 def _policies(
     folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress, log: Log
 ) -> dict[MemoryName, QNetwork]:
     """The paper's adaptation policy, and `FURTHER` ones, learnt from the same episodes."""
-    task = means.solver.task
+    task = means.task
     online = folder / "policy.safetensors"
     further: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in FURTHER}
     episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
     if not all(path.exists() for path in (online, episodes, report)):
         network, curve, seen = train_adaptation(
-            afresh(means.solver), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
+            means.new_solver(), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
         )
         save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
         save_tensors(online, network.state_dict())
@@ -264,16 +270,13 @@ def _policies(
 
 def _prospects(
     folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
-) -> Prospects | None:
-    """None with NAF: without an emulator they would cost a simulation each."""
-    if isinstance(means.solver, NafSolver):
-        return None
+) -> Prospects:
     path = folder / "prospects.safetensors"
     if not path.exists():
-        ahead = look_ahead(means.solver, seed, settings, lambda i, n: progress(STAGES[4], i, n))
+        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[4], i, n))
         save_tensors(path, ahead.tensors)
     progress(STAGES[4], 1, 1)
-    return restore_prospects(means.solver.task, load_tensors(path))
+    return restore_prospects(means.task, load_tensors(path))
 
 
 def _evaluation(
@@ -285,20 +288,20 @@ def _evaluation(
     seed: int,
     progress: StageProgress,
 ) -> dict[str, Any]:
-    path, task = folder / "evaluation.toml", means.solver.task
+    path, task = folder / "evaluation.toml", means.task
     if not path.exists():
         methods: dict[str, Method] = {
             name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items()
         }
         methods[RANDOM] = RandomSearch(task)
         if ahead is not None:
-            methods[BELIEF] = Belief(means.solver, ahead)
+            methods[BELIEF] = Belief(means.new_solver(), ahead)
         results = evaluate(
-            afresh(means.solver), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[5], i, n)
+            means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[5], i, n)
         )
         write_toml(path, asdict(results))
     progress(STAGES[5], 1, 1)
-    return stored(path)
+    return read_report(path)
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:

@@ -27,7 +27,7 @@ class Transitions:
     next_state: Array  # (N, inputs)
 
 
-class Replay:
+class ReplayBuffer:
     """The last `capacity` transitions, as tensors."""
 
     def __init__(self, inputs: int, branches: int, capacity: int = 10_000) -> None:
@@ -43,6 +43,7 @@ class Replay:
         return self._size
 
     def add(self, steps: Transitions) -> None:
+        """The oldest make room."""
         rows = (self._next + np.arange(len(steps.reward))) % self._capacity
         for column, values in zip(
             self._columns, (steps.state, steps.directions + 1, steps.reward, steps.next_state), strict=True
@@ -52,12 +53,13 @@ class Replay:
         self._size = min(self._size + len(rows), self._capacity)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """`n` of them with repetition: state, choice (0 to 2 a branch), reward, next state."""
         rows = torch.from_numpy(rng.integers(self._size, size=n))
         state, choice, reward, following = (column[rows] for column in self._columns)
         return state, choice, reward, following
 
 
-class Learner:
+class DoubleQLearner:
     """Double Q-learning: online and target network with their optimiser."""
 
     def __init__(self, network: QNetwork, learning_rate: float, discount: float, polyak: float = 0.01) -> None:
@@ -68,7 +70,7 @@ class Learner:
         self._discount, self._polyak = discount, polyak
 
     def update(self, batch: tuple[Tensor, Tensor, Tensor, Tensor]) -> float:
-        """One gradient step on a batch of `Replay.sample`; returns its loss."""
+        """One gradient step on a batch of `ReplayBuffer.sample`; returns its loss."""
         state, choice, reward, following = batch
         with one_thread():
             target = branching_target(self.online, self._target, reward, following, self._discount)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +29,7 @@ class Stopwatch:
         self._last = self._stored = clock()
 
     def __call__(self, stage: str, done: int, total: int) -> None:
+        """Count the time since the last call for `stage`, and pass the report on."""
         now = self._clock()
         self._seconds[stage] = self._seconds.get(stage, 0.0) + now - self._last
         self._last = now
@@ -46,5 +46,5 @@ def wall_times_s(folder: Path) -> dict[str, float]:
         return {}
     try:
         return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, AttributeError, ValueError) as error:
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error

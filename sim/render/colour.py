@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render import shading
 from sim.render.bodies import Body
-from sim.render.poses import inverse
-from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shifted
+from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
 from sim.render.rectangles import Rectangle, coarser, is_empty, union, within
 
 JITTER_PX = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
@@ -48,7 +48,7 @@ class ColourView:
         self._camera, self._X_BC, self._X_CB = camera, X_BC, inverse(X_BC)
         centre_rays = pixel_rays(camera)
         self._fov = field_of_view(centre_rays)
-        self._rays = [shifted(centre_rays, du, dv) for du, dv in JITTER_PX]
+        self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
         self._still = [self._still_sample(world, rays) for rays in self._rays]
         mean: Array32 = np.mean([sample.rgb.astype(np.float32) for sample in self._still], axis=0, dtype=np.float32)
         self._still_srgb = shading.srgb(mean)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render.bodies import Body
-from sim.render.poses import inverse
 from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays
 from sim.render.rectangles import is_empty
 

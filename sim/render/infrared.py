@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render.bodies import Body, Hits
 from sim.render.colour import JITTER_PX
-from sim.render.poses import inverse
-from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shifted
+from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
 from sim.render.rectangles import is_empty
 
 
@@ -21,7 +21,7 @@ class InfraredView:
         self._camera, self._X_BD = camera, X_BD
         centre_rays = pixel_rays(camera)
         self._fov = field_of_view(centre_rays)
-        self._rays = [shifted(centre_rays, du, dv) for du, dv in JITTER_PX]
+        self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
         self._still = [self._cast(world, X_BD, rays) for rays in self._rays]
 
     def render(self, moving: Sequence[tuple[Body, Array]]) -> Array32:

@@ -21,13 +21,3 @@ def within_exposure(X: Array, fractions: Array) -> Array:
     u, _, vt = np.linalg.svd(mixed[:, :3, :3])
     mixed[:, :3, :3] = u @ vt
     return mixed
-
-
-def inverse(X: Array) -> Array:
-    """(..., 4, 4) rigid pose -> its inverse."""
-    out = np.zeros_like(X)
-    Rt = np.swapaxes(X[..., :3, :3], -1, -2)
-    out[..., :3, :3] = Rt
-    out[..., :3, 3] = -(Rt @ X[..., :3, 3:])[..., 0]
-    out[..., 3, 3] = 1
-    return out

@@ -40,7 +40,7 @@ def _chebyshev(size: int) -> tuple[Array, Array]:
     return at_pixels @ np.linalg.inv(at_nodes), middle + half * unit
 
 
-def shifted(rays: Array32, du: float, dv: float) -> Array32:
+def shift_rays(rays: Array32, du: float, dv: float) -> Array32:
     """`rays` through points (du, dv) px beside the pixel centres, to first order."""
     by_row, by_column = np.gradient(rays[..., :2], axis=(0, 1))
     moved = rays.copy()

@@ -25,6 +25,7 @@ class CachedRollouts:
     executor: Executor
 
     def __call__(self, requests: Requests) -> Rollouts:
+        """Every request once: simulated, or read. Raises RolloutError."""
         path = self.folder / f"{self._scene}-{_key(requests)}.npz"
         stored = read_rollouts(path, requests)
         if stored is not None:

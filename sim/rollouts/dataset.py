@@ -9,7 +9,6 @@ chosen by what the first part tells and written down in `denser.npz`.
 
 from __future__ import annotations
 
-import tomllib
 import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
@@ -20,10 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.bounded import Unreadable
 from hw.types import Array
 from sim.errors import DatasetError
+from sim.rollouts.draws import at_reference, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.rollouts.sampling import sobol, spread
 from sim.rollouts.shards import columns_digest, read_rollouts, write_rollouts
 from sim.storage.files import read_toml, whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
@@ -89,10 +89,10 @@ def draw_requests(task: Task, size: int, rng: np.random.Generator) -> Requests:
     unit = sobol(size, p + a + len(task.nuisance), rng)
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
     return Requests(
-        parameters=spread(task.margin, unit[:, :p]),
-        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (size, 1)),
+        parameters=task.margin.spread(unit[:, :p]),
+        context=at_reference(task, size),
         action=low + unit[:, p : p + a] * (high - low),
-        nuisance=spread(task.nuisance, unit[:, p + a :]),
+        nuisance=task.nuisance.spread(unit[:, p + a :]),
     )
 
 
@@ -231,12 +231,9 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
 def _probe_requests(task: Task) -> Requests:
     """Two rollouts, at a third and two thirds of everything: enough to notice another scene."""
     third = np.array([[1 / 3], [2 / 3]])
-    return Requests(
-        parameters=spread(task.parameters, np.tile(third, (1, len(task.parameters)))),
-        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (2, 1)),
-        action=spread(task.action, np.tile(third, (1, len(task.action)))),
-        nuisance=spread(task.nuisance, np.tile(third, (1, len(task.nuisance)))),
-    )
+    spaces = task.parameters, task.action, task.nuisance
+    parameters, action, nuisance = (space.spread(np.tile(third, (1, len(space)))) for space in spaces)
+    return Requests(parameters, at_reference(task, 2), action, nuisance)
 
 
 def _read_manifest(folder: Path) -> dict[str, Any] | None:
@@ -245,8 +242,8 @@ def _read_manifest(folder: Path) -> dict[str, Any] | None:
         return None
     try:
         manifest = read_toml(path)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} is not valid TOML ({error}): remove the folder and build it again") from error
+    except Unreadable as error:
+        raise DatasetError(f"{path} {error}; remove the folder and build it again") from error
     missing = {"task", "interface", "seed", "size", "denser", "probe"} - manifest.keys()
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")

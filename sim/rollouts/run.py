@@ -49,9 +49,10 @@ class Requests:
         return len(self.parameters)
 
     def __getitem__(self, index: slice | NDArray[np.int64]) -> Requests:
-        return Requests(self.parameters[index], self.context[index], self.action[index], self.nuisance[index])
+        return Requests(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def followed_by(self, other: Requests) -> Requests:
+        """These requests, then the other ones."""
         return Requests(*(np.concatenate([getattr(r, f.name) for r in (self, other)]) for f in fields(Requests)))
 
 
@@ -71,16 +72,39 @@ class Rollouts:
     def __len__(self) -> int:
         return len(self.succeeded)
 
+    def __getitem__(self, index: slice | NDArray[np.int64]) -> Rollouts:
+        return Rollouts(*(getattr(self, field.name)[index] for field in fields(self)))
+
     def rewards(self, task: Task, context: Array) -> Array:
         """(N,) rewards, had the rollouts been scored at `context` (N, c)."""
         end = np.where(self.succeeded[:, None], self.end_state, 0.0)
         return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
 
 
+Roll = Callable[[Requests], Rollouts]
+"""Rollouts on request: true ones (`run_many` on some executor, or kept in a folder), or those of an emulator."""
+
+
 def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
     """All rollouts as one, in the order of the parts."""
     rows = list(parts)
     return Rollouts(*(np.concatenate([getattr(r, f.name) for r in rows]) for f in fields(Rollouts)))
+
+
+def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll:
+    """`roll`, asked for at most `size` at a time; after each part it tells `progress` how many of `total` are done."""
+    done = 0
+
+    def in_parts(requests: Requests) -> Rollouts:
+        nonlocal done
+        parts = []
+        for start in range(0, len(requests), size):
+            parts.append(roll(requests[start : start + size]))
+            done += len(parts[-1])
+            progress(min(done, total), total)
+        return concatenate(parts)
+
+    return in_parts
 
 
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:

@@ -6,15 +6,15 @@ true rollouts tells. Both are pooled: the emulator counts as so many rollouts as
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hw.types import Array, frozen_array
-from sim.rollouts.run import Requests, Rollouts
-from sim.solvers.emulator.solver import EmulatorPolicy, EmulatorSolver, train_many
-from sim.solvers.solver import Executable, Solver, SolverSettings
+from sim.rollouts.run import Requests, Roll
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorPolicy, train_many
+from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
 WINNERS = 4
@@ -33,7 +33,7 @@ class ConfirmedPolicy:
     """A `SolvedPolicy`: that of the emulator, its winners at each context simulated in the distribution it is for."""
 
     policy: EmulatorPolicy
-    roll: Callable[[Requests], Rollouts]
+    roll: Roll
     known: dict[bytes, tuple[Array, float, float]] = field(default_factory=dict)  # context -> action, reward, its std
 
     def __call__(self, context: Array) -> Array:
@@ -63,8 +63,10 @@ class ConfirmedPolicy:
 
     def _simulated(self, actions: Array, context: Array) -> Array:
         """(W, a) -> (W, S) true rewards, every action in the same scenarios."""
-        task, drawn = self.policy.task, self.policy.scenarios
-        parameters, nuisance, error = (rows[:SCENARIOS] for rows in (drawn.parameters, drawn.nuisance, drawn.error))
+        task, drawn = self.policy.task, self.policy.drawn
+        parameters, nuisance, error = (
+            rows[:SCENARIOS] for rows in (self.policy.parameters, drawn.nuisance, drawn.error)
+        )
         count, n = len(actions), len(error)
         requests = Requests(
             parameters=np.tile(parameters, (count, 1)),
@@ -76,15 +78,16 @@ class ConfirmedPolicy:
 
 
 @dataclass(frozen=True, eq=False)
-class ConfirmingSolver:
-    """A `Solver`: the emulator's in everything, except that its policies confirm their winners."""
+class ConfirmingPolicies:
+    """`Policies`: those of an emulator, which confirm their winners by true rollouts (`roll`)."""
 
-    solver: EmulatorSolver
-    roll: Callable[[Requests], Rollouts]
+    emulator: Emulator
+    roll: Roll
 
     @property
     def task(self) -> Task:
-        return self.solver.task
+        """The emulator's."""
+        return self.emulator.task
 
     def policies(
         self,
@@ -93,29 +96,6 @@ class ConfirmingSolver:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[ConfirmedPolicy, ...]:
-        trained = train_many(self.task, self.solver.emulator, samples, rng, executable, settings)
+        """See `sim.tasks.solver.PoliciesOf`."""
+        trained = train_many(self.task, self.emulator, samples, rng, executable, settings)
         return tuple(ConfirmedPolicy(policy, self.roll) for policy in trained)
-
-    def expected_rewards(
-        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
-    ) -> Array:
-        return self.solver.expected_rewards(targets, contexts, actions, rng, draws)
-
-    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
-        return self.solver.trial_rewards(parameters, contexts, action, nuisance)
-
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
-        return self.solver.trajectories(parameters, action, nuisance)
-
-    @property
-    def residual_std(self) -> Array:
-        return self.solver.residual_std
-
-    @property
-    def misfit_limit(self) -> float:
-        return self.solver.misfit_limit
-
-
-def confirming(solver: Solver, roll: Callable[[Requests], Rollouts]) -> Solver:
-    """`solver` with its winners simulated, where it asks an emulator; one that knows better already stays."""
-    return ConfirmingSolver(solver, roll) if isinstance(solver, EmulatorSolver) else solver

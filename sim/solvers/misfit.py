@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hw.types import Array
-from sim.rollouts.sampling import sobol, spread
-from sim.solvers.solver import Solver
+from sim.rollouts.draws import Disturbances, sobol
+from sim.solvers.solver import Expectations
 
 DRAWS = 512
 """Parameters, nuisances and action errors tried: the spread of trajectories that one commanded action can have."""
@@ -15,27 +15,31 @@ LEAST_STD = 2e-3
 """Floor of the tolerated deviation, normalised: below it, a camera's pixels decide."""
 
 
-def misfit(solver: Solver, context: Array, action: Array, observation: Array) -> float:
+def misfit(expectations: Expectations, context: Array, action: Array, observation: Array) -> float:
     """Distance of `observation` (size,) to the nearest trajectory that some parameters in the ranges explain.
 
     In standard deviations (root mean square over the observed values) of the camera's noise and the error of
     the solver's trajectories together: about 1 for a trajectory of the simulator.
     """
-    task = solver.task
-    p, a = len(task.parameters), len(task.action)
-    unit = sobol(DRAWS, p + a + len(task.nuisance), np.random.default_rng(0))
-    executed = action + (2.0 * unit[:, p : p + a] - 1.0) * task.action_noise
-    parameters, nuisance = spread(task.parameters, unit[:, :p]), spread(task.nuisance, unit[:, p + a :])
-    return float(np.sqrt(squared_misfits(solver, context, observation, parameters, executed, nuisance).min()))
+    task = expectations.task
+    p = len(task.parameters)
+    unit = sobol(DRAWS, p + len(task.action) + len(task.nuisance), np.random.default_rng(0))
+    parameters, drawn = task.parameters.spread(unit[:, :p]), Disturbances.from_unit(task, unit[:, p:])
+    executed = action + drawn.error
+    return float(
+        np.sqrt(squared_misfits(expectations, context, observation, parameters, executed, drawn.nuisance).min())
+    )
 
 
 def squared_misfits(
-    solver: Solver, context: Array, observation: Array, parameters: Array, executed: Array, nuisance: Array
+    expectations: Expectations, context: Array, observation: Array, parameters: Array, executed: Array, nuisance: Array
 ) -> Array:
     """(N,) mean squares of that distance for (N, p), (N, a), (N, n) in units, one by one."""
-    task, seen = solver.task, solver.task.observation
-    there = task.relocate(solver.trajectories(parameters, executed, nuisance), np.tile(context, (len(parameters), 1)))
+    task, seen = expectations.task, expectations.task.observation
+    there = task.relocate(
+        expectations.trajectories(parameters, executed, nuisance), np.tile(context, (len(parameters), 1))
+    )
     expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
     camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-    std = np.sqrt(camera**2 + solver.residual_std**2 + LEAST_STD**2)
+    std = np.sqrt(camera**2 + expectations.residual_std**2 + LEAST_STD**2)
     return np.asarray((((expected - observation) / std) ** 2).mean(axis=1))

@@ -7,12 +7,13 @@ import errno
 import hashlib
 import os
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import tomli_w
+
+from hw.bounded import read_table
 
 TEMPORARY = ".*.writing*"
 """The pattern of the names under which files and folders are written before they get their own."""
@@ -45,8 +46,8 @@ def write_toml(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Raises OSError or tomllib.TOMLDecodeError."""
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    """A table in which a figure may be not a number. Raises FileNotFoundError, `hw.bounded.Unreadable`."""
+    return read_table(path, finite=False)
 
 
 def sha256(path: Path) -> str:

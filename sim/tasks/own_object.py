@@ -14,7 +14,6 @@ proportions that the task's own margin has, and ends where that ends: no further
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from hw.bounded import Unreadable, read_table
 from sim.errors import ObjectError
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
@@ -56,11 +56,11 @@ class _File(BaseModel):
 def load_object(path: Path) -> OwnObject:
     """The object that a TOML file describes. Raises ObjectError naming file and key."""
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ObjectError(f"the object file {path} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ObjectError(f"{path} is not valid TOML: {error}") from error
+        raw = read_table(path, finite=False)  # the ranges are checked by key
+    except FileNotFoundError as error:
+        raise ObjectError(f"there is no object file {path}") from error
+    except Unreadable as error:
+        raise ObjectError(f"the object file {path} {error}") from error
     if isinstance(raw.get("ranges"), dict):
         raw["ranges"] = {key: tuple(v) if isinstance(v, list) else v for key, v in raw["ranges"].items()}
     try:

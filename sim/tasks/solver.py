@@ -1,6 +1,7 @@
 """The contract of a solver: task policies of one task, and what they earn in its simulator.
 
-A task with exact answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
+The two are contracts of their own: a session may take its policies from elsewhere than its expectations. A task with
+exact answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
 """
 
 from __future__ import annotations
@@ -47,11 +48,13 @@ class SolvedPolicy(Protocol):
         ...
 
 
-class SolverOf(Protocol[T_co]):
-    """Task policies of one task and expectations in its simulator. Parameters, contexts and actions are in units."""
+class PoliciesOf(Protocol[T_co]):
+    """Task policies of one task. Parameters, contexts and actions are in units."""
 
     @property
-    def task(self) -> T_co: ...
+    def task(self) -> T_co:
+        """Whose policies it makes."""
+        ...
 
     def policies(
         self,
@@ -61,6 +64,15 @@ class SolverOf(Protocol[T_co]):
         settings: SolverSettings | None = None,
     ) -> tuple[SolvedPolicy, ...]:
         """One policy for each of B distributions, given as samples (B, m, p); the same draws for all."""
+        ...
+
+
+class ExpectationsOf(Protocol[T_co]):
+    """What to expect of trials in the simulator of one task. Parameters, contexts and actions are in units."""
+
+    @property
+    def task(self) -> T_co:
+        """Whose trials it speaks of."""
         ...
 
     def expected_rewards(
@@ -86,3 +98,7 @@ class SolverOf(Protocol[T_co]):
     def misfit_limit(self) -> float:
         """Misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges stay below."""
         ...
+
+
+class SolverOf(PoliciesOf[T_co], ExpectationsOf[T_co], Protocol[T_co]):
+    """Both at once, as pretraining needs them."""

@@ -89,6 +89,7 @@ class Observation:
 
     @property
     def size(self) -> int:
+        """Numbers in an observation."""
         return len(self.times_s) * len(self.columns)
 
     def __call__(self, track: ObjectTrack) -> Array:

@@ -13,7 +13,7 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.doctor import lab as doctor
-from adaptsim_cli.doctor.finding import Verdict
+from adaptsim_cli.doctor.finding import Severity
 from adaptsim_cli.session import recording
 from adaptsim_cli.wiring.calibration import calibration_of, current_calibration
 
@@ -96,5 +96,5 @@ def test_a_calibration_is_what_a_session_works_with_and_the_doctor_shows(old: Pa
     made = datetime.fromisoformat(stored["created"])
     known = current_calibration(loaded.config, loaded.places)
     fresh, aged = (doctor.calibration(known, 30, made + timedelta(days=days), "fake") for days in (10, 40))
-    assert (fresh.verdict, aged.verdict) == (Verdict.OK, Verdict.ADVICE)
+    assert (fresh.verdict, aged.verdict) == (Severity.OK, Severity.ADVICE)
     assert "± 0.0 mm, ± 0.00°, 10 days old" in str(fresh)

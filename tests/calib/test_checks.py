@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 import rig
 from scipy.spatial.transform import Rotation
+from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 
 from calib import checks
 from calib.drift import drift, known
 from calib.errors import TooFewViews
 from calib.gates import judge
-from calib.geometry import inverse, move
+from calib.geometry import move
 from calib.projection import project
-from calib.simulated import Quality, Truth, board_in_camera, random_poses, seen
 from calib.solve import solve
 from calib.timing import time_offset
-from calib.types import Mounting, Setup, Solution, Verdict, View
+from calib.types import Grade, Mounting, Setup, Solution, View
 from hw.kinematics import forward
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Corners
 
@@ -50,7 +51,7 @@ def solution(views: list[View]) -> Solution:
 def test_a_good_calibration_passes_every_gate(solution: Solution) -> None:
     accepted = judge(solution, rig.SETUP)
     assert accepted.accepted, accepted.reasons
-    assert {gate.verdict for gate in accepted.gates} == {Verdict.GOOD}
+    assert {gate.verdict for gate in accepted.gates} == {Grade.GOOD}
 
 
 @pytest.mark.parametrize("scale", [0.98, 1.02])
@@ -66,10 +67,10 @@ def test_a_wrong_square_size_is_measured_and_refused(scale: float) -> None:
 def test_joint_offsets_are_said_aloud() -> None:
     found = solve(rig.views(rig.truth(3, 2 * rig.OFFSETS_RAD), seed=3), rig.SETUP, forward)
     check = checks.joint_offsets(found)
-    assert check.verdict is Verdict.SUSPECT
+    assert check.verdict is Grade.SUSPECT
     assert check.value == pytest.approx(4.0, abs=0.3)
     assert "joint 4 reads" in check.message
-    assert {gate.name for gate in judge(found, rig.SETUP).gates if gate.verdict is Verdict.BAD} <= {"stated error"}
+    assert {gate.name for gate in judge(found, rig.SETUP).gates if gate.verdict is Grade.BAD} <= {"stated error"}
 
 
 def test_tilts_under_eight_degrees_are_said(true: Truth) -> None:
@@ -84,16 +85,16 @@ def test_tilts_under_eight_degrees_are_said(true: Truth) -> None:
     ids = np.arange(rig.SETUP.board.corners)
     found = solve([View(f"{i:02d}", Corners(ids, uv[i]), X_BF=X_BF[i]) for i in range(20)], rig.SETUP, None)
     check = checks.variety(found)
-    assert check.verdict is Verdict.SUSPECT
+    assert check.verdict is Grade.SUSPECT
     assert "tilted left" in check.message
 
 
 def test_an_upside_down_board_is_named_and_harmless(solution: Solution, true: Truth) -> None:
-    assert checks.mounting_of_board(solution, true.X_HM).verdict is Verdict.GOOD
+    assert checks.mounting_of_board(solution, true.X_HM).verdict is Grade.GOOD
     upside = true.X_HM.copy()
     upside[:3, :3] = upside[:3, :3] @ Rotation.from_rotvec([0, 0, np.pi]).as_matrix()
     check = checks.mounting_of_board(solution, upside)
-    assert check.verdict is Verdict.SUSPECT
+    assert check.verdict is Grade.SUSPECT
     assert "upside down" in check.message
 
 
@@ -102,15 +103,15 @@ def test_the_table_plane() -> None:
     flat = np.column_stack([rng.uniform(0.4, 1.0, 2000), rng.uniform(-0.3, 0.3, 2000), rng.normal(0, 1.5e-3, 2000)])
     flat[:300, 2] += 0.05  # something lies there
     good = checks.table_plane(flat)
-    assert good.verdict is Verdict.GOOD
+    assert good.verdict is Grade.GOOD
     assert abs(good.value) < 0.3
     low = flat + np.array([0, 0, -0.006])
-    assert checks.table_plane(low).verdict is Verdict.SUSPECT
+    assert checks.table_plane(low).verdict is Grade.SUSPECT
     assert checks.table_plane(low).value == pytest.approx(-6.0, abs=0.3)
     tilted = flat.copy()
     tilted[:, 2] += np.tan(np.deg2rad(0.6)) * (tilted[:, 0] - 0.7)
-    assert checks.table_plane(tilted).verdict is Verdict.SUSPECT
-    assert checks.table_plane(flat[:10]).verdict is Verdict.NOT_MEASURED
+    assert checks.table_plane(tilted).verdict is Grade.SUSPECT
+    assert checks.table_plane(flat[:10]).verdict is Grade.NOT_MEASURED
 
 
 def test_depth_bias_on_the_board(true: Truth) -> None:
@@ -126,9 +127,9 @@ def test_depth_bias_on_the_board(true: Truth) -> None:
     assert len(off) > 1000
     check = checks.depth_bias([off, off, off])
     assert check.value == pytest.approx(7.0, abs=0.3)
-    assert check.verdict is Verdict.SUSPECT
-    assert checks.depth_bias([off - 0.007] * 3).verdict is Verdict.GOOD
-    assert checks.depth_bias([off]).verdict is Verdict.NOT_MEASURED
+    assert check.verdict is Grade.SUSPECT
+    assert checks.depth_bias([off - 0.007] * 3).verdict is Grade.GOOD
+    assert checks.depth_bias([off]).verdict is Grade.NOT_MEASURED
 
 
 def test_the_infrared_board_shows_where_the_depth_camera_stands(
@@ -151,17 +152,17 @@ def test_the_infrared_board_shows_where_the_depth_camera_stands(
     X_CD, check = checks.infrared_board(solution, with_infrared, setup, forward)
     assert X_CD is not None
     assert np.linalg.norm(X_CD[:3, 3] - actual[:3, 3]) < 6e-4
-    assert check.verdict is Verdict.SUSPECT
+    assert check.verdict is Grade.SUSPECT
     assert check.value > 2.0
     none, skipped = checks.infrared_board(solution, views, setup, forward)
     assert none is None
-    assert skipped.verdict is Verdict.NOT_MEASURED
+    assert skipped.verdict is Grade.NOT_MEASURED
 
 
 def test_a_touched_point() -> None:
     p = np.array([0.7, 0.1, 0.0])
-    assert checks.touched_point(p, p + np.array([0.002, 0, 0]), 0.5).verdict is Verdict.GOOD
-    assert checks.touched_point(p, p + np.array([0.02, 0, 0]), 0.5).verdict is Verdict.BAD
+    assert checks.touched_point(p, p + np.array([0.002, 0, 0]), 0.5).verdict is Grade.GOOD
+    assert checks.touched_point(p, p + np.array([0.02, 0, 0]), 0.5).verdict is Grade.BAD
 
 
 def _swing(true: Truth, views: list[View], late_s: float) -> tuple[list[tuple[float, Corners]], Array, Array]:
@@ -191,7 +192,7 @@ def test_the_time_offset_is_found_within_a_millisecond(
     found, check = time_offset(frames, t, q, solution, rig.SETUP, forward)
     assert found is not None
     assert 1e3 * found.offset_s == pytest.approx(late_ms, abs=1.0)
-    assert check.verdict is (Verdict.GOOD if late_ms == 0.0 else Verdict.SUSPECT)
+    assert check.verdict is (Grade.GOOD if late_ms == 0.0 else Grade.SUSPECT)
 
 
 def test_the_time_offset_survives_a_calibration_that_is_off(true: Truth, views: list[View], solution: Solution) -> None:
@@ -206,7 +207,7 @@ def test_a_motion_too_slow_says_so(true: Truth, views: list[View], solution: Sol
     frames, t, q = _swing(true, views, 0.0)
     found, check = time_offset(frames[:4], t, q, solution, rig.SETUP, forward)
     assert found is None
-    assert check.verdict is Verdict.NOT_MEASURED
+    assert check.verdict is Grade.NOT_MEASURED
     still = [(moment, frames[0][1]) for moment, _ in frames]
     found, check = time_offset(still, t, np.repeat(q[:1], len(q), axis=0), solution, rig.SETUP, forward)
     assert found is None

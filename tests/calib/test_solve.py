@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import rig
 from scipy.optimize import least_squares
+from simulated_views import Quality, Truth, board_in_camera, seen, spoilt, work_error_mm
 
 from calib.checks import mirror_poses
 from calib.closed_form import opencv_methods, robust_start
 from calib.condense import condense
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
-from calib.geometry import angle_deg, difference, distance_mm, inverse, move
+from calib.geometry import angle_deg, difference, distance_mm, move
 from calib.projection import project
-from calib.simulated import Quality, Truth, board_in_camera, seen, spoilt
 from calib.solve import solve
 from calib.types import Mounting, Setup, View
-from calib.uncertainty import work_error_mm
 from hw.kinematics import forward
+from hw.poses import inverse
 from hw.types import Array
 from perception.board.types import Board, Corners
 

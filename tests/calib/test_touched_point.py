@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import rig
 from scipy.spatial.transform import Rotation
+from simulated_views import Quality, Truth
 
 from calib import touch
 from calib.geometry import move
 from calib.projection import project
-from calib.simulated import Quality, Truth
 from calib.solve import solve
-from calib.types import Solution, Verdict
+from calib.types import Grade, Solution
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Corners
@@ -78,12 +78,12 @@ def test_the_stated_error_of_the_point_is_its_scatter_over_many_tries() -> None:
 def test_a_good_calibration_meets_the_touch_and_a_moved_one_is_refused(true: Truth, solution: Solution) -> None:
     corners, p = laid(true)
     good = touch.check(solution, rig.SETUP, corners, CORNER, touches(p))
-    assert good.verdict is Verdict.GOOD
+    assert good.verdict is Grade.GOOD
     assert good.value < 1.5
     assert f"{1e3 * np.linalg.norm(TIP_M):.0f} mm from the flange" in good.message
     moved = replace(solution, X_AC=move(solution.X_AC, np.array([0, 0, 0, 0.006, 0, 0])))
     bad = touch.check(moved, rig.SETUP, corners, CORNER, touches(p))
-    assert bad.verdict is Verdict.BAD
+    assert bad.verdict is Grade.BAD
     assert bad.value == pytest.approx(6.0, abs=1.5)
     assert "touch it again" in bad.message
 
@@ -93,7 +93,7 @@ def test_touches_that_cannot_tell_say_why(true: Truth, solution: Solution) -> No
 
     def found(X: Array) -> str:
         check = touch.check(solution, rig.SETUP, corners, CORNER, X)
-        assert check.verdict is Verdict.NOT_MEASURED
+        assert check.verdict is Grade.NOT_MEASURED
         return check.message
 
     assert "3 touches, 4 from different directions" in found(touches(p, count=3))

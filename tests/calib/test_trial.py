@@ -13,7 +13,7 @@ from calib.pixels import Place, adjust, looks, poses, rms_px
 from calib.projection import LENS, lens_jacobian, project, with_lens
 from calib.sizing import solve_any_size
 from calib.trial import adopted, check, suspicious, trial
-from calib.types import Verdict
+from calib.types import Grade
 from hw.kinematics import forward
 
 
@@ -39,7 +39,7 @@ def test_a_real_camera_lacks_its_distortion() -> None:
     assert found.better
     assert found.sentence.startswith("the stated intrinsics lack distortion: k1 = +0.1")
     assert found.refined_px < 0.6 * found.stated_px
-    assert check(found, refined=False).verdict is Verdict.SUSPECT
+    assert check(found, refined=False).verdict is Grade.SUSPECT
     assert "--refine-intrinsics" in check(found, refined=False).message
 
     refined, _ = solve_any_size(views, adopted(setup, found), None)
@@ -69,8 +69,8 @@ def test_right_intrinsics_are_left_alone() -> None:
     assert found is not None
     assert not found.better
     assert "no better" in found.sentence
-    assert check(found, refined=False).verdict is Verdict.GOOD
-    assert check(None, refined=False).verdict is Verdict.NOT_MEASURED
+    assert check(found, refined=False).verdict is Grade.GOOD
+    assert check(None, refined=False).verdict is Grade.NOT_MEASURED
 
 
 def test_two_cameras_and_two_mountings_at_once() -> None:

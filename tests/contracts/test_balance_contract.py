@@ -11,9 +11,9 @@ import pytest
 from real_lab import ToyBalance
 from serial_lines import answering, plugged_in
 
-from adaptsim_cli.devices.openers import Balance as BalancePort
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.serial.balance import Balance
+from hw.ports import Balance as BalancePort
+from hw.serial.balance import SerialBalance
 
 Loads = Sequence[float | None]
 Laden = Callable[[Loads], AbstractContextManager[BalancePort]]
@@ -35,7 +35,7 @@ def on_a_line(protocol: str, said: Callable[[float | None], bytes]) -> Laden:
     @contextmanager
     def laden(loads: Loads) -> Iterator[BalancePort]:
         with plugged_in() as line, answering(line, [said(load) for load in loads]):
-            yield Balance(line.port, protocol)
+            yield SerialBalance(line.port, protocol)
 
     return laden
 
@@ -86,7 +86,7 @@ def test_a_real_balance_weighs_its_empty_pan() -> None:
     protocol, _, port = os.environ.get("ADAPTSIM_TEST_BALANCE", "").partition(":")
     if not port:
         pytest.fail("say where the balance is: ADAPTSIM_TEST_BALANCE=sbi:/dev/ttyUSB0")
-    balance = Balance(port, protocol)
+    balance = SerialBalance(port, protocol)
     with balance:
         masses_kg = [balance.mass_kg() for _ in range(3)]
     assert np.abs(masses_kg).max() < 1e-3

@@ -12,8 +12,8 @@ import pytest
 from real_lab import ToyPedal
 from serial_lines import boxed, plugged_in, until
 
-from adaptsim_cli.devices.openers import Pedal
 from hw.fake import FakeClock
+from hw.ports import Pedal
 from hw.serial import enable_pedal
 from hw.serial.enable_pedal import EnablePedal
 

@@ -9,7 +9,6 @@ import pytest
 
 from perception.types import Outcome
 from sim.lab.world import list_worlds, load_world
-from sim.rollouts.sampling import spread
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
@@ -26,7 +25,7 @@ def draw(task: Task, seed: int) -> tuple[np.ndarray, ...]:
     """Parameters, context, action, nuisance."""
     rng = np.random.default_rng(seed)
     spaces = (task.parameters, task.context, task.action, task.nuisance)
-    return tuple(spread(space, rng.random(len(space))) for space in spaces)
+    return tuple(space.spread(rng.random(len(space))) for space in spaces)
 
 
 def test_names_and_sizes_agree(task: Task) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from colour_against_depth import align, points_in_colour, undistorted
 from scipy.spatial.transform import Rotation
 
-from hw.camera.alignment import align, points_in_colour, undistorted
 from hw.camera.kinect import camera_model
 from hw.errors import CameraError
 from hw.types import CameraModel, Frame

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from colour_against_depth import points_in_colour
 
 from hw.camera import k4a_library
-from hw.camera.alignment import points_in_colour
 from hw.camera.capture import Captured, read_capture
 from hw.camera.k4a_device import model_of
 from hw.camera.k4a_library import K4aLibrary

@@ -12,7 +12,7 @@ from serial_lines import Box, Line, boxed, plugged_in, until
 
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.serial import balance as balances
-from hw.serial.balance import Balance, sbi_mass_kg, sics_mass_kg
+from hw.serial.balance import SerialBalance, sbi_mass_kg, sics_mass_kg
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S, crc8
 
@@ -84,7 +84,7 @@ def test_a_box_of_another_version(line: Line) -> None:
 def test_a_port_that_is_not_there() -> None:
     with pytest.raises(DeviceUnavailable, match="cannot be opened"), EnablePedal("/dev/no-such-port"):
         pass
-    with pytest.raises(DeviceUnavailable, match="cannot be opened"), Balance("/dev/no-such-port", "sbi"):
+    with pytest.raises(DeviceUnavailable, match="cannot be opened"), SerialBalance("/dev/no-such-port", "sbi"):
         pass
 
 
@@ -136,7 +136,7 @@ def test_a_balance_is_asked_and_answers(line: Line) -> None:
         asked.append(os.read(line.device, 16))
         os.write(line.device, b"S S     300.12 g\r\n")
 
-    with Balance(line.port, "mt-sics") as balance:
+    with SerialBalance(line.port, "mt-sics") as balance:
         device = threading.Thread(target=answer)
         device.start()
         assert balance.mass_kg() == pytest.approx(0.30012)
@@ -146,12 +146,12 @@ def test_a_balance_is_asked_and_answers(line: Line) -> None:
 
 def test_a_balance_that_does_not_answer(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hw.serial.balance.ANSWER_S", 0.05)
-    with Balance(line.port, "sbi") as balance, pytest.raises(DeviceUnavailable, match="did not answer"):
+    with SerialBalance(line.port, "sbi") as balance, pytest.raises(DeviceUnavailable, match="did not answer"):
         balance.mass_kg()
 
 
 def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
-    with Balance(line.port, "mt-sics") as balance:
+    with SerialBalance(line.port, "mt-sics") as balance:
         line.unplug()
         for _ in range(2):
             with pytest.raises(BalanceError, match=r"cannot be asked .*plug it in again.*weigh again"):
@@ -173,7 +173,7 @@ def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeyp
 
 def test_a_balance_that_takes_no_question_is_said(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(balances, "ASK_S", 0.05)
-    with Balance(line.port, "mt-sics") as balance:
+    with SerialBalance(line.port, "mt-sics") as balance:
         os.set_blocking(line.program, False)
         with suppress(BlockingIOError):
             while True:  # until the line is full, as of a balance that holds its handshake

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from bottle_scenes import BODY, leaning
 
+from hw.poses import inverse
 from hw.types import Array
 from perception.cylinder import distance_m, fit_circle, fit_pose, front_m, lowest_m, tilt_rad
-from perception.geometry import inverse, transform
+from perception.geometry import transform
 
 
 def arc(rng: np.random.Generator, centre: Array, radius_m: float, strangers: int = 0) -> Array:

@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from survey import Survey, survey
 
 from hw.camera.kinect import camera_model
 from hw.types import CameraModel, Frame, Intrinsics
 from perception.errors import ObjectNotFound, TableNotFound
-from perception.survey import Survey, survey
 from perception.table import find_plane
 
 DATA = Path(__file__).parent / "data"

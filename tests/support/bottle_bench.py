@@ -16,7 +16,7 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Prediction, TrainedPolicy
+from adaptsim_cli.session.policy import ExpectedReward
 from adaptsim_cli.session.rig import Planner, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
@@ -35,6 +35,7 @@ from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.looks import bottle_visual
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
 from sim.tasks.shared.shapes import box, table_visual
+from sim.tasks.solver import SolvedPolicy
 from sim.types import ToolMotion, Visual
 
 FRAME_S = 0.1
@@ -104,7 +105,7 @@ class MiddleLearner:
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(Particle(row[None]) for row in TASK.parameters.sample(rng, n))
 
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> TrainedPolicy:
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         return _Middle()
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -118,8 +119,8 @@ class _Middle:
     def __call__(self, context: Array) -> Array:
         return TASK.action.denormalise(np.full(len(TASK.action), 0.5))
 
-    def predict(self, context: Array) -> Prediction:
-        return Prediction(0.5, 0.0, 1.0)
+    def predict(self, context: Array) -> ExpectedReward:
+        return ExpectedReward(0.5, 0.0, 1.0)
 
 
 class _Camera:

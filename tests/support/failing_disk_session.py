@@ -61,7 +61,7 @@ def _session(home: Path, failure: Failure | None, log: Path) -> int:
     message = _fail(failure)
     with Path(os.devnull).open("w") as nothing:
         console.Console = lambda **_: Console(file=nothing)  # type: ignore[misc]
-        request = conduct.Request(None, frozenset(), iterations=1, yes=True)
+        request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)
         settings = config.load({"task": "toy"}, {"ADAPTSIM_HOME": str(home)}, home)
         try:
             conduct.conduct(settings, request, opener(ToyLab(7)), page.write)

@@ -2,7 +2,7 @@
 
     python fr3_program.py CUE_FD WORLD -- run-iteration --hw fr3 ...
 
-Only the makers' openers are replaced: the arm's is the real adapter with a player that needs no real-time kernel, the
+Only the makers' drivers are replaced: the arm's is the real adapter with a player that needs no real-time kernel, the
 pedal's is the real one. The camera shows the simulated room, in which table, object and tool go through every motion
 with the joints that the FR3 measured; a person who puts the object down is its bench. Before each motion its name
 (home, approach, task, back) goes to CUE_FD, and nothing moves until a line comes back: a test arms its fault there.
@@ -18,8 +18,7 @@ from dataclasses import replace
 from typing import Any, Self
 
 from adaptsim_cli import app
-from adaptsim_cli.devices import openers
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.devices import drivers, real
 from hw.around import AroundArm
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
@@ -133,10 +132,10 @@ def main(cue_fd: str, world: str, *arguments: str) -> int:
     def arm(cell: Workcell, settings: Any, **more: Any) -> ShownArm:
         return ShownArm(franka(cell, settings, PATIENT, **more), shown, cue)
 
-    devices = replace(openers.real_devices(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
-    openers.real_devices = lambda: devices
+    devices = replace(drivers.makers_drivers(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
+    drivers.makers_drivers = lambda: devices
     pedal_protocol.SILENCE_S = SILENCE_S
-    wiring.Person = lambda: Placing(shown)
+    real.Person = lambda: Placing(shown)
     return app.run(arguments)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from hw.franka import connection, player
 from hw.franka.driver import Reading
-from hw.franka.messages import WHY, Outcome
-from hw.franka.playback import Motion
+from hw.franka.messages import WHY, PlayOutcome
+from hw.franka.playback import PlayableMotion
 from hw.franka.settings import Payload
 from hw.types import Guard
 
@@ -43,7 +43,7 @@ class InProcess:
         self.driver.carry(payload)
         return self.driver.reading()
 
-    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome:
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         return player.play(self.driver, motion, _Told(word), guard)  # type: ignore[arg-type]
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.openers import Openers
+from adaptsim_cli.devices.drivers import Drivers
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
@@ -70,7 +70,7 @@ def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
         mounting="fixed", X_AC=X_BC, X_HM=X_BC, joint_offsets=None, uncertainty=u, fit_px=0.1, held_out_px=0.1,
         corner_px=0.1, joint_rad=1e-4, square_scale=1.0, views=(), methods=(), checks=(), gates=(), accepted=True,
         created=created, source="calibrated", folder="views-0001", hw="panda", arm="panda", camera="000123",
-        board=BoardRecord.of(Board()), versions={},
+        board=BoardRecord.from_board(Board()), versions={},
     )  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def said(screen: Screen) -> str:
 
 
 class Untouched:
-    """Openers that may not be asked for anything."""
+    """Drivers that may not be asked for anything."""
 
     def __getattr__(self, name: str) -> object:
         raise AssertionError(f"{name} was opened")
@@ -158,7 +158,7 @@ class ToyBalance:
 
 @dataclass
 class ToyDevices:
-    """`Openers` over scripted devices; `opened` tells which were asked for, oldest first, and with what."""
+    """`Drivers` over scripted devices; `opened` tells which were asked for, oldest first, and with what."""
 
     q_rad: np.ndarray = field(default_factory=lambda: READY_RAD)
     pedal: ToyPedal = field(default_factory=ToyPedal)
@@ -170,10 +170,10 @@ class ToyDevices:
     arm: FakeArm | None = None
     feeling: FakeGuardedArm | None = None  # the one around it
 
-    def openers(self) -> Openers:
-        return Openers(self._arm, self._camera, self._pedal, self._balance, self._hand)
+    def drivers(self) -> Drivers:
+        return Drivers(self._arm, self._camera, self._pedal, self._balance, self._hand)
 
-    def openers_of_a_stopped_arm(self) -> Openers:
+    def drivers_of_a_stopped_arm(self) -> Drivers:
         """Its arm was stopped by a reflex before it is connected."""
 
         def stopped(*args: Any, **given: Any) -> FakeGuardedArm:
@@ -182,7 +182,7 @@ class ToyDevices:
             self.arm._fault = "cartesian_reflex"
             return feeling
 
-        return replace(self.openers(), arm=stopped)
+        return replace(self.drivers(), arm=stopped)
 
     def _arm(self, cell: Workcell, settings: Any, *, pedal: Any) -> FakeGuardedArm:
         self._open("arm", cell=cell, settings=settings, pedal=pedal)

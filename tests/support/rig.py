@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from simulated_views import Quality, Truth, example_setup, example_truth, random_poses, seen
 
-from calib.simulated import Quality, Truth, example_setup, example_truth, random_poses, seen
 from calib.types import Mounting, Setup, View
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward

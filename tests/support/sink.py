@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.franka.driver import Reading
-from hw.franka.messages import Outcome
-from hw.franka.playback import Motion, Played
+from hw.franka.messages import PlayOutcome
+from hw.franka.playback import PlayableMotion, Played
 from hw.franka.settings import Payload
 from hw.types import Array, Guard
 
@@ -24,7 +24,7 @@ class Sink:
     held_off_rad: Array = field(default_factory=lambda: np.zeros(7))
     mode: str = "Idle"
     alive: bool = True
-    given: list[Motion] = field(default_factory=list)
+    given: list[PlayableMotion] = field(default_factory=list)
     carried: list[Payload] = field(default_factory=list)
 
     def reading(self) -> Reading:
@@ -37,11 +37,11 @@ class Sink:
         self.carried.append(payload)
         return self.reading()
 
-    def play(self, motion: Motion, word: Callable[[], bytes], guard: Guard | None = None) -> Outcome:
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         self.given.append(motion)
         q = motion.path.q_rad
         self.q_rad, self.held_off_rad = q[-1], np.zeros(7)
-        return Outcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))
+        return PlayOutcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))
 
     def close(self) -> None:
         self.alive = False

@@ -6,15 +6,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from adaptsim_cli.touch_off.joining import touch_rig
+import numpy as np
+
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
 from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import empty_hand, feeling, touchable
-from sim.panda.tool import cell_as_shipped
+from sim.panda.planning import home
+from sim.panda.tool import cell_as_shipped, tool_of
 from sim.panda.touch_plan import table_probes, tool_probes
+from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -39,16 +42,18 @@ def few() -> Plan:
 def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchRig, TouchLab]]:
     cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, of, 1, cell, home_q_rad=READY_RAD, things=things) as lab:
-        rig = touch_rig(
+        rig = TouchRig(
             name="fake",
             title="lab",
             key="test",
+            tool_name="tool of scooping",
             arm=lab.arm,
             hand=lab.hand,
-            task=TASK,
             grasp=Grasp(),
-            cell=cell,
-            loaded=feeling(HARDWARE),
+            empty=HeldTool(cell, np.eye(4)),
+            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
+            plan=few(),
+            home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
             tool_there=lab.offer_tool,
         )
-        yield replace(rig, plan=few()), lab
+        yield rig, lab

@@ -10,8 +10,8 @@ import numpy as np
 from toy_task import TOY
 
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.pretraining.episodes import Roll
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
+from sim.rollouts.run import Roll
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorPolicy, train_many
 from sim.solvers.emulator.training import EmulatorReport, EmulatorSettings, train_emulator

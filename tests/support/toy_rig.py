@@ -17,7 +17,7 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Prediction
+from adaptsim_cli.session.policy import ExpectedReward
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
@@ -206,8 +206,8 @@ class ToyPolicy:
         unit = PARAMETERS.normalise(self.particle.mean)
         return np.clip(np.array([unit[0] + self.noise + (context[0] - 0.68)]), 0.0, 1.0)
 
-    def predict(self, context: np.ndarray) -> Prediction:
-        return Prediction(0.9, 0.8, 1.0)
+    def predict(self, context: np.ndarray) -> ExpectedReward:
+        return ExpectedReward(0.9, 0.8, 1.0)
 
 
 @dataclass

@@ -33,7 +33,7 @@ class ScriptedOperator:
     before_motion: Callable[[Proposal], None] = lambda _: None
     asked: list[str] = field(default_factory=list)
 
-    def repeat_interrupted(self, stage: RunTrial, real: bool) -> None:
+    def repeat_interrupted(self, stage: RunTrial) -> None:
         self.asked.append(f"repeat {stage.key.number}")
 
     def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
@@ -46,8 +46,8 @@ class ScriptedOperator:
     def review(self, judged: Judged) -> Review:
         return self.reviews.pop(0) if self.reviews else Accept()
 
-    def try_again(self, stage: RunTrial, problem: str, moved: bool) -> bool:
-        self.asked.append(f"again {stage.key.number}.{stage.key.attempt}: {problem}")
+    def try_again(self, stage: RunTrial) -> bool:
+        self.asked.append(f"again {stage.key.number}.{stage.key.attempt}")
         return True
 
 
@@ -58,7 +58,7 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
 def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
     """`run-iteration --yes` on the toy rig, in this process."""
     settings = resolved(home, **flags)
-    request = conduct.Request(None, frozenset(), iterations, yes=True)
+    request = conduct.SessionRequest(None, frozenset(), iterations, yes=True)
     path = conduct.conduct(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

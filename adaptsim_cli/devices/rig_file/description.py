@@ -23,6 +23,7 @@ Four = tuple[float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Range = tuple[float, float]
+Model = Literal["panda", "fr3"]
 
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
@@ -66,9 +67,7 @@ class Collision:
 class ArmPart:
     """The arm. Its hand is set up in the arm's own web page (Desk)."""
 
-    model: Annotated[
-        Literal["panda", "fr3"], Field(description="panda (Franka Emika Robot) or fr3 (Franka Research 3)")
-    ]
+    model: Annotated[Model, Field(description="panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
     address: Annotated[str, Field(description="network address of the arm's control box, without https://")]
     joint_impedance_Nm_rad: Annotated[
         Seven, Field(description="how stiff the joints are held", json_schema_extra={"unit": "Nm/rad"})
@@ -144,6 +143,10 @@ class ToolPart:
             R = np.array(self.X_FT)[:3, :3]
             if np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0.0 or self.X_FT[3] != (0, 0, 0, 1):
                 raise ValueError("X_FT: no pose, its left upper 3 × 3 must be a rotation and its last row 0, 0, 0, 1")
+
+    def held(self) -> Payload:
+        """What the hand holds; nothing where the file does not say it."""
+        return Payload() if self.payload is None else self.payload.payload()
 
     def designed(self, X_FT: Array) -> Array:
         """(4, 4) the tool in the flange before what the touch-off measured: the own mount, else `X_FT`."""
@@ -283,3 +286,12 @@ class RigDescription:
         """What arm and tool keep out of; the camera's own room comes from its calibration."""
         person = () if self.person is None else (self.person.box(),)
         return (*person, *(part.box() for part in self.keep_out))
+
+
+_EVERYWHERE: Range = (-9.0, 9.0)
+"""In m, of a table that no rig file bounds."""
+
+
+def as_shipped(model: Model) -> RigDescription:
+    """An arm over a level table with nothing around it, its tools hanging as designed: the simulated lab's rig."""
+    return RigDescription("simulated", ArmPart(model, "simulated"), TablePart(x_m=_EVERYWHERE, y_m=_EVERYWHERE))

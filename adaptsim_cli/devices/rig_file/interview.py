@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
 from adaptsim_cli.devices.rig_file.description import PersonPart, RigDescription
-from adaptsim_cli.devices.rig_file.found import Found
+from adaptsim_cli.devices.rig_file.inventory import Inventory
 from adaptsim_cli.devices.rig_file.reached import reached
 from adaptsim_cli.devices.rig_file.reading import described
 from adaptsim_cli.errors import UsageError
@@ -23,7 +23,7 @@ NOTHING = "none"
 _SIDES: tuple[Side, ...] = get_args(Side)
 
 
-def interview(ask: Ask, tell: Callable[[str], None], found: Found, arm: str | None) -> RigDescription | None:
+def interview(ask: Ask, tell: Callable[[str], None], found: Inventory, arm: str | None) -> RigDescription | None:
     """The lab as answered; None: there is no arm. `arm` answers the first question. Raises StoppedByOperator."""
     model = arm or _one_of(ask, tell, "Which arm is it?", ARMS, ARMS[0])
     if model == NOTHING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import tomllib
 import typing
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import plain, unknown
+from hw.bounded import Unreadable, read_table
 
 BOARD = "board"
 """[tools.board]: the calibration board in the gripper, for its payload."""
@@ -70,11 +70,11 @@ def read(path: Path, tools: Collection[str] = ()) -> RigDescription:
     Raises UsageError naming the file and the first thing that is wrong.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"rig file {path} cannot be read: {error}. Write one: adaptsim config init") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"rig file {path} is not valid TOML: {error}") from error
+        content = read_table(path)
+    except FileNotFoundError as error:
+        raise UsageError(f"there is no rig file {path}. Write one: adaptsim config init") from error
+    except Unreadable as error:
+        raise UsageError(f"rig file {path} {error}") from error
     return described(content, str(path), tools)
 
 

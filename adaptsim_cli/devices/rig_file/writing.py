@@ -9,8 +9,8 @@ from typing import Any
 from adaptsim_cli import config
 from adaptsim_cli.config import Places
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.found import Found, look
 from adaptsim_cli.devices.rig_file.interview import ARMS, Ask, interview
+from adaptsim_cli.devices.rig_file.inventory import Inventory, look
 from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.errors import StoppedByOperator, UsageError
@@ -20,7 +20,7 @@ from adaptsim_cli.storage import durable
 
 
 @dataclass(frozen=True)
-class Request:
+class InitRequest:
     """What the operator asked for on the command line."""
 
     project: bool
@@ -47,7 +47,7 @@ class Written:
         }
 
 
-def init(places: Places, request: Request, screen: Screen) -> Written:
+def init(places: Places, request: InitRequest, screen: Screen) -> Written:
     """Ask, then write. Raises UsageError, StoppedByOperator, SessionError; then nothing has been written."""
     if request.arm is not None and request.arm not in ARMS:
         raise UsageError(f"--arm {request.arm}: it is one of {', '.join(ARMS)}")
@@ -60,7 +60,7 @@ def init(places: Places, request: Request, screen: Screen) -> Written:
         with screen.busy("Looking for serial ports and cameras"):
             found = look()
     else:
-        found = Found((), ())
+        found = Inventory((), ())
     rig = interview(_asking(screen, request), screen.plain, found, request.arm or (ARMS[0] if request.yes else None))
     if rig is not None:
         text = template(rig, tasks_with_tools())
@@ -78,7 +78,7 @@ def init(places: Places, request: Request, screen: Screen) -> Written:
     return Written(settings, new, None if rig is None else file, rig)
 
 
-def _may_replace(file: Path, request: Request, screen: Screen) -> None:
+def _may_replace(file: Path, request: InitRequest, screen: Screen) -> None:
     """Raises UsageError or StoppedByOperator where a rig file is there and is to stay."""
     if not file.exists() or request.overwrite:
         return
@@ -88,7 +88,7 @@ def _may_replace(file: Path, request: Request, screen: Screen) -> None:
         raise StoppedByOperator(f"{file} is left as it is")
 
 
-def _asking(screen: Screen, request: Request) -> Ask:
+def _asking(screen: Screen, request: InitRequest) -> Ask:
     def ask(question: str, default: str) -> str:
         return default if request.yes else screen.ask_text(f"{question} [{default}]:") or default
 

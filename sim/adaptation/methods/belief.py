@@ -24,9 +24,9 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import Disturbances
 from sim.solvers.misfit import squared_misfits
-from sim.solvers.solver import Solver
+from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
 DRAWS = 16
@@ -72,7 +72,7 @@ class Estimate:
 class Belief:
     """A `Method`. It looks at all trials of the session and draws nothing at random."""
 
-    solver: Solver
+    expectations: Expectations
     prospects: Prospects
     _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # log-likelihoods, by trial
 
@@ -104,7 +104,7 @@ class Belief:
         shared = (off * weights) @ off[at].T + LEVEL_STD**2 + REALITY_STD**2 * np.exp(-0.5 * squared / LENGTH**2)
         variance = (off**2) @ weights + LEVEL_STD**2 + REALITY_STD**2
         if tried:
-            noise = self.solver.task.adaptation.trial_std**2 / np.array([len(r) for _, r in tried])
+            noise = self.expectations.task.adaptation.trial_std**2 / np.array([len(r) for _, r in tried])
             gain = np.linalg.solve(shared[at] + np.diag(noise), shared.T).T
             mean = mean + gain @ (np.array([np.mean(r) for _, r in tried]) - mean[at])
             variance = variance - (gain * shared).sum(axis=1)
@@ -127,28 +127,25 @@ class Belief:
         return self._known[key]
 
     def _compare(self, trial: Trial) -> Array:
-        task, truths = self.solver.task, self.prospects.truths
-        a = len(task.action)
+        task, truths = self.expectations.task, self.prospects.truths
         draws = DRAWS if len(task.nuisance) or np.any(task.action_noise) else 1
-        unit = sobol(draws, a + len(task.nuisance), np.random.default_rng(0))
-        executed = trial.action + (2.0 * unit[:, :a] - 1.0) * task.action_noise
-        nuisance = spread(task.nuisance, unit[:, a:])
+        drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
         squared = squared_misfits(
-            self.solver,
+            self.expectations,
             trial.context,
             trial.observation,
             np.repeat(truths, draws, axis=0),
-            np.tile(executed, (len(truths), 1)),
-            np.tile(nuisance, (len(truths), 1)),
+            np.tile(trial.action + drawn.error, (len(truths), 1)),
+            np.tile(drawn.nuisance, (len(truths), 1)),
         ).reshape(len(truths), draws)
         density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
         return np.asarray(np.log(density.mean(axis=1)))
 
     def _nearest(self, particle: Particle) -> int:
-        unit = self.solver.task.parameters.normalise(particle.mean)
+        unit = self.expectations.task.parameters.normalise(particle.mean)
         return int(np.linalg.norm(self._unit - unit, axis=1).argmin())
 
     @property
     def _unit(self) -> Array:
         """(C, p) the candidates in fractions of the ranges."""
-        return self.solver.task.parameters.normalise(self.prospects.candidates)
+        return self.expectations.task.parameters.normalise(self.prospects.candidates)

@@ -16,7 +16,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.methods.extras import calculating, require
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 CANDIDATES = 256
@@ -53,7 +53,7 @@ class BayesianOptimisation:
         return tuple(Particle(means[i][None]) for i in chosen)
 
     def _spread(self, n: int, rng: np.random.Generator) -> Array:
-        return spread(self.task.parameters, sobol(n, len(self.task.parameters), rng))
+        return cover(self.task.parameters, n, rng)
 
 
 def _maximise(tried: Array, rewards: Array, std: float, candidates: Array, n: int, seed: int) -> list[int]:

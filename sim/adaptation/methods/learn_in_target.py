@@ -18,7 +18,7 @@ from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.errors import NotExecutable
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, sobol
 from sim.solvers.solver import Executable, SolvedPolicy
 from sim.tasks.task import Task
 
@@ -49,9 +49,10 @@ class LearnInTarget:
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """`n` times all of Omega, in other samples, which tell the particles' draws apart."""
         dimensions = len(self.task.parameters)
-        return tuple(Particle(spread(self.task.parameters, sobol(CLAIMS, dimensions, rng))) for _ in range(n))
+        return tuple(Particle(self.task.parameters.spread(sobol(CLAIMS, dimensions, rng))) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The same as before: what is learnt is the task policy."""
         return tuple(tried.particle for tried in history[-1])
 
     def policy(
@@ -74,7 +75,7 @@ class LearnInTarget:
             task=task,
             at=np.array(at).reshape(len(trials), len(task.context) + len(task.action)),
             rewards=np.array([trial.reward for trial in trials]),
-            candidates=spread(task.action, sobol(ACTIONS, len(task.action), np.random.default_rng(0))),
+            candidates=cover(task.action, ACTIONS, np.random.default_rng(0)),
             executable=executable,
             drawn_by=drawn_by,
         )

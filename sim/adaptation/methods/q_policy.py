@@ -9,11 +9,11 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.memory import MemoryName, encode, of_session
+from sim.adaptation.memory import MemoryName, encode, seen_in_session
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 
@@ -53,8 +53,7 @@ class QPolicy:
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """Means spread over Omega: random, but far from each other."""
-        means = spread(self.task.parameters, sobol(n, len(self.task.parameters), rng))
-        return tuple(Particle(mean[None]) for mean in means)
+        return tuple(Particle(mean[None]) for mean in cover(self.task.parameters, n, rng))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """Deterministic. A particle without trials in the last iteration stays."""
@@ -66,5 +65,5 @@ class QPolicy:
     def _moved(self, history: Sequence[Iteration], particle: int) -> Array:
         """(p,) where the mean of a particle goes, in units."""
         task, mean = self.task, history[-1][particle].particle.mean
-        state = encode(task, self.memory, of_session(task, history, particle))
+        state = encode(task, self.memory, seen_in_session(task, history, particle))
         return frozen_array(task.parameters.step(mean, self.network.directions(state)[0], task.adaptation.delta))

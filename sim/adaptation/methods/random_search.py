@@ -10,7 +10,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 CANDIDATES = 256
@@ -28,15 +28,17 @@ class RandomSearch:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The first is random; each other one lies far from those before it."""
         return self._farthest(np.zeros((0, len(self.task.parameters))), n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """Far from all that were tried, whatever they earned."""
         tried = np.array([seen.particle.mean for iteration in history for seen in iteration])
         return self._farthest(self.task.parameters.normalise(tried), len(history[-1]), rng)
 
     def _farthest(self, tried: Array, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         space = self.task.parameters
-        means = spread(space, sobol(CANDIDATES, len(space), rng))
+        means = cover(space, CANDIDATES, rng)
         unit = space.normalise(means)
         chosen: list[Particle] = []
         for _ in range(n):

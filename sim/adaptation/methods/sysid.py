@@ -23,7 +23,7 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.methods.extras import calculating, require
 from sim.errors import CheckpointError
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import sobol
 from sim.solvers.misfit import LEAST_STD
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -87,7 +87,7 @@ class SysId:
         return self._particles(self.posterior(history), len(history[-1]))
 
     def posterior(self, history: Sequence[Iteration]) -> Array:
-        """(SIMULATED, p) draws in [0, 1) of each range, for `sim.rollouts.sampling.spread`."""
+        """(SIMULATED, p) draws in [0, 1) of each range, for `sim.types.Space.spread`."""
         believed = sobol(SIMULATED, len(self.solver.task.parameters), np.random.default_rng(0))
         seen = hashlib.sha256()
         for iteration in history:
@@ -104,7 +104,7 @@ class SysId:
 
     def _particles(self, unit: Array, n: int) -> tuple[Particle, ...]:
         chosen = unit.mean(axis=0)[None] if self.point else unit[:SAMPLES]
-        return (Particle(spread(self.solver.task.parameters, chosen)),) * n
+        return (Particle(self.solver.task.parameters.spread(chosen)),) * n
 
     def _updated(self, believed: Array, trials: Sequence[Trial], seed: int) -> Array:
         """`believed` (SIMULATED, p) before -> after these trials."""
@@ -121,8 +121,8 @@ class SysId:
         """(N, seen) what the trial would have shown with the parameters at `unit` (N, p)."""
         task, n = self.solver.task, len(unit)
         executed = trial.action + rng.uniform(-1.0, 1.0, (n, len(trial.action))) * task.action_noise
-        nuisance = spread(task.nuisance, rng.random((n, len(task.nuisance))))
-        there = self.solver.trajectories(spread(task.parameters, unit), executed, nuisance)
+        nuisance = task.nuisance.spread(rng.random((n, len(task.nuisance))))
+        there = self.solver.trajectories(task.parameters.spread(unit), executed, nuisance)
         there = task.relocate(there, np.tile(trial.context, (n, 1)))
         std = np.sqrt(self.solver.residual_std**2 + LEAST_STD**2)
         shown = task.observation.with_noise(there + std * rng.standard_normal(there.shape), rng)

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
@@ -25,7 +25,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     return Udr(task)
 
 
-def several(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
+def udr_policies(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
     """`n` policies for all of Omega, from different draws; what UDR earns is the mean over them.
 
     Over Omega many actions earn alike, and which of them a solver picks is arbitrary. In one given target they may
@@ -43,8 +43,8 @@ class Udr:
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """`n` particles, each over all of Omega."""
-        dimensions = len(self.task.parameters)
-        return tuple(Particle(spread(self.task.parameters, sobol(SAMPLES, dimensions, rng))) for _ in range(n))
+        return tuple(Particle(cover(self.task.parameters, SAMPLES, rng)) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The same as before."""
         return tuple(seen.particle for seen in history[-1])

@@ -15,7 +15,7 @@ from sim.pretraining.verification.statistics import wilson
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import Rollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, rows_of, split
+from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, select_rows, split
 
 BINS = 10
 
@@ -64,7 +64,7 @@ def held_out(
     together.
     """
     task, (_, rows, _) = emulator.task, split(dataset, np.random.default_rng(seed), settings)
-    requests, true = rows_of(task, dataset, rows)
+    requests, true = select_rows(task, dataset, rows)
     errors = held_out_errors(emulator, requests, true)
     everywhere = _errors(errors, true)
     if abs(everywhere.brier - float(stored["brier"])) > 1e-3:
@@ -76,7 +76,7 @@ def held_out(
     within = rows[[task.parameters.contains(parameters) for parameters in requests.parameters]]
     inside = None
     if len(within):
-        asked, some = rows_of(task, dataset, within)
+        asked, some = select_rows(task, dataset, within)
         inside = _errors(held_out_errors(emulator, asked, some), some)
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
     return HeldOut(

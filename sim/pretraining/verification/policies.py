@@ -12,10 +12,9 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.pretraining.episodes import Roll, trial_requests
 from sim.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
-from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import at_reference, cover, sobol, trial_requests
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
@@ -34,6 +33,7 @@ class PairSettings:
 
     @property
     def simulations(self) -> int:
+        """Rollouts that this takes."""
         return self.environments * (self.actions + 2 * self.targets * self.rollouts)
 
 
@@ -51,13 +51,14 @@ class Pairs:
 
     @property
     def count(self) -> int:
+        """Of (policy, target)."""
         return int(self.expected.size)
 
 
 def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np.random.Generator) -> Pairs:
     """Make both kinds of policies, run them in every target."""
     task, n = solver.task, settings.environments
-    environments = spread(task.parameters, sobol(n, len(task.parameters), rng))
+    environments = cover(task.parameters, n, rng)
     learnt = solver.policies(environments[:, None, :], rng)
     searched = search_policies(task, environments, roll, settings.actions, rng)
     shared = task.context.sample(rng, CONTEXTS)
@@ -108,23 +109,17 @@ def search_policies(
     """
     a = len(task.action)
     unit = sobol(actions, a, rng)
-    tried = spread(task.action, unit)
-    seed, reference = int(rng.integers(2**31)), np.asarray(task.reference_context, dtype=np.float64)
-    contexts = np.tile(reference, (actions, 1))
+    tried = task.action.spread(unit)
+    seed, contexts = int(rng.integers(2**31)), at_reference(task, actions)
     requests = [_at(task, e, contexts, tried, np.random.default_rng(seed)) for e in environments]
     results = roll(reduce(Requests.followed_by, requests))
     squared = ((unit[:, None] - unit) ** 2).sum(axis=-1)
     weights = np.exp(-squared / (2.0 * (0.5 * actions ** (-1.0 / a)) ** 2))
     weights /= weights.sum(axis=1, keepdims=True)
     return tuple(
-        SearchedPolicy(task, tried, _part(results, slice(i * actions, (i + 1) * actions)), weights)
-        for i in range(len(environments))
+        SearchedPolicy(task, tried, results[i * actions : (i + 1) * actions], weights) for i in range(len(environments))
     )
 
 
 def _at(task: Task, target: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
     return trial_requests(task, np.tile(target, (len(actions), 1)), contexts, actions, rng)
-
-
-def _part(results: Rollouts, rows: slice) -> Rollouts:
-    return Rollouts(results.observation[rows], results.end_state[rows], results.succeeded[rows], results.outcome[rows])

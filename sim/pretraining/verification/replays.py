@@ -15,9 +15,10 @@ from hw.types import Array
 from sim.adaptation.memory import MemoryName
 from sim.adaptation.q_network import QNetwork
 from sim.pretraining.emulated import EmulatedRolls
-from sim.pretraining.episodes import Episodes, EpisodeSettings, Roll, sparse, trial_requests
+from sim.pretraining.episodes import Episodes, EpisodeSettings, sparse
 from sim.pretraining.verification.statistics import Estimate, clustered
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.draws import trial_requests
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -46,7 +47,6 @@ class Agreement:
     emulated: Estimate  # share of parameters moved alike on emulated trajectories of the same trials
     repeated: Estimate  # on true trajectories of other trials: what chance leaves of it
     opposite: float  # share of parameters moved the other way on emulated trajectories
-    opposite_repeated: float
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Replays:
     agreements: tuple[Agreement, ...]  # empty for an exact task, which has no emulated trajectories
 
 
-def some_of(episodes: Episodes, count: int) -> Episodes:
+def select_episodes(episodes: Episodes, count: int) -> Episodes:
     """About `count` episodes of one particle, evenly over the training; all particles of a target go together."""
     targets, particles = episodes.rewards.shape[:2]
     wanted = min(targets, -(-count // particles))
@@ -75,8 +75,8 @@ def replay(
     roll: Roll,
     rng: np.random.Generator,
 ) -> Replays:
-    """Replay about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
-    task, some = solver.task, some_of(episodes, count)
+    """ReplayBuffer about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
+    task, some = solver.task, select_episodes(episodes, count)
     requests = _requests(solver, some, rng)
     noise = int(rng.integers(2**31))
     true = _seen(task, some, requests, roll(requests), noise)
@@ -155,5 +155,5 @@ def _agreement(
 
     reference, others = directions(true), (directions(emulated), directions(stored))
     alike = [clustered((reference == other).mean(axis=(1, 2)), rng) for other in others]
-    opposite = [float((reference * other < 0).mean()) for other in others]
-    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite[0], opposite[1])
+    opposite = float((reference * others[0] < 0).mean())
+    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite)

@@ -18,16 +18,16 @@ from sim.adaptation.checkpoint import CARD, read_card
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
-from sim.pretraining.episodes import Episodes, Roll
+from sim.pretraining.episodes import Episodes
 from sim.pretraining.meta_training import MetaSettings
-from sim.pretraining.pipeline import STAGES, stage_seeds, stored
+from sim.pretraining.pipeline import STAGES, read_report, stage_seeds
 from sim.pretraining.timing import wall_times_s
 from sim.pretraining.verification.emulator import HeldOut, held_out
 from sim.pretraining.verification.policies import Pairs, PairSettings, compare_policies
 from sim.pretraining.verification.replays import Replays, replay
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
-from sim.rollouts.run import Requests, Rollouts, concatenate, run_many
+from sim.rollouts.run import Roll, roll_in_parts, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings
@@ -86,6 +86,7 @@ class Pretrained:
 
     @property
     def evaluation(self) -> Mapping[str, Any]:
+        """What the card says of the methods on unseen targets."""
         found: Mapping[str, Any] = self.card["evaluation"]
         return found
 
@@ -122,7 +123,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
     if not is_finished(folder):
         raise DatasetError(f"{folder} holds no finished pretraining: {again}")
-    plan, curve = stored(folder / "plan.toml"), stored(folder / "policy.toml")
+    plan, curve = read_report(folder / "plan.toml"), read_report(folder / "policy.toml")
     if (plan["task"], plan["fingerprint"]) != (task.name, fingerprint(task)):
         raise DatasetError(
             f"the pretraining in {folder} is of {plan['task']} with ranges {plan['fingerprint']}, wanted {task.name} "
@@ -196,7 +197,7 @@ def _held_out(made: Pretrained) -> HeldOut | None:
         return None
     seeds = stage_seeds(int(made.plan["seed"]))
     settings = _known(EmulatorSettings, made.plan["budget"]["emulator"])
-    return held_out(made.emulator, made.dataset, seeds[1], settings, stored(made.folder / "emulator.toml"))
+    return held_out(made.emulator, made.dataset, seeds[1], settings, read_report(made.folder / "emulator.toml"))
 
 
 def _replayed(made: Pretrained, settings: VerificationSettings) -> int:
@@ -209,18 +210,7 @@ def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], N
     """True rollouts that are kept in the folder, a part at a time, and tell how far they are."""
     one: Roll = partial(run_many, made.task, executor=executor)
     kept: Roll = one if made.task.exact else CachedRollouts(made.task, made.folder / "proof", executor)
-    done = 0
-
-    def roll(requests: Requests) -> Rollouts:
-        nonlocal done
-        parts = []
-        for start in range(0, len(requests), AT_ONCE):
-            parts.append(kept(requests[start : start + AT_ONCE]))
-            done += len(parts[-1])
-            progress(min(done, total), total)
-        return concatenate(parts)
-
-    return roll
+    return roll_in_parts(kept, AT_ONCE, total, progress)
 
 
 def _known(kind: type[S], planned: Mapping[str, Any]) -> S:

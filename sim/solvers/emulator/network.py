@@ -53,11 +53,10 @@ def _encode_space(space: Space, value: Array) -> Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class EmulatedTrials:
     """What the emulator expects, at the task's reference context."""
 
     observation: Array  # (N, size) normalised, without camera noise
-    observation_std: Array  # (N, size) disagreement of the members
     success: Array  # (N,) probability
     end_state: Array  # (N, k) if it succeeds
 
@@ -86,6 +85,7 @@ class Emulator:
 
     @property
     def members(self) -> int:
+        """Networks of the ensemble."""
         return int(self._tensors["w0"].shape[0])
 
     @property
@@ -98,14 +98,13 @@ class Emulator:
         """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.solvers.misfit`)."""
         return float(self._tensors["misfit_limit"])
 
-    def predict(self, parameters: Array, action: Array, nuisance: Array) -> Prediction:
+    def predict(self, parameters: Array, action: Array, nuisance: Array) -> EmulatedTrials:
         """(N, p), (N, a), (N, n) in units -> their prediction."""
         size = self.task.observation.size
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))
         success = self._probability(raw[..., -1])
-        return Prediction(
+        return EmulatedTrials(
             observation=raw[..., :size].mean(axis=0),
-            observation_std=raw[..., :size].std(axis=0),
             success=success.mean(axis=0),
             end_state=raw[..., size:-1].mean(axis=0),
         )
@@ -118,17 +117,17 @@ class Emulator:
         raw = raw.reshape(self.members, *lead, raw.shape[-1])
         return self._probability(raw[..., -1]), raw[..., :-1]
 
-    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> Prediction:
+    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> EmulatedTrials:
         """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
 
-        `success` is 0 or 1, the standard deviation is 0.
+        `success` is 0 or 1.
         """
         size, n = self.task.observation.size, len(parameters)
         member = rng.integers(self.members, size=n)
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
         succeeded = rng.random(n) < self._probability(raw[:, -1])
-        return Prediction(observation, np.zeros_like(observation), succeeded.astype(np.float64), raw[:, size:-1])
+        return EmulatedTrials(observation, succeeded.astype(np.float64), raw[:, size:-1])
 
     def _probability(self, logit: Array) -> Array:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)

@@ -14,22 +14,13 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import Disturbances, cover, sobol
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
 APART = 0.1
 """Distance, in fractions of the ranges, from which two actions are worth telling apart."""
-
-
-@dataclass(frozen=True, eq=False)
-class Scenarios:
-    """Draws that every action is judged on."""
-
-    parameters: Array  # (S, p) in units
-    nuisance: Array  # (S, n) in units
-    error: Array  # (S, a) added to the action
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +39,8 @@ class EmulatorPolicy:
     task: Task
     emulator: Emulator
     settings: SolverSettings
-    scenarios: Scenarios
+    parameters: Array  # (S, p) in units: with `drawn`, the scenarios that every action is judged on
+    drawn: Disturbances  # S of them
     candidates: Array  # (C, a) in units
     success: Array  # (M, C, S) probability
     end_state: Array  # (M, C, S, k)
@@ -116,8 +108,7 @@ class EmulatorPolicy:
 
     def _outcomes(self, actions: Array) -> tuple[Array, Array]:
         """(A, a) -> success (M, A, S), end state (M, A, S, k)."""
-        s = self.scenarios
-        return self.emulator.outcomes(s.parameters, actions[:, None, :] + s.error, s.nuisance)
+        return self.emulator.outcomes(self.parameters, actions[:, None, :] + self.drawn.error, self.drawn.nuisance)
 
     def _rewards(self, success: Array, end_state: Array, context: Array) -> Array:
         """(M, A, S), (M, A, S, k) -> (M, A) rewards, averaged over the scenarios."""
@@ -140,32 +131,18 @@ def train_many(
     m = samples.shape[1]
     n = max(settings.scenarios, min(m, 4 * settings.scenarios))
     a = len(task.action)
-    unit = sobol(n, a + len(task.nuisance), rng)
-    error, nuisance = (2.0 * unit[:, :a] - 1.0) * task.action_noise, spread(task.nuisance, unit[:, a:])
-    candidates = spread(task.action, sobol(settings.candidates, a, rng))
+    drawn = Disturbances.evenly(task, n, rng)
+    candidates = cover(task.action, settings.candidates, rng)
     local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
-    drawn = samples[:, np.arange(n) % m]  # (B, n, p)
     policies = []
-    for parameters in drawn:
-        success, end_state = emulator.outcomes(parameters, candidates[:, None, :] + error, nuisance)
-        scenarios = Scenarios(parameters, nuisance, error)
+    for parameters in samples[:, np.arange(n) % m]:  # (n, p) of each
+        success, end_state = emulator.outcomes(parameters, candidates[:, None, :] + drawn.error, drawn.nuisance)
         policies.append(
-            EmulatorPolicy(task, emulator, settings, scenarios, candidates, success, end_state, local, executable)
+            EmulatorPolicy(
+                task, emulator, settings, parameters, drawn, candidates, success, end_state, local, executable
+            )
         )
     return tuple(policies)
-
-
-def expected_reward(
-    emulator: Emulator, parameters: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
-) -> Array:
-    """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
-    task = emulator.task
-    unit = sobol(draws, len(task.action) + len(task.nuisance), rng)
-    error = (2.0 * unit[:, : len(task.action)] - 1.0) * task.action_noise
-    nuisance = spread(task.nuisance, unit[:, len(task.action) :])
-    success, end = emulator.outcomes(parameters[:, None, None, :], actions[:, :, None, :] + error, nuisance)
-    rewards = success * task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
-    return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +153,7 @@ class EmulatorSolver:
 
     @property
     def task(self) -> Task:
+        """The emulator's."""
         return self.emulator.task
 
     def policies(
@@ -185,24 +163,34 @@ class EmulatorSolver:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[EmulatorPolicy, ...]:
+        """See `train_many`."""
         return train_many(self.task, self.emulator, samples, rng, executable, settings)
 
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        return expected_reward(self.emulator, targets, contexts, actions, rng, draws)
+        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+        drawn = Disturbances.evenly(self.task, draws, rng)
+        executed = actions[:, :, None, :] + drawn.error
+        success, end = self.emulator.outcomes(targets[:, None, None, :], executed, drawn.nuisance)
+        rewards = success * self.task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
+        return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) emulated rewards of N executed trials, the mean of the ensemble."""
         success, end = self.emulator.outcomes(parameters, action, nuisance)
         return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size), the mean of the ensemble."""
         return self.emulator.predict(parameters, action, nuisance).observation
 
     @property
     def residual_std(self) -> Array:
+        """(size,) of held-out rollouts, normalised."""
         return self.emulator.residual_std
 
     @property
     def misfit_limit(self) -> float:
+        """Of held-out rollouts."""
         return self.emulator.misfit_limit

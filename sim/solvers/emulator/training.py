@@ -17,6 +17,7 @@ from hw.types import Array
 from perception.types import Outcome
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
+from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
 from sim.solvers.emulator.network import Emulator, encode, forward
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -95,7 +96,7 @@ def train_emulator(
         "residual_std": torch.ones(task.observation.size),
         "misfit_limit": torch.tensor(math.inf),
     }
-    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), task, dataset, calibrate))
+    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), dataset, calibrate))
     predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
     residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
     # From the median, as for a Gaussian: a few rollouts that end quite elsewhere must not widen what is tolerated.
@@ -209,7 +210,7 @@ def _inputs(dataset: Dataset, rows: Rows) -> tuple[Array, Array, Array]:
     return dataset.parameters[rows], dataset.action[rows], dataset.nuisance[rows]
 
 
-def _temperature(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows) -> float:
+def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits with the best held-out likelihood of the ensemble's mean probability."""
     success, _ = emulator.outcomes(*_inputs(dataset, rows))
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
@@ -252,9 +253,9 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
     }
 
 
-def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
+def select_rows(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
     """Some rollouts of a dataset: what was asked, and what came of it."""
-    context = np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(rows), 1))
+    context = at_reference(task, len(rows))
     return (
         Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),
         Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows]),
@@ -262,7 +263,7 @@ def rows_of(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollout
 
 
 def _judge(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
-    requests, true = rows_of(task, dataset, rows)
+    requests, true = select_rows(task, dataset, rows)
     errors = held_out_errors(emulator, requests, true)
     position, end = errors["position_error_median"], errors["end_state_error_median"]
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success

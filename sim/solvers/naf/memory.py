@@ -7,7 +7,6 @@ session that is continued has the same policies as one that was never interrupte
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.solvers.naf.policy import NafPolicy, restore_policy
-from sim.solvers.naf.reuse import TrainedPolicy
+from sim.solvers.naf.reuse import PolicyRecord
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
 from sim.tasks.fingerprint import fingerprint
@@ -31,7 +30,7 @@ class NafMemory:
     def __init__(self, task: Task, folder: Path | None = None) -> None:
         """`folder`: where to keep all and to go on from. Raises CheckpointError when what lies there is foreign."""
         self.task = task
-        self.record: tuple[TrainedPolicy, ...] = ()
+        self.record: tuple[PolicyRecord, ...] = ()
         self._folder = folder
         self._keys: list[str] = []
         self._errors: list[float] = []
@@ -54,7 +53,7 @@ class NafMemory:
                 raise CheckpointError(f"{self._path(position)} does not fit {self.task.name}: {error}") from error
         return self._networks[position]
 
-    def add(self, record: tuple[TrainedPolicy, ...], key: str, policy: NafPolicy) -> None:
+    def add(self, record: tuple[PolicyRecord, ...], key: str, policy: NafPolicy) -> None:
         """`record`: the old one and the entry of `policy`. On disk when this returns, if there is a folder."""
         position = len(record) - 1
         if position != len(self.record):
@@ -95,7 +94,7 @@ class NafMemory:
             stored = read_toml(path)
             found, rows = stored["fingerprint"], stored["policies"]
             self.record = tuple(
-                TrainedPolicy(
+                PolicyRecord(
                     np.array(r["features"], dtype=np.float64),
                     int(r["budget"]),
                     int(r["distributions"]),
@@ -105,7 +104,7 @@ class NafMemory:
             )
             self._keys = [str(r["key"]) for r in rows]
             self._errors = [float(r["value_error"]) for r in rows]
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise CheckpointError(
                 f"{path} is damaged ({error}): remove its folder, the policies are trained again"
             ) from error

@@ -7,7 +7,7 @@ one step: Q is regressed on the reward with the Huber loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -17,8 +17,8 @@ from torch.nn.functional import huber_loss, softplus
 
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
-from sim.rollouts.run import Requests, Rollouts
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import Disturbances, cover
+from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
@@ -39,6 +39,7 @@ class NafNetwork(nn.Module):
         self.factor = nn.Linear(hidden, actions * (actions + 1) // 2)
 
     def forward(self, context: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, c) -> value (B,), mean action (B, a) and factor (B, a, a)."""
         features = self.trunk(context)
         rows, columns = torch.tril_indices(self.actions, self.actions)
         factor = torch.zeros(len(context), self.actions, self.actions)
@@ -84,7 +85,7 @@ class NafPolicy:
         best = self.actions(context[None])[0]
         if self.executable is None or self.executable(context, best):
             return frozen_array(best)
-        others = spread(self.task.action, sobol(CANDIDATES, len(self.task.action), np.random.default_rng(0)))
+        others = cover(self.task.action, CANDIDATES, np.random.default_rng(0))
         for i in np.argsort(-self._q(context, others), kind="stable")[: self.attempts - 1]:
             if self.executable(context, others[i]):
                 return frozen_array(others[i])
@@ -119,7 +120,7 @@ Training = Generator[Requests, Rollouts, NafPolicy]
 """Asks for rollouts until the policy is trained."""
 
 
-def train_together(trainings: Sequence[Training], roll: Callable[[Requests], Rollouts]) -> tuple[NafPolicy, ...]:
+def train_together(trainings: Sequence[Training], roll: Roll) -> tuple[NafPolicy, ...]:
     """Several trainings at once, so that a pool of many workers has enough to do; the numbers do not depend on it."""
     policies: dict[int, NafPolicy] = {}
     asked: dict[int, Requests] = {}
@@ -139,8 +140,7 @@ def train_together(trainings: Sequence[Training], roll: Callable[[Requests], Rol
         results = roll(Requests(*map(np.concatenate, parts)))
         ends = np.cumsum([len(requests) for requests in now.values()])
         for i, end in zip(now, ends, strict=True):
-            rows = slice(end - len(now[i]), end)
-            go_on(i, Rollouts(*(getattr(results, f.name)[rows] for f in fields(Rollouts))))
+            go_on(i, results[end - len(now[i]) : end])
     return tuple(policies[i] for i in range(len(trainings)))
 
 
@@ -222,9 +222,7 @@ def _explore(
 
 def _requests(task: Task, samples: Array, context: Array, action: Array, rng: np.random.Generator) -> Requests:
     """Rollouts of actions (n, a) in [-1, 1] at contexts (n, c) in units, executed with their error."""
-    n = len(context)
+    drawn = Disturbances.at_random(task, len(context), rng)
+    parameters = np.asarray(samples)[rng.integers(len(samples), size=len(context))]
     commanded = task.action.denormalise(0.5 * (action + 1.0))
-    executed = commanded + rng.uniform(-1.0, 1.0, commanded.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((n, len(task.nuisance))))
-    parameters = np.asarray(samples)[rng.integers(len(samples), size=n)]
-    return Requests(parameters, context, executed, nuisance)
+    return Requests(parameters, context, commanded + drawn.error, drawn.nuisance)

@@ -15,7 +15,7 @@ from sim.tasks.task import ReuseRules
 
 
 @dataclass(frozen=True, eq=False)
-class TrainedPolicy:
+class PolicyRecord:
     """What the rules must remember of one distribution's policy."""
 
     mean: Array  # (p,) normalised; for wide distributions (2p,), see `features`
@@ -30,7 +30,7 @@ class TrainingPlan:
 
     donor: int | None  # position in the record: start from its weights
     budget: int  # rollouts to train with; 0: use the donor's policy as it is
-    record: tuple[TrainedPolicy, ...]
+    record: tuple[PolicyRecord, ...]
 
 
 def features(samples: Array) -> Array:
@@ -43,7 +43,7 @@ def features(samples: Array) -> Array:
     return np.concatenate([samples.mean(axis=0), samples.std(axis=0)])
 
 
-def plan_training(record: tuple[TrainedPolicy, ...], mean: Array, rules: ReuseRules) -> TrainingPlan:
+def plan_training(record: tuple[PolicyRecord, ...], mean: Array, rules: ReuseRules) -> TrainingPlan:
     """Rules for the distribution with `mean` (p,), or `features` (2p,), normalised by the ranges.
 
     The nearest policy within D that has not donated yet is taken over and trained on with
@@ -52,11 +52,11 @@ def plan_training(record: tuple[TrainedPolicy, ...], mean: Array, rules: ReuseRu
     gaps = [np.inf if p.donated else float(np.linalg.norm(p.mean - mean)) for p in record]
     donor = int(np.argmin(gaps)) if gaps and min(gaps) <= rules.distance else None
     if donor is None:
-        fresh = TrainedPolicy(mean, rules.first_budget, 1)
+        fresh = PolicyRecord(mean, rules.first_budget, 1)
         return TrainingPlan(None, rules.first_budget, (*record, fresh))
     before = record[donor]
     j = before.distributions + 1
     wanted = max(rules.least_budget, round(rules.discount ** (j - 1) * rules.first_budget))
     budget = max(0, min(wanted, rules.max_budget - before.budget))
     kept = tuple(replace(p, donated=True) if i == donor else p for i, p in enumerate(record))
-    return TrainingPlan(donor, budget, (*kept, TrainedPolicy(mean, before.budget + budget, j)))
+    return TrainingPlan(donor, budget, (*kept, PolicyRecord(mean, before.budget + budget, j)))

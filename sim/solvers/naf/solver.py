@@ -2,15 +2,13 @@
 
 It knows nothing but the simulator, so every expectation that `sim.solvers.solver.Solver` asks of it is rollouts:
 rewards are means of `REWARD_ROLLOUTS` of them (unbiased, but noisy), those of executed trials and trajectories are the
-simulator's own. What a policy says of itself is its value head. Where a session has an emulator all the same, that one
-may be asked for trajectories (`judge`), which are wanted by the hundred to tell whether the simulator expresses an
-object at all.
+simulator's own. What a policy says of itself is its value head.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -20,14 +18,14 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import UnknownName
+from sim.rollouts.draws import Disturbances, at_reference, trial_requests
 from sim.rollouts.executors import serial_executor
-from sim.rollouts.run import Requests, Rollouts, run_many
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.run import Requests, Roll, run_many
 from sim.solvers.misfit import misfit
 from sim.solvers.naf.memory import NafMemory, policy_key
 from sim.solvers.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
 from sim.solvers.naf.reuse import TrainingPlan, features, plan_training
-from sim.solvers.solver import Executable, Solver, SolverSettings
+from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import ReuseRules, Task
 
 REWARD_ROLLOUTS = 8
@@ -42,11 +40,10 @@ class NafSolver:
     """A `sim.solvers.solver.Solver`. Its policies depend on those that were trained before (paper, remark 1)."""
 
     task: Task
-    roll: Callable[[Requests], Rollouts]
+    roll: Roll
     rules: ReuseRules
     memory: NafMemory
-    judge: Solver | None = None  # asked for trajectories; None: they are simulated
-    limit: float = math.inf  # of the misfit, where they are simulated
+    misfit_limit: float = math.inf
     settings: NafSettings = field(default_factory=NafSettings)
 
     def policies(
@@ -75,16 +72,13 @@ class NafSolver:
         """
         count, g = actions.shape[:2]
         repeats = min(draws, -(-REWARD_ROLLOUTS // g))
-        unit = sobol(g * repeats, len(self.task.action) + len(self.task.nuisance), rng)
-        a = len(self.task.action)
-        error = ((2.0 * unit[:, :a] - 1.0) * self.task.action_noise).reshape(g, repeats, a)
-        rows = count * g * repeats
+        drawn, a = Disturbances.evenly(self.task, g * repeats, rng), len(self.task.action)
         where = np.tile(np.repeat(contexts, repeats, axis=0), (count, 1))
         requests = Requests(
             parameters=np.repeat(targets, g * repeats, axis=0),
             context=where,
-            action=(actions[:, :, None] + error).reshape(rows, a),
-            nuisance=np.tile(spread(self.task.nuisance, unit[:, a:]), (count, 1)),
+            action=(actions[:, :, None] + drawn.error.reshape(g, repeats, a)).reshape(len(where), a),
+            nuisance=np.tile(drawn.nuisance, (count, 1)),
         )
         return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
 
@@ -93,20 +87,13 @@ class NafSolver:
         return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
-        """(N, size): of `judge`, or simulated."""
-        if self.judge is not None:
-            return self.judge.trajectories(parameters, action, nuisance)
-        reference = np.asarray(self.task.reference_context, dtype=np.float64)
-        return self.roll(Requests(parameters, np.tile(reference, (len(parameters), 1)), action, nuisance)).observation
+        """(N, size) of the same trials in the simulator."""
+        return self.roll(Requests(parameters, at_reference(self.task, len(parameters)), action, nuisance)).observation
 
     @property
     def residual_std(self) -> Array:
-        """(size,) of `judge`; zero where the trajectories are the simulator's own."""
-        return self.judge.residual_std if self.judge is not None else np.zeros(self.task.observation.size)
-
-    @property
-    def misfit_limit(self) -> float:
-        return self.judge.misfit_limit if self.judge is not None else self.limit
+        """(size,) zero: the trajectories are the simulator's own."""
+        return np.zeros(self.task.observation.size)
 
     def _train(self, wanted: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
         """(key, samples, seed) of each -> its policy. Plans first; then trains in turns whatever has its donor."""
@@ -146,47 +133,30 @@ def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
     return task.reuse.scaled(scale)
 
 
-def naf_facts(solver: NafSolver, misfit_limit: float) -> dict[str, Any]:
+def naf_facts(solver: NafSolver) -> dict[str, Any]:
     """What a checkpoint's card must say of the solver, for `restore_naf`."""
-    return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": misfit_limit}}
+    return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": solver.misfit_limit}}
 
 
-def restore_naf(task: Task, facts: Mapping[str, Any]) -> NafSolver:
-    """The solver of a checkpoint whose card has the table `facts`; it rolls out one by one and keeps nothing.
+def restore_naf(
+    task: Task, facts: Mapping[str, Any], roll: Roll | None = None, folder: Path | None = None
+) -> NafSolver:
+    """The solver of a checkpoint whose card has the table `facts`.
 
-    Raises KeyError, TypeError or ValueError where the table is damaged.
+    `folder`: where to keep its policies, and to go on from; None: nowhere. Without `roll` it rolls out one by one.
+    Raises KeyError, TypeError or ValueError where the table is damaged, CheckpointError where the folder is foreign.
     """
     rules = ReuseRules(**{name: value for name, value in facts.items() if name != "misfit_limit"})
-    roll = partial(run_many, task, executor=serial_executor())
-    return NafSolver(task, roll, rules, NafMemory(task), limit=float(facts["misfit_limit"]))
-
-
-def session_naf(of_checkpoint: Solver, roll: Callable[[Requests], Rollouts], folder: Path) -> NafSolver:
-    """NAF policies for one session, kept in `folder` so that it can be continued.
-
-    Rules and misfit are those of the checkpoint, if it was made with NAF; otherwise the rules are the paper's, and the
-    checkpoint's emulator is asked for trajectories. Raises UnknownName, CheckpointError.
-    """
-    task = of_checkpoint.task
-    if isinstance(of_checkpoint, NafSolver):
-        return replace(of_checkpoint, roll=roll, memory=NafMemory(task, folder))
-    return NafSolver(task, roll, rules_of(task), NafMemory(task, folder), judge=of_checkpoint)
-
-
-def afresh(solver: Solver) -> Solver:
-    """The same solver, but one that remembers no policy: a stage must not depend on whether another ran before it in
-    this process."""
-    return replace(solver, memory=NafMemory(solver.task)) if isinstance(solver, NafSolver) else solver
+    roll = roll or partial(run_many, task, executor=serial_executor())
+    return NafSolver(task, roll, rules, NafMemory(task, folder), float(facts["misfit_limit"]))
 
 
 def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: int = MISFIT_TRIALS) -> float:
     """Misfit that 95 % of simulated trials inside the ranges stay below. Takes some `trials` x 500 rollouts."""
     task = solver.task
     parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
-    error = rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
-    nuisance = spread(task.nuisance, rng.random((trials, len(task.nuisance))))
-    reference = np.asarray(task.reference_context, dtype=np.float64)
-    requests = Requests(parameters, np.tile(reference, (trials, 1)), actions + error, nuisance)
+    contexts = at_reference(task, trials)
+    requests = trial_requests(task, parameters, contexts, actions, rng)
     seen = task.observation.with_noise(solver.roll(requests).observation, rng)
-    values = [misfit(solver, reference, a, o) for a, o in zip(actions, seen, strict=True)]
+    values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, seen, strict=True)]
     return float(np.quantile(values, 0.95))

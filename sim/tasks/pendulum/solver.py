@@ -23,6 +23,7 @@ class LqrPolicy:
     gain: Array  # (8,)
 
     def __call__(self, context: Array) -> Array:
+        """(0,) -> (8,), the gain."""
         return self.gain
 
     def actions(self, contexts: Array) -> Array:

@@ -36,10 +36,10 @@ def mounting() -> Array:
     Grip, lean, turn and roll were chosen together, by a search, so that the worst ratio of any joint of either arm to
     its limits over the action space is smallest (docs/decisions/0008).
     """
-    return mounted(GRIP_M, _LEAN_RAD, _TURN_RAD, _ROLL_RAD)
+    return mount_in_hand(GRIP_M, _LEAN_RAD, _TURN_RAD, _ROLL_RAD)
 
 
-def mounted(grip_m: Array, lean_rad: float, turn_rad: float, roll_rad: float) -> Array:
+def mount_in_hand(grip_m: Array, lean_rad: float, turn_rad: float, roll_rad: float) -> Array:
     """(4, 4) the tool in a flange whose hand holds it at `grip_m` (3,) in T.
 
     The hand comes from above, leaning `lean_rad` from straight down towards the heading `turn_rad` about Z; `roll_rad`

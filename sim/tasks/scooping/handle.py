@@ -10,7 +10,8 @@ import numpy as np
 from hw.collision import Capsule
 from hw.kinematics import FLANGE
 from hw.types import Array
-from sim.tasks.scooping.params import BLADE_LENGTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
+from perception.blade import BLADE_LENGTH_M
+from sim.tasks.scooping.params import EDGE_M, GRIP_M, HANDLE_RISE_RAD
 
 NECK_M = 0.05
 NECK_SIZE_M = (NECK_M, 0.035, 0.004)

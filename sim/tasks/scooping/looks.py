@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.tasks.scooping.handle import HANDLE_M, NECK_M, NECK_SIZE_M, ROOT_M, UP
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD
+from sim.tasks.scooping.params import EDGE_M, GRIP_M, HANDLE_RISE_RAD
 from sim.tasks.scooping.piece import Piece
 from sim.tasks.shared.shapes import box
 from sim.types import Visual

@@ -7,8 +7,9 @@ what the scene gives it; the rest is spread evenly along neck and handle.
 from __future__ import annotations
 
 from hw.mass import bar, box
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.tasks.scooping.handle import HANDLE_M, NECK_M, ROOT_M, UP
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M
+from sim.tasks.scooping.params import EDGE_M
 from sim.tasks.scooping.scene import BLADE_MASS_KG
 
 TURNER_KG = 0.12

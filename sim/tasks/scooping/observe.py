@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hw.types import Array
+from perception.blade import BLADE_LENGTH_M
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.scooping.params import BLADE_LENGTH_M, OBSERVATION, REFERENCE_CONTEXT
+from sim.tasks.scooping.params import OBSERVATION, REFERENCE_CONTEXT
 
 _FAR_M = 0.05
 _FAR_COST = 0.2

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hw.types import Array, frozen_array
+from perception.blade import BLADE_LENGTH_M
 from sim.errors import OutOfRange
 from sim.tasks.task import AdaptationSettings, Observation, ReuseRules
 from sim.types import Dimension, Space
@@ -68,8 +69,6 @@ ADAPTATION = AdaptationSettings(
 REUSE = ReuseRules(0.16, first_budget=1_200, least_budget=300, max_budget=4_000, discount=0.9)
 """Table A1; the least budget is ours."""
 
-BLADE_LENGTH_M = 0.10
-BLADE_WIDTH_M = 0.08
 EDGE_M = 0.0012
 """Thickness of the blade (OXO Nylon Square Turner)."""
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hw.types import Array
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
-from sim.tasks.scooping.params import BEVEL_M, BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M, LIP_M
+from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M
 
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 _ROUND_SEGMENTS, _STRAIGHT_SEGMENTS = 16, 12

@@ -11,8 +11,9 @@ from functools import partial
 import numpy as np
 
 from hw.types import Array
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M, is_on_blade
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.params import PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
@@ -51,9 +52,6 @@ SETTLING_S = 0.70
 LATEST_S = DURATION_S + SETTLE_S
 STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
 """The flag of a piece that is judged while it moves."""
-
-BEHIND_M = 0.010
-"""So far behind the root of the blade a piece may be: there the neck holds it."""
 
 _ASIDE_M = 0.02
 
@@ -149,6 +147,6 @@ def _carried(motion: ToolMotion, from_s: float, to_s: Array, p_B_m: Array) -> Ar
 
 
 def _outcome(p_BO_m: Array, p_TO_m: Array) -> Outcome:
-    if p_TO_m[2] > 0.001 and -BLADE_LENGTH_M - BEHIND_M <= p_TO_m[0] <= 0.0 and abs(p_TO_m[1]) <= BLADE_WIDTH_M / 2:
+    if is_on_blade(p_TO_m):
         return Outcome.ON_BLADE
     return Outcome.ON_TABLE if p_BO_m[2] > 0.0 else Outcome.LOST

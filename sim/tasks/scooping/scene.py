@@ -23,17 +23,10 @@ from pydrake.multibody.tree import (
 )
 
 from hw.types import Array
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
-from sim.tasks.scooping.params import (
-    BLADE_LENGTH_M,
-    BLADE_WIDTH_M,
-    CORNER_M,
-    EDGE_M,
-    HANDLE_RISE_RAD,
-    PIECE_DENSITY_KG_M3,
-    Unmodelled,
-)
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, HANDLE_RISE_RAD, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.shared.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.panda.feelers import Feeler, Touchable
-from sim.tasks.scooping.params import BLADE_LENGTH_M, BLADE_WIDTH_M, CORNER_M, EDGE_M
+from sim.tasks.scooping.params import CORNER_M, EDGE_M
 
 _SIDE_M = (BLADE_WIDTH_M - EDGE_M) / 2.0
 _DOWN_M = -EDGE_M + CORNER_M

@@ -32,13 +32,19 @@ class Moment(Protocol):
     """Tool and object at a reading."""
 
     @property
-    def t_s(self) -> float: ...
+    def t_s(self) -> float:
+        """Since the start of the motion."""
+        ...
 
     @property
-    def X_BO(self) -> RigidTransform: ...
+    def X_BO(self) -> RigidTransform:
+        """The object in the base."""
+        ...
 
     @property
-    def X_BT(self) -> RigidTransform: ...
+    def X_BT(self) -> RigidTransform:
+        """The tool in the base."""
+        ...
 
     @property
     def is_still_on_table(self) -> bool:

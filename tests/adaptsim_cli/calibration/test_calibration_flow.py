@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,6 @@ from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, stor
 
 from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
-from adaptsim_cli.storage import durable
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
 from hw.errors import ArmFault, CameraError
 from perception.board.types import Board
@@ -149,23 +149,22 @@ def test_a_damaged_calibration_is_never_replaced_by_an_older_one_silently(done: 
     shutil.copytree(done[0], root)
     file = root / "calibrations/toy/calibration-0001/calibration.json"
     file.write_bytes(file.read_bytes()[:200])
-    with pytest.raises(Exception, match=r"calibration\.json cannot be read.*Move .*calibration-0001 away"):
+    with pytest.raises(Exception, match=r"calibration\.json is not valid JSON.*Move .*calibration-0001 away"):
         store(root).current()
 
 
 def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, count = durable._write, [0]
+    real, count = os.fsync, [0]
 
-    def full(path: Path, content: bytes) -> None:
+    def full(descriptor: int) -> None:
         count[0] += 1
         if count[0] > 20:
             raise OSError(28, "No space left on device")
-        real(path, content)
+        real(descriptor)
 
-    monkeypatch.setattr(durable, "_write", full)
-    with pytest.raises(DiskFull):
+    with monkeypatch.context() as patch, pytest.raises(DiskFull):
+        patch.setattr(os, "fsync", full)
         run(tmp_path, ToyBench())
-    monkeypatch.setattr(durable, "_write", real)
     assert run(tmp_path, ToyBench())[0].record.accepted
 
 
@@ -316,7 +315,11 @@ def test_a_truncated_view_is_left_out_and_named(copied: Path) -> None:
     solved = solve(copied)
     assert len(solved.views) == 9
     told = " ".join(solved.not_seen)
-    for part in ("view-003.png is not what view-003.json says", "view-008.json cannot be read", "view-011.depth.png"):
+    for part in (
+        "view-003.png is not what view-003.json says",
+        "view-008.json is not valid JSON",
+        "view-011.depth.png",
+    ):
         assert part in told
 
 
@@ -324,7 +327,7 @@ def test_a_truncated_view_is_left_out_and_named(copied: Path) -> None:
     ("change", "message"),
     [
         (lambda folder: (folder / "setup.toml").unlink(), r"setup\.toml is missing"),
-        (lambda folder: (folder / "setup.toml").write_text("camera = "), r"setup\.toml cannot be read"),
+        (lambda folder: (folder / "setup.toml").write_text("camera = "), r"setup\.toml is not valid TOML"),
         (lambda folder: edit(folder, 'arm = "panda"', 'arm = "other"'), "joints of an unknown arm"),
         (
             lambda folder: edit(folder, "height = 360", "height = 720"),

@@ -171,12 +171,12 @@ def test_poses_serve_where_joints_are_not_known(copied: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda folder: (folder / "touch.json").write_text("{"), r"touch\.json cannot be read"),
+        (lambda folder: (folder / "touch.json").write_text("{"), r"touch\.json is not valid JSON"),
         (lambda folder: edit(folder, corner=99), "corner 99; this board has 0 to 23"),
         (lambda folder: edit(folder, q_rad=None), "exactly one of q_rad and X_BF"),
         (lambda folder: edit(folder, q_rad=[[0, -45, 0, -135, 0, 90, 45]] * 4), "not in degrees"),
         (lambda folder: (folder / "touch.png").write_bytes(b"half"), r"touch\.png is not what touch\.json says"),
-        (lambda folder: (folder / "touch.png").unlink(), r"touch\.png, named by touch\.json, cannot be read"),
+        (lambda folder: (folder / "touch.png").unlink(), r"touch\.png, named by touch\.json, is missing"),
     ],
 )
 def test_a_damaged_touch_is_named(change: object, message: str, copied: Path) -> None:

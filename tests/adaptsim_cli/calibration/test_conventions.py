@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.calibration.solving import Solved, solve_folder
 from calib.errors import CalibrationError, UnusableViews, ViewFolderError
-from calib.geometry import distance_mm, inverse
+from calib.geometry import distance_mm
 from hw.kinematics import CRAIG, FLANGE_M
+from hw.poses import inverse
 
 Pose = Callable[[int], dict[str, Any]]
 

@@ -12,14 +12,14 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.devices.rig_file import writing
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.found import Found, serial_ports
 from adaptsim_cli.devices.rig_file.interview import interview
+from adaptsim_cli.devices.rig_file.inventory import Inventory, serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
 
 ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb-FTDI_FT232R-if00"
-BOTH = Found((ARDUINO, FTDI), ("000123",))
+BOTH = Inventory((ARDUINO, FTDI), ("000123",))
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,7 @@ def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{answer}\n" for answer in answers)))
 
 
-def asked(*answers: str, found: Found = BOTH) -> tuple[RigDescription | None, list[str]]:
+def asked(*answers: str, found: Inventory = BOTH) -> tuple[RigDescription | None, list[str]]:
     """The interview with these answers; an empty one takes the default, as do all after the last."""
     left, told = list(answers), list[str]()
 
@@ -92,7 +92,7 @@ def test_without_an_arm_nothing_more_is_asked() -> None:
 
 
 def test_a_machine_without_devices_leaves_their_parts_out() -> None:
-    rig, _ = asked(found=Found((), ()))
+    rig, _ = asked(found=Inventory((), ()))
     assert rig is not None
     assert rig.pedal is rig.balance is None
     assert rig.camera.serial == ""

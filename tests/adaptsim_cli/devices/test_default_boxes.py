@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from adaptsim_cli.devices.mounted import MountedTask, mounted, mounted_as_shipped
-from adaptsim_cli.devices.rig_file.description import PersonPart
+from adaptsim_cli.devices.rig_file.description import PersonPart, as_shipped
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
@@ -42,7 +42,7 @@ def counted(name: str, model: str, keep_out: tuple[KeepOut, ...], points: int = 
     """How many trials of a grid are direct, detoured and refused."""
     task = get_task(name)
     without = mounted_as_shipped(task, model)
-    within = mounted(task, without.cell.arm, None, keep_out, None)
+    within = mounted(task, as_shipped(model), np.zeros(7), keep_out)
     return Counter(_way(without, within, *trial) for trial in trials(task, points))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -31,17 +32,18 @@ from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.attended import AT_HOME_RAD, AttendedRig, Scales, offer_recovery
+from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.session.attended import Attended
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
-from adaptsim_cli.wiring.session import open_real
+from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -70,18 +72,23 @@ def resolved(place: Path, text: str = RIG) -> Resolved:
 
 
 @contextmanager
-def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[AttendedRig]:
+def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[OnRig]:
     there = resolved(place, text)
     calibrated(there)
-    with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
+    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
         yield real
+
+
+def beside(real: OnRig) -> PersonBeside:
+    assert isinstance(real.rig.attendant, PersonBeside)
+    return real.rig.attendant
 
 
 def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
     there = resolved(place)
     with (
         pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"),
-        open_real(there.config, there.places, SCOOPING, Untouched()),  # type: ignore[arg-type]
+        open_trials(there.config, there.places, SCOOPING, Untouched()),  # type: ignore[arg-type]
     ):
         pass
 
@@ -106,7 +113,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", devices.openers)
+        monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
         assert app.run(run) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed
@@ -131,7 +138,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
         assert real.is_real
         assert "lab-1, panda at 172.16.0.2" in real.title
-        assert real.mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
+        assert beside(real).mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
             "the tool hangs where it was touched off"
         )
         assert all(check.ok for check in real.checks())
@@ -140,9 +147,9 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
 def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
     there = resolved(place)
     calibrated(there)
-    with wiring.open_parts(there.config, place, ToyDevices().openers()) as parts:
-        assert isinstance(parts.target, AttendedRig)
-        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, parts.target.mounted.hardware.X_FT)
+    with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
+        assert isinstance(parts.target, OnRig)
+        np.testing.assert_array_equal(parts.task.require_hardware().X_FT, beside(parts.target).mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
         assert parts.provenance.calibration == "calibrated"
 
@@ -186,20 +193,20 @@ def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch:
     typing(monkeypatch, "panda", "", "", "", "")
     with opened(place, devices) as real:
         screen = quiet()
-        object.__setattr__(real, "screen", screen)
-        assert real.scales is not None
-        real.scales._screen = screen
+        person = beside(real)
+        object.__setattr__(person, "screen", screen)
+        assert person.scales is not None
+        person.scales._screen = screen
         with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
-            real.set_up(SCOOPING.reference_context, KEY, Attended(real.screen))
+            real.set_up(SCOOPING.reference_context, KEY, Attended(screen))
         assert devices.arm is not None
         assert len(devices.arm.executed) == 1
-        np.testing.assert_allclose(devices.arm.state().q_rad, real.mounted.home_rad, atol=AT_HOME_RAD)
+        np.testing.assert_allclose(devices.arm.state().q_rad, beside(real).mounted.home_rad, atol=AT_HOME_RAD)
         assert devices.arm.executed[0].duration_s > 1.0, "slowly"
-        text = said(real.screen)
+        text = said(screen)
         assert text.index("goes home") < text.index("on the balance") < text.index("Put the piece of food at")
         assert "412.3 g" in text
-        assert real.on_rig.facts is not None
-        facts = real.on_rig.facts()
+        facts = person.facts()
         assert facts.object_mass_kg == 0.4123
         assert facts.weighed is not None
 
@@ -273,8 +280,8 @@ def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pyt
     with opened(place, devices, text) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
-        assert real.scales is None
-        assert real.on_rig.facts() == RigFacts()
+        assert beside(real).scales is None
+        assert beside(real).facts() == RigFacts()
 
 
 def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,7 +294,7 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
-    there = mounted(SCOOPING, cell().arm, read(place / "rig.toml"), (), None)
+    there = mounted(SCOOPING, read(place / "rig.toml"), np.zeros(7))
     with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
@@ -295,7 +302,7 @@ def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
 def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices()
     open_rig = wiring_calibration.open_calibration_rig
-    with open_rig(there.config, Board(), None, devices.openers()) as rig:
+    with open_rig(there.config, Board(), None, devices.drivers()) as rig:
         assert rig.is_real
         assert rig.key == "panda-lab-1"
         assert rig.rough_X_BC is None, "without an earlier calibration the arm is guided by hand"
@@ -307,14 +314,14 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
             rig.arm.execute(STILL)
     calibrated(there)
     known = wiring_calibration.current_calibration(there.config, there.places)
-    with open_rig(there.config, Board(), known, devices.openers()) as rig:
+    with open_rig(there.config, Board(), known, devices.drivers()) as rig:
         assert rig.rough_X_BC is not None
-        assert [box.name for box in devices.opened["arm"]["cell"].keep_out][-1] == "the camera"
+        assert devices.opened["arm"]["cell"].keep_out[0].name == "the camera"
 
 
 def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices()
-    faulty = devices.openers_of_a_stopped_arm()
+    faulty = devices.drivers_of_a_stopped_arm()
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer)
         with wiring_calibration.open_calibration_rig(there.config, Board(), None, faulty) as rig:
@@ -326,7 +333,7 @@ def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) ->
     low_rad = np.array([*home_rad[:1], -0.05, *home_rad[2:]])  # the board 47 mm over z = 0
     for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
         there, devices = resolved(place, RIG + text), ToyDevices()
-        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.openers()) as rig:
+        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.drivers()) as rig:
             assert (devices.opened["arm"]["cell"].table.height_m == 0.0) == free
             (found,) = rig.ways.postures(rig.flange(low_rad[None]))
             assert (found is not None) == free
@@ -342,16 +349,16 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
     sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
     with opened(place, devices, RIG + sideways) as real:
         assert devices.opened["arm"]["settings"].collision.contact_force_limit_N == 30.0
-        assert real.mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
+        assert beside(real).mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
 
 
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = parts.target
-    object.__setattr__(target, "facts", lambda: RigFacts(object_mass_kg=0.5))
-    ready = target.set_up(np.array([0.68, 0.0]), KEY, Nobody())
+    rig = replace(target.rig, attendant=Weighed())
+    ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody())
     files = ready.plan(np.array([0.5])).execute().files()
-    assert RigFacts.model_validate_json(files["rig.json"]).object_mass_kg == 0.5
+    assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
@@ -360,6 +367,17 @@ def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
     replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody()).plan(np.array([0.5])).execute()
     assert waited == [True]
+
+
+class Weighed:
+    """An attendant who has nothing to do but to say what the object weighs."""
+
+    def recover(self) -> None: ...
+
+    def prepare(self, what: str) -> None: ...
+
+    def facts(self) -> RigFacts:
+        return RigFacts(object_mass_kg=0.5)
 
 
 class Nobody:

@@ -21,7 +21,7 @@ from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import BalancePart, PedalPart, RigDescription
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import examination, lab, machine, program, readings, shown
-from adaptsim_cli.doctor.finding import Finding, Verdict, ok
+from adaptsim_cli.doctor.finding import Finding, Severity, ok
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
@@ -30,7 +30,7 @@ from hw.errors import DeviceUnavailable
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
-OK, ADVICE, MISSING, SKIPPED = Verdict.OK, Verdict.ADVICE, Verdict.MISSING, Verdict.SKIPPED
+OK, ADVICE, MISSING, SKIPPED = Severity.OK, Severity.ADVICE, Severity.MISSING, Severity.SKIPPED
 
 
 def kinect(*serials: str, engine: bool = True, error: str | None = None) -> ProbeReport:
@@ -87,7 +87,7 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (lab.no_pedal(), ADVICE, "only the arm's own stop button"),
     ],
 )  # fmt: skip
-def test_each_check_over_its_readings(finding: Finding, verdict: Verdict, says: str) -> None:
+def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says: str) -> None:
     assert finding.verdict is verdict
     assert says in finding.detail
     assert bool(finding.fix) == (verdict in (ADVICE, MISSING)), "a remedy for what needs one, and for nothing else"

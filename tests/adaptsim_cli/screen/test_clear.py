@@ -46,7 +46,7 @@ def test_it_is_asked_after_every_placing_and_before_anything_moves(name: str, tm
 
         def approve(self, proposal: Proposal, real: bool) -> None:
             who = "THE REAL ROBOT" if real else "The simulated robot"
-            assert proposal.announced.startswith(
+            assert proposal.announcement.startswith(
                 f"Is the work area clear, nobody within reach? {who} then comes to the"
             )
             events.append("clear")

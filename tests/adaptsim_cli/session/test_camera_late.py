@@ -61,7 +61,7 @@ def run(home: Path, late_s: float) -> SessionStore:
         yield parts(late_s)
 
     settings = resolved(home)
-    request = conduct.Request(None, frozenset(), yes=True)
+    request = conduct.SessionRequest(None, frozenset(), yes=True)
     path = conduct.conduct(settings, request, opened, lambda store: store.folder / "report.html")
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

@@ -27,15 +27,16 @@ from touch_rig import few
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
+from adaptsim_cli.devices.attended import PersonBeside
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.touch_off.asking import Attended
+from adaptsim_cli.touch_off.asking import HumanAssistant
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
 from adaptsim_cli.touch_off.store import record
 from adaptsim_cli.wiring import calibration as wiring_calibration
-from adaptsim_cli.wiring.session import open_real
-from adaptsim_cli.wiring.touch_off import open_real_touch_rig, touch_offs
+from adaptsim_cli.wiring.session import open_trials
+from adaptsim_cli.wiring.touch_off import open_touch_rig, touch_offs
 from calib.errors import CalibrationMissing
 from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
@@ -63,12 +64,12 @@ def resolved(place: Path, text: str = RIG + BELIEVED, task: str = "scooping") ->
 @contextmanager
 def opened(there: Resolved, devices: ToyDevices) -> Iterator[TouchRig]:
     calibrated(there)
-    with open_real_touch_rig(there.config, there.places, Grasp(), devices.openers()) as rig:
+    with open_touch_rig(there.config, there.places, Grasp(), devices.drivers()) as rig:
         yield rig
 
 
 @dataclass(frozen=True)
-class HandingOver(Attended):
+class HandingOver(HumanAssistant):
     """A person who really holds the tool between the fingers."""
 
     hand: FakeHand
@@ -101,8 +102,11 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
     assert c.table.slope_x == pytest.approx(TRUE.slope_x, abs=1e-3)
     assert (c.height_m, c.pitch_rad) == (pytest.approx(0.0, abs=3e-4), pytest.approx(0.0, abs=5e-3))
     touch_offs(there.config, there.places).save(saved)
-    with open_real(there.config, there.places, SCOOPING, devices.openers()) as real:
-        assert real.mounted.correction == saved.correction(), "not what the rig file says of table and tool"
+    with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
+        assert isinstance(real.rig.attendant, PersonBeside)
+        assert real.rig.attendant.mounted.correction == saved.correction(), (
+            "not what the rig file says of table and tool"
+        )
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 
@@ -154,7 +158,7 @@ def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
     )
     known = calibration().model_copy(update={"joint_offsets": offsets})
     wiring_calibration.calibrations(there.config, there.places).save(known, b"")
-    with open_real_touch_rig(there.config, there.places, Grasp(), devices.openers()) as rig:
+    with open_touch_rig(there.config, there.places, Grasp(), devices.drivers()) as rig:
         for cell in (rig.empty.cell, rig.loaded.cell, devices.opened["arm"]["cell"]):
             assert tuple(cell.arm.zeros_rad) == zeros_rad
 
@@ -163,7 +167,7 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
     there, devices = resolved(place), ToyDevices(plane=TRUE)
     typing(monkeypatch, "clear", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
-        touch_off(rig, Attended(quiet()), quiet())
+        touch_off(rig, HumanAssistant(quiet()), quiet())
     assert devices.arm is not None
     assert devices.arm.executed == []
     assert devices.hand.commands == []
@@ -171,22 +175,22 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
 
 def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices(plane=TRUE)
-    faulty = devices.openers_of_a_stopped_arm()
+    faulty = devices.drivers_of_a_stopped_arm()
     calibrated(there)
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer, "panda", "", "")
-        with open_real_touch_rig(there.config, there.places, Grasp(), faulty) as rig:
+        with open_touch_rig(there.config, there.places, Grasp(), faulty) as rig:
             assert rig.arm.state().fault == fault
             if fault:
                 with pytest.raises(ArmFault, match="recover"):
-                    touch_off(rig, Attended(quiet()), quiet())
+                    touch_off(rig, HumanAssistant(quiet()), quiet())
 
 
 def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
     def refused(there: Resolved, kind: type[Exception], match: str) -> None:
         with (
             pytest.raises(kind, match=match),
-            open_real_touch_rig(there.config, there.places, Grasp(), Untouched()),  # type: ignore[arg-type]
+            open_touch_rig(there.config, there.places, Grasp(), Untouched()),  # type: ignore[arg-type]
         ):
             pass
 
@@ -200,12 +204,12 @@ def test_the_command_refuses_yes_and_names_a_missing_driver(
     place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     calibrated(resolved(place))
-    monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", Untouched)
+    monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", Untouched)
     assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
     assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.devices.openers.real_devices", devices.openers)
+        monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed

@@ -18,7 +18,7 @@ from adaptsim_cli import config
 from adaptsim_cli.app import app
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.asking import Attended, Unattended
+from adaptsim_cli.touch_off.asking import HumanAssistant, NoAssistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
 from adaptsim_cli.touch_off.parts import TouchRig
@@ -125,7 +125,7 @@ def resolved(tmp_path: Path) -> config.Resolved:
 def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
     out = screen()
     with on_lab(world()) as (rig, lab):
-        found = touch_off(rig, Unattended(), out)
+        found = touch_off(rig, NoAssistant(), out)
         truth = lab.truth()
         saved = record(found, rig, "2026-01-01T00:00:00+00:00", {"adaptsim": "test"})
     c = found.result.correction
@@ -153,29 +153,29 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolv
 
 def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
     with on_lab(world(Mount(table_height_mm=-45.0))) as (rig, _), pytest.raises(TouchOffFailed, match="nothing was"):
-        touch_off(rig, Unattended(), screen())
+        touch_off(rig, NoAssistant(), screen())
     book = KeepOut("book", np.array([0.5, -0.25, 0.0]), np.array([0.62, -0.07, 0.018]))
     with on_lab(world(Mount()), (book,)) as (rig, _), pytest.raises(TouchOffFailed, match="Is something lying there"):
-        touch_off(rig, Unattended(), screen())
+        touch_off(rig, NoAssistant(), screen())
 
 
 def test_a_released_pedal_stops_it() -> None:
     with on_lab(world(faults=Faults(pedal_release=(2,)))) as (rig, _), pytest.raises(StoppedByPedal):
-        touch_off(rig, Unattended(), screen())
+        touch_off(rig, NoAssistant(), screen())
 
 
 def test_a_tool_that_nobody_holds_is_not_grasped() -> None:
     with on_lab(world()) as (rig, _):
         rig.hand.home()
         with pytest.raises(TouchOffFailed, match="does not hold the tool"):
-            take_tool(replace(rig, tool_there=lambda there: None), Unattended())
+            take_tool(replace(rig, tool_there=lambda there: None), NoAssistant())
 
 
 @pytest.mark.slow
 def test_a_weak_grip_is_found_out() -> None:
     weak = world(replace(MOUNT, grip_Nm_per_N=0.04))
     with on_lab(weak) as (rig, _), pytest.raises(TouchOffFailed, match="slipped: pressed with 15 N"):
-        touch_off(rig, Unattended(), screen())
+        touch_off(rig, NoAssistant(), screen())
 
 
 def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself() -> None:
@@ -183,9 +183,9 @@ def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_ar
     with on_lab(world()) as (lab_rig, _):
         real: TouchRig = replace(lab_rig, name="panda", confirm=lambda: asked.append("typed"))
         with pytest.raises(UsageError, match="never confirms"):
-            Unattended().begin(real)
+            NoAssistant().begin(real)
         assert asked == []
-        Attended(screen()).begin(real)
+        HumanAssistant(screen()).begin(real)
     assert asked == ["typed"]
 
 
@@ -195,7 +195,7 @@ def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(m
     with on_lab(world()) as (rig, lab):
         before = lab.arm.state().q_rad
         with pytest.raises(StoppedByOperator, match="nothing was stored"):
-            touch_off(rig, Attended(out), out)
+            touch_off(rig, HumanAssistant(out), out)
         assert rig.hand.state().homed
         assert np.array_equal(lab.arm.state().q_rad, before)
     assert isinstance(out._console.file, io.StringIO)

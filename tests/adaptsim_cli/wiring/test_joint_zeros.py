@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from adaptsim_cli.devices.mounted import MountedTask, mounted
+from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.session.rig import Paths
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -29,7 +30,7 @@ def planned(scoops: int, seed: int = 0) -> list[tuple[MountedTask, ToolMotion, P
     """Random scoops, each on an arm with random joint zeros of its own, as a session asks for them."""
     rng, found = np.random.default_rng(seed), list[tuple[MountedTask, ToolMotion, Paths]]()
     while len(found) < scoops:
-        there = mounted(TASK, arm_model("panda", rng.uniform(-ZEROS_RAD, ZEROS_RAD, 7)), None, (), None)
+        there = mounted(TASK, as_shipped("panda"), rng.uniform(-ZEROS_RAD, ZEROS_RAD, 7))
         motion = HARDWARE.plan(TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0])
         try:
             found.append((there, motion, there.planner().paths(motion)))

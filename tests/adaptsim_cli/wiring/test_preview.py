@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from adaptsim_cli import app
+from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import values
-from adaptsim_cli.wiring.motion import Lab, planned
-from hw.workcell import arm_model
+from adaptsim_cli.wiring.motion import planned
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-PANDA = Lab(arm_model("panda", np.zeros(7)), None, (), None)
+PANDA = mounted_as_shipped(get_task("scooping"), "panda")
 
 
 def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -30,11 +30,11 @@ def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.Capture
     assert all(0.0 <= row["ratio"] <= 1.0 for row in shown["limits"])
     assert any(row["quantity"] == "predicted contact force" for row in shown["limits"])
     assert page.stat().st_size > 100_000
-    assert page.read_bytes().decode() != planned("scooping", PANDA, [], ["pitch_rate=-0.2"]).page().html()
+    assert page.read_bytes().decode() != planned(PANDA, [], ["pitch_rate=-0.2"]).page().html()
 
 
 def test_the_page_is_served_to_this_machine_alone() -> None:
-    assert planned("scooping", PANDA, [], []).page().url.startswith("http://127.0.0.1:")
+    assert planned(PANDA, [], []).page().url.startswith("http://127.0.0.1:")
 
 
 @pytest.mark.parametrize(

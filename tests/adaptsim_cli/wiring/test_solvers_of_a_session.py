@@ -12,6 +12,7 @@ from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoi
 from sim.adaptation.memory import new_policy
 from sim.errors import UnknownName
 from sim.rollouts import Requests, Rollouts
+from sim.solvers.confirmation import ConfirmingPolicies
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
 from sim.tasks import get_task
@@ -25,25 +26,35 @@ def not_asked(requests: Requests) -> Rollouts:
 def by_naf(tmp_path: Path) -> Checkpoint:
     """A checkpoint of scooping that was made without an emulator."""
     task = get_task("scooping")
-    facts = naf_facts(NafSolver(task, not_asked, rules_of(task, 0.1), NafMemory(task)), 1.5)
+    facts = naf_facts(NafSolver(task, not_asked, rules_of(task, 0.1), NafMemory(task), 1.5))
     folder = save_checkpoint(task, tmp_path / "naf", None, {"iteration": new_policy(task, "iteration", 0)}, facts)
     return load_checkpoint(task, str(folder))
 
 
 def test_a_checkpoint_made_with_naf_goes_on_with_it(by_naf: Checkpoint, tmp_path: Path) -> None:
     for name in ("", "naf"):
-        with solver_of(by_naf, name, 1, tmp_path / "session") as solver:
-            assert isinstance(solver, NafSolver)
-            assert solver.rules.first_budget == 120
-            assert solver.misfit_limit == 1.5
+        with solver_of(by_naf, name, 1, tmp_path / "session") as (policies, expectations):
+            assert isinstance(policies, NafSolver)
+            assert policies.rules.first_budget == 120
+            assert expectations.misfit_limit == 1.5
     with pytest.raises(UsageError, match="holds no emulator"), solver_of(by_naf, "emulator", 1, tmp_path):
         pass
 
 
+def test_beside_naf_an_emulator_still_tells_what_to_expect(tmp_path: Path) -> None:
+    checkpoint = load_checkpoint(get_task("scooping"))
+    with solver_of(checkpoint, "naf", 1, tmp_path) as (policies, expectations):
+        assert isinstance(policies, NafSolver)
+        assert expectations is checkpoint.solver
+    with solver_of(checkpoint, "", 1, tmp_path) as (policies, expectations):
+        assert isinstance(policies, ConfirmingPolicies)
+        assert expectations is checkpoint.solver
+
+
 def test_an_exact_task_has_its_own(tmp_path: Path) -> None:
     checkpoint = load_checkpoint(get_task("pendulum"))
-    with solver_of(checkpoint, "", 1, tmp_path) as solver:
-        assert solver is checkpoint.solver
+    with solver_of(checkpoint, "", 1, tmp_path) as (policies, expectations):
+        assert policies is expectations is checkpoint.solver
     with pytest.raises(UnknownName, match="pendulum has no solver naf"), solver_of(checkpoint, "naf", 1, tmp_path):
         pass
     with pytest.raises(UsageError, match="it is one of emulator, naf"), solver_of(checkpoint, "lqr", 1, tmp_path):

@@ -21,12 +21,12 @@ from hw.franka import FrankaArm, FrankaSettings, open_franka
 from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
 from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, empty_hand
-from sim.panda.touching import Bench, Stage, descent
+from sim.panda.touching import HeldTool, Stage, descent
 
 pytestmark = pytest.mark.hardware
 WAY_M, SPEED_M_S, FORCE_N = 0.015, 0.010, 4.0
 ROOM_M = 0.06
-BENCH = Bench(cell("fr3", empty_hand()), np.eye(4))
+BENCH = HeldTool(cell("fr3", empty_hand()), np.eye(4))
 
 
 @pytest.fixture

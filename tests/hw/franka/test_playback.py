@@ -9,7 +9,7 @@ import pytest
 
 from hw.braking import brake
 from hw.errors import MotionRefused
-from hw.franka.playback import HOLD_S, STILL_CYCLES, Motion, Playback, Played, motion_of
+from hw.franka.playback import HOLD_S, STILL_CYCLES, PlayableMotion, Playback, Played, motion_of
 from hw.franka.stops import stop_report
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import JointPath
@@ -33,7 +33,9 @@ class State:
     control_command_success_rate: float = 1.0
 
 
-def play(motion: Motion, stop_at_tick: int = -1, lost: dict[int, int] | None = None, restless: bool = False) -> Played:
+def play(
+    motion: PlayableMotion, stop_at_tick: int = -1, lost: dict[int, int] | None = None, restless: bool = False
+) -> Played:
     """`lost` maps a cycle to how many before it were lost."""
     tick, cycle = 0, 0
 

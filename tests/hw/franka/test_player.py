@@ -11,8 +11,20 @@ import numpy as np
 import pytest
 
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
-from hw.franka.messages import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Connect, Outcome, Play, Read, Recover, Timing
-from hw.franka.playback import Motion, motion_of
+from hw.franka.messages import (
+    ALIVE,
+    ORPHANED,
+    PEDAL,
+    REQUESTED,
+    SILENT,
+    Connect,
+    Play,
+    PlayOutcome,
+    Read,
+    Recover,
+    Timing,
+)
+from hw.franka.playback import PlayableMotion, motion_of
 from hw.franka.player import Listener, serve
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
@@ -103,7 +115,7 @@ class Follower:
             cycle += 1
 
 
-def motion(driver: Follower) -> Motion:
+def motion(driver: Follower) -> PlayableMotion:
     t_s = np.arange(501) / 1000
     u = t_s / t_s[-1]
     share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
@@ -143,7 +155,7 @@ def test_requests_are_answered_in_order(pipe: list[int]) -> None:
     asked = motion(driver)
     connected, before, outcome, after = answers(driver, pipe, CONNECT, Read(), Play(asked), Read())
     assert connected == before
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is None
     np.testing.assert_array_equal(outcome.played.q_commanded_rad[:501], asked.path.q_rad)
     assert isinstance(after, Reading)
@@ -154,7 +166,7 @@ def test_a_fault_keeps_the_log_until_then_and_the_player_goes_on(pipe: list[int]
     driver = Follower(fails_at=200)
     asked = motion(driver)
     _, outcome, recovered = answers(driver, pipe, CONNECT, Play(asked), Recover())
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is not None
     assert outcome.failure.kind == FAULT
     assert len(outcome.played.t_s) == 200

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hw.types import Array
-from perception.piece.outcome import Verdict, judge
+from perception.piece.outcome import TrialEnd, judge
 from perception.piece.proxy import Proxy, Shape
 from perception.types import Outcome
 
@@ -22,7 +22,7 @@ def pose(pitch: float = -0.25) -> Array:
     return X
 
 
-def verdict(in_tool_m: tuple[float, float, float], seen: float = 0.9, drift_m_s: float = 0.0) -> Verdict:
+def verdict(in_tool_m: tuple[float, float, float], seen: float = 0.9, drift_m_s: float = 0.0) -> TrialEnd:
     points = np.array(in_tool_m) + np.outer(T_S - T_S[-1], [drift_m_s, 0.0, 0.0])
     state = points @ pose()[:3, :3].T + pose()[:3, 3]
     return judge(T_S, state, np.full(len(T_S), seen), np.tile(pose(), (len(T_S), 1, 1)), 1.0, PROXY)

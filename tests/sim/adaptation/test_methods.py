@@ -7,7 +7,7 @@ from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.best import choose_best
-from sim.adaptation.memory import encode, looking_back, new_policy, of_session
+from sim.adaptation.memory import encode, look_back, new_policy, seen_in_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
 from sim.adaptation.methods.q_policy import QPolicy
@@ -97,13 +97,13 @@ def test_the_last_trials_count_and_a_single_one_is_repeated():
 def test_a_history_holds_parameters_observations_rewards_and_ages_of_all_particles():
     one = iteration((PARAMETERS.low, [0.1, 0.2]), (PARAMETERS.high, [0.3, 0.4]))
     two = iteration((MEAN, [0.5, 0.6]), (PARAMETERS.high, []))
-    seen = of_session(TOY, [one, two], 0)
+    seen = seen_in_session(TOY, [one, two], 0)
     assert seen.rewards[0].tolist() == [[0.5, 0.6], [0.1, 0.2], [0.3, 0.4]]
     assert seen.own[0].tolist() == [1.0, 1.0, 0.0]
     assert seen.age[0].tolist() == [0.0, 1.0, 1.0]
     assert np.array_equal(seen.means[0], [MEAN, PARAMETERS.low, PARAMETERS.high])
     with pytest.raises(ValueError, match="at least one trial"):
-        of_session(TOY, [one, two], 1)
+        seen_in_session(TOY, [one, two], 1)
 
 
 def test_training_and_session_see_the_same_history():
@@ -124,8 +124,8 @@ def test_training_and_session_see_the_same_history():
         )
         for k in range(3)
     ]
-    trained = encode(TOY, "history", looking_back(means, seen, rewards))
-    lived = np.concatenate([encode(TOY, "history", of_session(TOY, history, j)) for j in range(2)])
+    trained = encode(TOY, "history", look_back(means, seen, rewards))
+    lived = np.concatenate([encode(TOY, "history", seen_in_session(TOY, history, j)) for j in range(2)])
     assert np.allclose(trained, lived)
 
 

@@ -4,7 +4,7 @@ import torch
 
 from sim.adaptation.q_network import new_network, restore_network
 from sim.errors import CheckpointError
-from sim.pretraining.q_training import Learner, Replay, Transitions, branching_target
+from sim.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions, branching_target
 
 
 def steps(n, rng, reward=0.0):
@@ -35,7 +35,7 @@ def test_target_takes_the_online_argmax_and_the_target_networks_value():
 def test_it_learns_which_way_to_go():
     """One parameter x in [0, 1]: reward 1 at the step towards 0.7, 0 otherwise."""
     rng = np.random.default_rng(0)
-    learner, replay = Learner(new_network(1, 1, 0), 3e-3, 0.5, polyak=0.05), Replay(1, 1)
+    learner, replay = DoubleQLearner(new_network(1, 1, 0), 3e-3, 0.5, polyak=0.05), ReplayBuffer(1, 1)
     x = rng.random((2000, 1))
     directions = rng.integers(-1, 2, (2000, 1))
     wanted = np.where(np.abs(x - 0.7) < 0.1, 0, np.sign(0.7 - x)).astype(int)
@@ -49,7 +49,7 @@ def test_it_learns_which_way_to_go():
 
 def test_replay_keeps_the_last_ones():
     rng = np.random.default_rng(0)
-    replay = Replay(3, 2, capacity=10)
+    replay = ReplayBuffer(3, 2, capacity=10)
     replay.add(steps(8, rng, reward=1.0))
     replay.add(steps(7, rng, reward=2.0))
     assert len(replay) == 10
@@ -64,7 +64,7 @@ def test_replay_keeps_the_last_ones():
 def test_updates_repeat_exactly():
     def run():
         rng = np.random.default_rng(5)
-        learner, replay = Learner(new_network(3, 2, 7), 1e-3, 0.9), Replay(3, 2)
+        learner, replay = DoubleQLearner(new_network(3, 2, 7), 1e-3, 0.9), ReplayBuffer(3, 2)
         replay.add(steps(100, rng, 1.0))
         return [learner.update(replay.sample(64, rng)) for _ in range(5)]
 

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
-from sim.render.poses import inverse, within_exposure
+from sim.render.poses import within_exposure
 from sim.render.rays import pixel_rays
 from sim.types import Visual
 

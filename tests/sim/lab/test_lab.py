@@ -244,10 +244,10 @@ def test_the_nominal_calibration_is_off_by_what_it_says() -> None:
 
 
 def test_streams_of_chance_are_all_different() -> None:
-    chances = [Chance.of(s, t, a) for s in (0, 1) for t in (0, 1, 3) for a in (0, 1)]
+    chances = [Chance.draw(s, t, a) for s in (0, 1) for t in (0, 1, 3) for a in (0, 1)]
     draws = [tuple(c.placing_m) for c in chances]
-    draws += [tuple(c.of_frame(i).standard_normal(2)) for c in chances for i in (0, 1)]
-    draws += [tuple(c.of_snapshot(t_s).standard_normal(2)) for c in chances for t_s in (0.0, 1.0)]
+    draws += [tuple(c.frame_stream(i).standard_normal(2)) for c in chances for i in (0, 1)]
+    draws += [tuple(c.snapshot_stream(t_s).standard_normal(2)) for c in chances for t_s in (0.0, 1.0)]
     assert len(set(draws)) == len(draws)
 
 

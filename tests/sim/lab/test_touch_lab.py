@@ -21,13 +21,13 @@ from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import FINGERTIPS, empty_hand
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
-from sim.panda.touching import Bench, Probe, Stage, descent, stance
+from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
 HARDWARE = TASK.require_hardware()
 CELL = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
-BENCH = Bench(CELL, np.eye(4))
+BENCH = HeldTool(CELL, np.eye(4))
 XY_M = np.array([0.55, 0.1])
 PROBE = Probe("table", FINGERTIPS, XY_M, np.diag([1.0, -1.0, -1.0]))
 GUARD = BENCH.guard(FINGERTIPS, 4.0)

@@ -98,11 +98,11 @@ def test_a_world_of_another_task_is_refused(tmp_path: Path) -> None:
         load(tmp_path, f'task = "pushing"\n{PARAMS}')
 
 
-@pytest.mark.parametrize("text", ["task = ", "\udcff"])
-def test_what_is_not_toml_is_refused(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(("text", "why"), [("task = ", "valid TOML"), ("\udcff", "UTF-8 text")])
+def test_what_is_not_toml_is_refused(tmp_path: Path, text: str, why: str) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(WorldError, match=r"mine\.toml is not TOML"):
+    with pytest.raises(WorldError, match=rf"mine\.toml is not {why}"):
         load_world(str(path), TASK)
 
 

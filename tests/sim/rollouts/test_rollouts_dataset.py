@@ -9,7 +9,7 @@ from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, dataset_requests
-from sim.rollouts.sampling import sobol, spread
+from sim.rollouts.draws import cover, sobol
 from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 
@@ -161,7 +161,7 @@ def test_cached_rollouts_of_another_scene_are_not_used(tmp_path):
 
 def test_whole_numbers_get_equal_shares_of_the_draws():
     space = Space((Dimension("g", "", 0, 3, "integer"), Dimension("e", "", 1.0, 100.0, "log")))
-    draws = spread(space, sobol(64, 2, np.random.default_rng(0)))
+    draws = cover(space, 64, np.random.default_rng(0))
     assert np.bincount(draws[:, 0].astype(int)).tolist() == [16, 16, 16, 16]
     assert np.median(draws[:, 1]) == pytest.approx(10.0, rel=0.1)
     assert sobol(5, 0, np.random.default_rng(0)).shape == (5, 0)

@@ -6,20 +6,15 @@ from toy_learning import roll, trained
 from toy_task import TOY, best_action
 
 from sim.errors import NotExecutable
-from sim.solvers.confirmation import SCENARIOS, WINNERS, ConfirmedPolicy, confirming
-from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.confirmation import SCENARIOS, WINNERS, ConfirmedPolicy, ConfirmingPolicies
 from sim.solvers.solver import policy_for
 
 CONTEXT = TOY.reference_context
 MEAN = TOY.parameters.denormalise(np.array([0.4, 0.5, 0.0, 0.6]))
 
 
-def emulator_solver():
-    return EmulatorSolver(trained()[0])
-
-
 def confirmed(rolls=roll, executable=None, mean=MEAN):
-    policy = policy_for(confirming(emulator_solver(), rolls), mean[None], executable)
+    policy = policy_for(ConfirmingPolicies(trained()[0], rolls), mean[None], executable)
     assert isinstance(policy, ConfirmedPolicy)
     return policy
 
@@ -70,8 +65,3 @@ def test_only_what_can_be_executed_is_simulated():
     assert policy(CONTEXT)[0] > half[0]
     with pytest.raises(NotExecutable, match="limits of the arm"):
         confirmed(executable=lambda context, action: False)(CONTEXT)
-
-
-def test_a_solver_that_needs_no_emulator_stays():
-    exact = object()
-    assert confirming(exact, roll) is exact

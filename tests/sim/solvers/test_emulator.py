@@ -44,8 +44,8 @@ def test_disagreement_grows_outside_of_the_data():
     parameters, action, nuisance = draws(300)
     far = parameters.copy()
     far[:, [0, 3]] += 1.5 * (TOY.margin.high - TOY.margin.low)[[0, 3]]
-    inside = emulator.predict(parameters, action, nuisance).observation_std.mean()
-    assert emulator.predict(far, action, nuisance).observation_std.mean() > 3.0 * inside
+    inside, outside = (emulator.outcomes(p, action, nuisance)[1].std(axis=0).mean() for p in (parameters, far))
+    assert outside > 3.0 * inside
 
 
 def test_outcomes_broadcast_and_agree_with_predict():

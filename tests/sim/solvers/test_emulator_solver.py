@@ -7,8 +7,8 @@ from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.methods.udr import Udr
 from sim.errors import NotExecutable
-from sim.pretraining.episodes import trial_requests
-from sim.solvers.emulator.solver import EmulatorSolver, expected_reward, train_many
+from sim.rollouts.draws import trial_requests
+from sim.solvers.emulator.solver import EmulatorSolver, train_many
 from sim.solvers.solver import SolverSettings, policy_for
 
 CONTEXT = TOY.reference_context
@@ -95,7 +95,7 @@ def test_expected_reward_ranks_targets_like_rollouts():
     policy = train_one(TOY, emulator, targets[:1], rng)
     contexts = TOY.context.sample(rng, 4)
     actions = np.tile(policy.actions(contexts), (24, 1, 1))
-    emulated = expected_reward(emulator, targets, contexts, actions, rng)
+    emulated = EmulatorSolver(emulator).expected_rewards(targets, contexts, actions, rng)
     true = np.array([true_reward(policy, target) for target in targets])
     assert np.corrcoef(emulated, true)[0, 1] > 0.9
 

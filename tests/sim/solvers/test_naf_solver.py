@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from toy_learning import roll, train_naf, trained
+from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.checkpoint import CARD, load_checkpoint, save_checkpoint
@@ -12,11 +12,10 @@ from sim.errors import CheckpointError, NotExecutable, UnknownName
 from sim.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 from sim.solvers.naf.memory import RECORD, NafMemory
 from sim.solvers.naf.policy import naf_training, train_together
-from sim.solvers.naf.solver import NafSolver, afresh, measure_misfit_limit, naf_facts, rules_of, session_naf
+from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, restore_naf, rules_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import ReuseRules
@@ -132,16 +131,6 @@ def test_its_trajectories_are_the_simulators_and_tell_what_it_cannot_express():
     assert misfit(solver, TOY.reference_context, action[0], seen + 0.2) > 1.5 * limit
 
 
-def test_a_session_with_an_emulator_lets_it_judge(tmp_path):
-    emulator, _ = trained()
-    judge = EmulatorSolver(emulator)
-    solver = session_naf(judge, lambda requests: pytest.fail("not simulated"), tmp_path)
-    draws = PARAMETERS.sample(rng(), 3), TOY.action.sample(rng(), 3), np.zeros((3, 1))
-    assert np.array_equal(solver.trajectories(*draws), judge.trajectories(*draws))
-    assert solver.misfit_limit == judge.misfit_limit
-    assert np.array_equal(solver.residual_std, judge.residual_std)
-
-
 def test_policies_in_a_folder_survive_the_program(tmp_path):
     contexts = TOY.context.sample(rng(), 4)
     whole = solver_with(QUICK, folder=tmp_path / "whole")
@@ -207,16 +196,16 @@ def test_phase_1_runs_on_it():
 
 def test_a_checkpoint_restores_it(tmp_path):
     network = new_policy(TOY, "iteration", 5)
-    save_checkpoint(TOY, tmp_path, None, {"iteration": network}, naf_facts(solver_with(QUICK), 1.7))
+    save_checkpoint(TOY, tmp_path, None, {"iteration": network}, naf_facts(solver_with(QUICK, misfit_limit=1.7)))
     restored = load_checkpoint(TOY, str(tmp_path))
     assert isinstance(restored.solver, NafSolver)
     assert restored.solver.rules == QUICK
     assert restored.solver.misfit_limit == 1.7
-    own = session_naf(restored.solver, roll, tmp_path / "policies")
+    assert restored.emulator is None
+    own = restore_naf(TOY, restored.naf, roll, tmp_path / "policies")
     policy_for(own, MEAN[None])
     assert (tmp_path / "policies" / RECORD).exists()
     assert (own.rules, own.misfit_limit) == (QUICK, 1.7)
-    assert len(afresh(own).memory.record) == 0
     card = tmp_path / CARD
     card.write_text(card.read_text().replace("first_budget", "last_budget"))
     with pytest.raises(CheckpointError, match=r"table naf .* damaged"):

@@ -10,7 +10,7 @@ _BALANCES = ("sartorius", "mettler", "ftdi", "prolific")
 
 
 @dataclass(frozen=True)
-class Found:
+class Inventory:
     """What `config init` offers."""
 
     ports: tuple[str, ...]  # serial ports, under names that survive replugging where there are some
@@ -27,11 +27,11 @@ class Found:
         return _like(self.ports, _BALANCES)
 
 
-def look() -> Found:
+def look() -> Inventory:
     """Lists the ports, and opens every camera for a moment in a child process. Raises nothing."""
     from hw.camera.probe import probe_k4a
 
-    return Found(serial_ports(Path("/dev")), probe_k4a(patience_s=5.0).serials)
+    return Inventory(serial_ports(Path("/dev")), probe_k4a(patience_s=5.0).serials)
 
 
 def serial_ports(dev: Path) -> tuple[str, ...]:

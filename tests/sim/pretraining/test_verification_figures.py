@@ -8,7 +8,7 @@ from toy_task import TOY, Unmodelled, simulate
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.pretraining.evaluation import EvaluationSettings
-from sim.pretraining.reevaluation import Figure, reevaluate
+from sim.pretraining.verification.figures import Figure, verify_figures
 from sim.rollouts import run_many, serial_executor
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
@@ -26,7 +26,7 @@ def checkpoint_of(folder, evaluation=EVALUATION, **emulated):
 
 def judge(checkpoint, roll=roll, rollouts=240):
     told = []
-    figures = reevaluate(checkpoint, roll, rollouts, 0, lambda done, total: told.append((done, total)))
+    figures = verify_figures(checkpoint, roll, rollouts, 0, lambda done, total: told.append((done, total)))
     return {f.name: f for f in figures}, told
 
 
@@ -70,9 +70,9 @@ def test_a_figure_that_the_card_lacks_is_left_out(tmp_path):
 
 
 def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
-    solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY))
+    solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY), 1.0)
     networks = {"iteration": new_policy(TOY, "iteration", 5)}
-    facts = naf_facts(solver, 1.0) | {"evaluation": {**EVALUATION, "udr": 0.99}}
+    facts = naf_facts(solver) | {"evaluation": {**EVALUATION, "udr": 0.99}}
     save_checkpoint(TOY, tmp_path, None, networks, facts)
     figures, _ = judge(load_checkpoint(TOY, str(tmp_path)))
     assert figures == {}

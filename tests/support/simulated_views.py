@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.geometry import inverse, move
+from calib.geometry import move
 from calib.projection import project
 from calib.types import Forward, Mounting, Setup, View
+from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Board, Corners
 
@@ -148,3 +149,10 @@ def random_poses(
         if sum(map(len, kept)) >= count:
             break
     return np.concatenate(kept)[:count]
+
+
+def work_error_mm(X_AC: Array, X_AC_true: Array, points_m: Array) -> Array:
+    """(P,) how far points (P, 3) of A are seen from where they are, with a wrong camera pose."""
+    local = (points_m - X_AC_true[:3, 3]) @ X_AC_true[:3, :3]
+    off: Array = 1e3 * np.linalg.norm(local @ X_AC[:3, :3].T + X_AC[:3, 3] - points_m, axis=1)
+    return off

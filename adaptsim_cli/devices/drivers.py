@@ -1,35 +1,18 @@
-"""How the devices of a real lab are opened: the makers' drivers, or what stands for them in tests."""
+"""The drivers of a real lab's devices: the makers', or what stands for them in tests."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol
 
 from hw.collision import Tool
-from hw.ports import Camera, GuardedArm, Hand
+from hw.ports import Balance, Camera, GuardedArm, Hand, Pedal
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
     from hw.franka.settings import FrankaSettings, Payload
-
-
-class Pedal(Protocol):
-    """The enabling pedal."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *exc: object) -> None: ...
-    def enabled(self) -> bool: ...
-    def why_not(self) -> str: ...
-
-
-class Balance(Protocol):
-    """The balance."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *exc: object) -> None: ...
-    def mass_kg(self) -> float: ...
 
 
 class RealArm(GuardedArm, Protocol):
@@ -53,7 +36,7 @@ class OpenCamera(Protocol):
 
 
 @dataclass(frozen=True)
-class Openers:
+class Drivers:
     """One function a device."""
 
     arm: OpenArm
@@ -63,17 +46,17 @@ class Openers:
     hand: Callable[[str, str], Hand]  # of the model, at the arm's address
 
 
-def real_devices() -> Openers:
+def makers_drivers() -> Drivers:
     """The adapters of `hw`. Their SDKs are loaded when a device is entered, and DeviceUnavailable says what lacks."""
     from hw.camera.k4a import open_kinect
     from hw.franka.arm import open_franka
     from hw.franka.hand import SDKS, FrankaHand
     from hw.serial import balance, enable_pedal
 
-    return Openers(
+    return Drivers(
         arm=open_franka,
         camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
         pedal=enable_pedal.EnablePedal,
-        balance=lambda part: balance.Balance(part.port, part.protocol),
+        balance=lambda part: balance.SerialBalance(part.port, part.protocol),
         hand=lambda model, address: FrankaHand(address, SDKS[model]),
     )

@@ -17,16 +17,15 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.udr import several
-from sim.pretraining.episodes import Roll, trial_requests
+from sim.adaptation.methods.udr import udr_policies
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
-from sim.rollouts.run import Requests, Rollouts, concatenate
+from sim.rollouts.draws import trial_requests
+from sim.rollouts.run import Progress, Roll, roll_in_parts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import held_out_errors
-from sim.solvers.solver import SolvedPolicy
+from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 SIGMAS = 3.0
@@ -44,7 +43,6 @@ EXACT_TARGETS, ASKED_A_TARGET = 64, 3
 AT_ONCE = 16
 """Rollouts between two reports of progress."""
 
-Progress = Callable[[int, int], None]
 Better = Literal["more", "less", "neither"]
 
 
@@ -60,12 +58,13 @@ class Figure:
 
     @property
     def holds(self) -> bool:
+        """Whether it is not worse than the card's by more than the tolerance."""
         gap = self.found - self.card
         worse = {"more": -gap, "less": gap, "neither": abs(gap)}[self.better]
         return bool(worse <= self.tolerance)
 
 
-def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
+def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
     """Those figures of the card that about `rollouts` true rollouts can tell.
 
     Where rollouts cost nothing, whole sessions are run, in more targets the more rollouts are asked for.
@@ -76,33 +75,15 @@ def reevaluate(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, pro
     task, card = solver.task, checkpoint.card
     if task.exact is not None:
         return _sessions(checkpoint, roll, _exact_targets(rollouts), rng, progress)
-    if not isinstance(solver, EmulatorSolver):
+    if checkpoint.emulator is None:
         return []
-    counted = _Counted(roll, rollouts, progress)
+    counted = roll_in_parts(roll, AT_ONCE, rollouts, progress)
     draws = max(AT_ONCE, 2 * rollouts // 3)
     targets = max(4, (rollouts - draws) // (2 * PER_TARGET))
     return [
-        *_emulator(solver.emulator, card.get("emulator", {}), counted, draws, rng),
+        *_emulator(checkpoint.emulator, card.get("emulator", {}), counted, draws, rng),
         *_policies(solver, card, counted, targets, rng),
     ]
-
-
-@dataclass(eq=False)
-class _Counted:
-    """True rollouts that tell how far they are."""
-
-    roll: Roll
-    total: int
-    progress: Progress
-    done: int = 0
-
-    def __call__(self, requests: Requests) -> Rollouts:
-        parts = []
-        for start in range(0, len(requests), AT_ONCE):
-            parts.append(self.roll(requests[start : start + AT_ONCE]))
-            self.done += len(parts[-1])
-            self.progress(min(self.done, self.total), self.total)
-        return concatenate(parts)
 
 
 def _emulator(
@@ -128,12 +109,12 @@ def _emulator(
 
 
 def _policies(
-    solver: EmulatorSolver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
+    solver: Solver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
     """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
     task, stored = solver.task, card.get("evaluation", {})
     targets = sample_targets(task, _settings(card).kind, count, rng)
-    udr = several(solver, rng)
+    udr = udr_policies(solver, rng)
     own = solver.policies(task.parameters.sample(rng, count)[:, None], rng)
     earned, bias = np.zeros((count, 2)), np.zeros((count, 2))
     for i, target in enumerate(targets):
@@ -166,7 +147,7 @@ def _sessions(
     """Whole sessions in `count` fresh targets, for a task whose rollouts cost next to nothing."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
-    method, udr = make_method("adaptsim", task, checkpoint), several(solver, rng)
+    method, udr = make_method("adaptsim", task, checkpoint), udr_policies(solver, rng)
     earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):
         session = run_session(solver, method, target, roll, settings, rng)

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM
 from perception.clutter import Thing, things
 from perception.cylinder import Circle, fit_circle
 from perception.errors import ObjectNotFound
-from perception.geometry import View, inverse
+from perception.geometry import View
 from perception.scan import Scan
 from perception.table import Plane, find_plane, table_frame
 

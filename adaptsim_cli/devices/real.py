@@ -1,0 +1,95 @@
+"""A real lab: its devices connected as the rig file says, the arm last and behind its confirmation."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
+from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.drivers import Drivers
+from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
+from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.rig import Rig
+from calib.types import HandEye
+from hw.collision import KeepOut, Tool, camera_box
+from hw.franka.settings import Payload
+from hw.ports import Camera
+from hw.types import Array
+from hw.workcell import Workcell
+from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.lab.board import HeldBoard
+
+
+class RealLab:
+    """`devices.lab.Lab`: the lab of a rig file, with a person at a terminal."""
+
+    nominal = None
+
+    def __init__(self, task: Task, rig: RigDescription, drivers: Drivers, stack: ExitStack) -> None:
+        self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
+        self._task, self._drivers, self._stack = task, drivers, stack
+        self._screen = Screen(as_json=True)  # questions never mix with data
+
+    def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
+        """The camera's own."""
+        return (camera_box(X_BC),)
+
+    def note(self, message: str) -> None:
+        """On the person's screen."""
+        self._screen.note(message)
+
+    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+        """See `Lab`."""
+        arm = self._arm(there.cell, self._task.name, "nothing on the table but the object")
+        camera, scales = self._camera(infrared=False), self._scales()
+        self._stack.enter_context(arm)
+        beside = PersonBeside(arm, camera, there, self._screen, scales)
+        return Rig(
+            self.rig.arm.model, self.title, arm, camera, Person(), hand_eye, days, beside, time.sleep, arm.await_pedal
+        )
+
+    def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
+        """See `Lab`. The arm is where it was left."""
+        arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
+        self._connect(arm)
+        return BoardDevices(arm, camera, time.sleep, None)
+
+    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
+        """See `Lab`."""
+        arm = self._arm(cell, self._task.name, "nothing on the table")
+        hand = self._stack.enter_context(self._drivers.hand(self.rig.arm.model, self.rig.arm.address))
+
+        def tool_there(there: bool) -> None:
+            arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
+
+        self._connect(arm)
+        return TouchDevices(arm, hand, tool_there, arm.confirm)
+
+    def _arm(self, cell: Workcell, tool: str, on_table: str) -> ConfirmedArm:
+        """To be connected last; the pedal of the rig, connected. The confirmation asks for what is `on_table`."""
+        part = self.rig.pedal
+        pedal = None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
+        bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
+        where = f"{self.rig.arm.model} at {self.rig.arm.address}"
+        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table)
+
+    def _camera(self, *, infrared: bool) -> Camera:
+        return self._stack.enter_context(self._drivers.camera(self.rig.camera, infrared=infrared))
+
+    def _scales(self) -> Scales | None:
+        """None where the rig has no balance."""
+        if self.rig.balance is None:
+            return None
+        return Scales(self._stack.enter_context(self._drivers.balance(self.rig.balance)), self._screen)
+
+    def _connect(self, arm: ConfirmedArm) -> None:
+        """A fault is cleared once a person types so."""
+        self._stack.enter_context(arm)
+        offer_recovery(arm, self._screen)

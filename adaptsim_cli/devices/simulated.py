@@ -1,0 +1,70 @@
+"""The simulated lab: a world that learning and tracking never see, an arm that nobody has to confirm."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.config import SIMULATED
+from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
+from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.rig_file.description import as_shipped
+from adaptsim_cli.session.rig import Rig
+from calib.types import HandEye
+from hw.collision import KeepOut, Tool
+from hw.types import Array
+from hw.workcell import Workcell
+from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.lab.board import HeldBoard
+    from sim.lab.world import World
+
+
+def nominal_hand_eye(world: World, seed: int) -> HandEye:
+    """The calibration that comes with a world: its error is the world's."""
+    from sim.lab.calibration import nominal_of
+
+    shipped = nominal_of(world, seed)
+    return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
+
+
+class Simulated:
+    """`devices.lab.Lab`: one task in one world."""
+
+    def __init__(self, task: Task, world: World, seed: int, stack: ExitStack) -> None:
+        self.rig, self.title = as_shipped("panda"), f"simulated lab, world {world.name}"
+        self.nominal = nominal_hand_eye(world, seed)
+        self._task, self._world, self._seed, self._stack = task, world, seed, stack
+
+    def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
+        """None: the simulated camera hangs where no trial comes near it."""
+        return ()
+
+    def note(self, message: str) -> None:
+        """Nobody stands beside the arm."""
+
+    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+        """See `Lab`."""
+        from sim.lab.simulated import SimulatedLab
+
+        lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
+        self._stack.enter_context(lab)
+        return Rig(SIMULATED, self.title, lab.arm, lab.camera, lab.bench, hand_eye, days)
+
+    def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
+        """See `Lab`."""
+        from sim.lab.calibrating import CalibrationLab
+
+        lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
+        self._stack.enter_context(lab)
+        return BoardDevices(lab.arm, lab.camera, lambda _: None, lab.hands)
+
+    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
+        """See `Lab`. The world knows its own tool."""
+        from sim.lab.simulated import READY_RAD
+        from sim.lab.touch import TouchLab
+
+        ready_rad = cell.arm.reported_rad(READY_RAD)
+        lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
+        return TouchDevices(lab.arm, lab.hand, lab.offer_tool, lambda: None)

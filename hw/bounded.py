@@ -1,0 +1,148 @@
+"""Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
+
+TOML, JSON, PNG and JPEG. Whatever is wrong with a file is one `Unreadable`; its message continues a sentence that the
+file's name begins.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import stat
+import struct
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+TOML_BYTES = 4 * 2**20
+JSON_BYTES = 64 * 2**20
+IMAGE_BYTES = 64 * 2**20
+IMAGE_PIXELS = 2**26
+DEEPEST = 32
+"""Tables and arrays within each other, and parts of a key."""
+
+_LARGEST = 2**63
+_PIECES = re.compile(rb"[={,\n]")
+_NO_IMAGE = "is not a whole PNG or JPEG image"
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8"
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of JPEG that a size follows
+
+
+class Unreadable(ValueError):
+    """What is wrong with a file."""
+
+
+def read_table(path: Path, *, finite: bool = True) -> dict[str, Any]:
+    """The table of a TOML or JSON file. With `finite`, infinity and not-a-number are an error.
+
+    Raises FileNotFoundError, Unreadable.
+    """
+    is_toml = path.suffix == ".toml"
+    return parse_table(read_bytes(path, TOML_BYTES if is_toml else JSON_BYTES), is_toml=is_toml, finite=finite)
+
+
+def parse_table(content: bytes, *, is_toml: bool, finite: bool = True) -> dict[str, Any]:
+    """The table in the content of a file. Raises Unreadable."""
+    try:
+        data = _toml(content) if is_toml else json.loads(content.decode())
+    except UnicodeDecodeError as error:
+        raise Unreadable(f"is not UTF-8 text: {error.reason} at byte {error.start}") from error
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        raise Unreadable(f"is not valid {'TOML' if is_toml else 'JSON'}: {error}") from error
+    except Unreadable:
+        raise
+    except RecursionError as error:
+        raise Unreadable(_too_deep()) from error
+    except ValueError as error:  # Python reads no integer of more than 4,300 digits
+        raise Unreadable("holds an integer of thousands of digits") from error
+    if not isinstance(data, dict):
+        raise Unreadable("does not hold a table")
+    _require_bounds(data, finite=finite)
+    return data
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """The content of a file of at most so many bytes. Raises FileNotFoundError, Unreadable."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise Unreadable("is not a file" if not path.is_dir() else "is a folder")
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise Unreadable(f"cannot be read: {error.strerror}") from error
+    if len(content) > most:
+        raise Unreadable(f"has more than {most / 2**20:g} MB")
+    return content
+
+
+def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
+    """(H, W) or (H, W, 3) of a PNG or JPEG, as `cv2.imdecode` with `flags`; 3 channels are BGR. Raises Unreadable."""
+    width, height = _image_size(content)
+    if width * height > IMAGE_PIXELS:
+        raise Unreadable(f"claims to have {width} x {height} pixels, too many to be read")
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error as error:
+        raise Unreadable("is damaged") from error
+    if image is None:
+        raise Unreadable("is cut short or damaged")
+    return np.asarray(image)
+
+
+def _toml(content: bytes) -> dict[str, Any]:
+    """The parser takes the square of a key's parts."""
+    if any(piece.count(b".") > DEEPEST for piece in _PIECES.split(content)):
+        raise Unreadable(f"has a key of more than {DEEPEST} parts")
+    return tomllib.loads(content.decode())
+
+
+def _require_bounds(data: dict[str, Any], *, finite: bool) -> None:
+    level: list[Any] = [data]
+    for _ in range(DEEPEST):
+        inner: list[Any] = []
+        for value in level:
+            if isinstance(value, dict):
+                inner += value.values()
+            elif isinstance(value, list):
+                inner += value
+            elif isinstance(value, int) and abs(value) >= _LARGEST:
+                raise Unreadable("holds an integer of more than 63 bits")
+            elif finite and isinstance(value, float) and not math.isfinite(value):
+                raise Unreadable(f"holds {value}, which is not a finite number")
+        if not inner:
+            return
+        level = inner
+    raise Unreadable(_too_deep())
+
+
+def _too_deep() -> str:
+    return f"has tables or arrays nested more than {DEEPEST} deep"
+
+
+def _image_size(content: bytes) -> tuple[int, int]:
+    """(width, height) as the header states them."""
+    if content.startswith(_PNG) and len(content) >= 24:
+        width, height = struct.unpack(">II", content[16:24])
+        return int(width), int(height)
+    if content.startswith(_JPEG):
+        return _jpeg_size(content)
+    raise Unreadable(_NO_IMAGE)
+
+
+def _jpeg_size(content: bytes) -> tuple[int, int]:
+    at = 2
+    while at + 9 <= len(content) and content[at] == 0xFF:
+        marker, length = content[at + 1], int.from_bytes(content[at + 2 : at + 4], "big")
+        if marker in _FRAMES:
+            height, width = struct.unpack(">HH", content[at + 5 : at + 9])
+            return int(width), int(height)
+        at += 1 if marker == 0xFF else 2 + length
+    raise Unreadable(_NO_IMAGE)

@@ -1,0 +1,63 @@
+"""Draws over spaces, and what chance adds to trials: the same numbers for the same seed, whatever the machine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from hw.types import Array
+from sim.rollouts.run import Requests
+from sim.tasks.task import Task
+from sim.types import Space
+
+
+def sobol(n: int, dimensions: int, rng: np.random.Generator) -> Array:
+    """(n, dimensions) scrambled Sobol points in [0, 1); from the same generator state, more of them extend fewer."""
+    if dimensions == 0:
+        return np.zeros((n, 0))
+    engine = qmc.Sobol(dimensions, scramble=True, rng=rng)
+    return np.asarray(engine.random_base2(max(0, math.ceil(math.log2(max(n, 1)))))[:n], dtype=np.float64)
+
+
+def cover(space: Space, n: int, rng: np.random.Generator) -> Array:
+    """(n, len(space)) points in units that fill the space evenly."""
+    return space.spread(sobol(n, len(space), rng))
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbances:
+    """What chance adds to N trials: the error of the executed action, and the nuisance."""
+
+    error: Array  # (N, a) in units, added to the commanded action
+    nuisance: Array  # (N, n) in units
+
+    @classmethod
+    def from_unit(cls, task: Task, unit: Array) -> Disturbances:
+        """From points (N, a + n) of the unit box: the error's columns first."""
+        a = len(task.action)
+        return cls((2.0 * unit[:, :a] - 1.0) * task.action_noise, task.nuisance.spread(unit[:, a:]))
+
+    @classmethod
+    def evenly(cls, task: Task, n: int, rng: np.random.Generator) -> Disturbances:
+        """`n` of them that fill their space evenly: for averages."""
+        return cls.from_unit(task, sobol(n, len(task.action) + len(task.nuisance), rng))
+
+    @classmethod
+    def at_random(cls, task: Task, n: int, rng: np.random.Generator) -> Disturbances:
+        """`n` independent ones, as in real trials."""
+        error = rng.random((n, len(task.action)))
+        return cls.from_unit(task, np.concatenate([error, rng.random((n, len(task.nuisance)))], axis=1))
+
+
+def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
+    """Rollouts as the target would execute them: commanded actions (N, a) with their error, nuisance by chance."""
+    drawn = Disturbances.at_random(task, len(actions), rng)
+    return Requests(targets, contexts, actions + drawn.error, drawn.nuisance)
+
+
+def at_reference(task: Task, n: int) -> Array:
+    """(n, c) the reference context, `n` times."""
+    return np.tile(np.asarray(task.reference_context, dtype=np.float64), (n, 1))

@@ -44,29 +44,29 @@ class Convention:
 class PosesRecord(Record):
     """`[poses]` of setup.toml: what is known of the keys that do not say it themselves."""
 
-    length: Literal["m", "mm"] | None = None
-    angle: Literal["rad", "deg"] | None = None
-    quaternion: Literal["wxyz", "xyzw"] | None = None
-    euler: str | None = Field(default=None, pattern="^([xyz]{3}|[XYZ]{3})$")
-    gives: Literal["flange_in_base", "base_in_flange"] | None = None
+    length: Literal["m", "mm"] | None = None  # of position and matrix
+    angle: Literal["rad", "deg"] | None = None  # of joints, rotation_vector and euler
+    quaternion: Literal["wxyz", "xyzw"] | None = None  # order of quaternion
+    euler: str | None = Field(default=None, pattern="^([xyz]{3}|[XYZ]{3})$")  # small: about the base's axes
+    gives: Literal["flange_in_base", "base_in_flange"] | None = None  # what position and matrix are of
 
 
 class PoseKeys(Record):
     """The part of a view that tells where the arm was."""
 
-    q_rad: Numbers | None = None
-    q_deg: Numbers | None = None
-    joints: Numbers | None = None
-    X_BF: Matrix | None = None  # four rows of four, metres
-    matrix: Matrix | None = None
+    q_rad: Numbers | None = None  # joints as the arm reports them
+    q_deg: Numbers | None = None  # the same in degrees
+    joints: Numbers | None = None  # the same in the unit that [poses] says, or that is recognised
+    X_BF: Matrix | None = None  # the flange in the base, four rows of four, metres
+    matrix: Matrix | None = None  # a pose, four rows of four, as [poses] says or as is recognised
     position_m: Numbers | None = None  # of the flange in the base, with a rotation: another way to give X_BF
-    position_mm: Numbers | None = None
-    position: Numbers | None = None
-    quaternion_wxyz: Numbers | None = None
-    quaternion_xyzw: Numbers | None = None
-    quaternion: Numbers | None = None
-    rotation_vector: Numbers | None = None
-    euler: Numbers | None = None
+    position_mm: Numbers | None = None  # the same in mm
+    position: Numbers | None = None  # the same in the unit that [poses] says, or that is recognised
+    quaternion_wxyz: Numbers | None = None  # of the flange in the base, w first
+    quaternion_xyzw: Numbers | None = None  # w last
+    quaternion: Numbers | None = None  # in the order that [poses] says, or that is recognised
+    rotation_vector: Numbers | None = None  # axis times angle
+    euler: Numbers | None = None  # three angles, about the axes that [poses] names or that are recognised
 
     @model_validator(mode="after")
     def _one_pose(self) -> Self:

@@ -90,9 +90,9 @@ class SetupRecord(Record):
     camera: Literal["fixed", "wrist"]
     arm: Literal["panda", "fr3", "other"] = "other"  # of "other", views give flange poses, or [kinematics] stands here
     serial: str = ""  # of the camera
-    kinematics: KinematicsRecord | None = None
-    poses: PosesRecord = PosesRecord()
-    board: AnyTargetRecord
+    kinematics: KinematicsRecord | None = None  # of an arm that is not known here
+    poses: PosesRecord = PosesRecord()  # how views' poses are to be read, where their keys do not say it
+    board: AnyTargetRecord  # what the views show
     colour: IntrinsicsRecord
     depth: IntrinsicsRecord | None = None  # of depth and infrared images
     X_CD: Matrix | None = None  # 4 rows: the depth camera in the colour camera
@@ -114,7 +114,7 @@ class ViewRecord(PoseKeys):
     depth: str | None = None  # 16-bit PNG, mm
     corners_px: Matrix | None = None  # (K, 2) found by another program, for kind = "points"
     points_m: Matrix | None = None  # (K, 3) where on the target they are; or
-    points_mm: Matrix | None = None
+    points_mm: Matrix | None = None  # the same in mm
     t_camera_s: float | None = None
     t_arm_s: float | None = None
     pose: int | None = None  # number of the planned pose, to continue after an interruption

@@ -17,7 +17,7 @@ Millimetres = Annotated[float, Field(gt=1.0, lt=2000.0)]
 class TargetRecord(Record):
     """What every kind has. With `size = "unknown"` lengths only give proportions."""
 
-    size: Literal["stated", "unknown"] = "stated"
+    size: Literal["stated", "unknown"] = "stated"  # unknown: lengths give proportions, the motion gives the size
 
     @property
     def size_known(self) -> bool:
@@ -33,7 +33,7 @@ class TargetRecord(Record):
 class BoardRecord(TargetRecord):
     """A ChArUco board as printed; its square as measured on the print."""
 
-    kind: Literal["charuco"] = "charuco"
+    kind: Literal["charuco"] = "charuco"  # a chessboard with markers
     squares_across: int
     squares_down: int
     square_mm: float = Field(gt=2.0, lt=500.0)
@@ -73,10 +73,10 @@ class BoardRecord(TargetRecord):
 class ChessboardRecord(TargetRecord):
     """A plain chessboard."""
 
-    kind: Literal["chessboard"]
-    squares_across: int
-    squares_down: int
-    square_mm: Millimetres
+    kind: Literal["chessboard"]  # without markers
+    squares_across: int  # squares, not inner corners
+    squares_down: int  # rows of squares
+    square_mm: Millimetres  # edge of a square
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -91,10 +91,10 @@ class ChessboardRecord(TargetRecord):
 class MarkerRecord(TargetRecord):
     """One ArUco or AprilTag marker; `marker_mm` is the edge of its black square."""
 
-    kind: Literal["marker"]
-    dictionary: str
-    id: int
-    marker_mm: Millimetres
+    kind: Literal["marker"]  # ArUco or AprilTag
+    dictionary: str  # a dictionary of OpenCV, without DICT_, in small letters
+    id: int  # its number in the dictionary
+    marker_mm: Millimetres  # edge of the black square
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -109,12 +109,12 @@ class MarkerRecord(TargetRecord):
 class MarkerGridRecord(TargetRecord):
     """Markers in rows, numbered along each row first."""
 
-    kind: Literal["markers"]
-    dictionary: str
-    first_id: int = 0
-    across: int = Field(ge=1, le=100)
-    down: int = Field(ge=1, le=100)
-    marker_mm: Millimetres
+    kind: Literal["markers"]  # ArUco or AprilTag
+    dictionary: str  # a dictionary of OpenCV, without DICT_, in small letters
+    first_id: int = 0  # of the upper left marker
+    across: int = Field(ge=1, le=100)  # markers in a row
+    down: int = Field(ge=1, le=100)  # rows
+    marker_mm: Millimetres  # edge of a black square
     gap_mm: float = Field(ge=0.0, lt=2000.0)  # between two black squares
 
     @model_validator(mode="after")
@@ -131,11 +131,11 @@ class MarkerGridRecord(TargetRecord):
 class CirclesRecord(TargetRecord):
     """A grid of circles; in staggered rows `spacing_mm` is half the distance of neighbours in a row."""
 
-    kind: Literal["circles"]
-    across: int
-    down: int
-    spacing_mm: Millimetres
-    staggered: bool = False
+    kind: Literal["circles"]  # dark on white
+    across: int  # centres in a row
+    down: int  # rows
+    spacing_mm: Millimetres  # between neighbours of a row; half of it in staggered rows
+    staggered: bool = False  # every second row is moved by half
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -150,7 +150,7 @@ class CirclesRecord(TargetRecord):
 class PointsRecord(TargetRecord):
     """Points that another program found: every view gives them with their places."""
 
-    kind: Literal["points"]
+    kind: Literal["points"]  # whatever another program found
     points_mm: tuple[tuple[float, float, float], ...] = ()  # filled in from the views
 
     def scaled(self, factor: float) -> Self:

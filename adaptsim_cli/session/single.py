@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -73,6 +72,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     drawn, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
+    durable.require_writable(folder.parent)
     if problem := failures(target.checks()):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
@@ -81,9 +81,14 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
     planned = _plan(task, ready, action)
-    proposal = trial.propose(task, _STAGE, mean, policy, ready, action, planned, _shown, screen)
-    operator.approve(proposal, target.is_real)
-    trial.execute(planned, partial(_store, folder), screen)
+    picture = folder.with_name(f"{folder.name}-overlay.jpg")
+    try:
+        keep = partial(_keep, picture)
+        proposal = trial.propose(task, _STAGE, mean, policy, ready, action, planned, keep, screen)
+        operator.approve(proposal, target.is_real)
+        trial.execute(planned, partial(_store, folder), screen)
+    finally:
+        picture.unlink(missing_ok=True)  # from now on it lies in the folder
     replay, track = trial.look(target, ready.context, action, folder, screen)
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
     content = json.dumps(record, allow_nan=False, indent=1).encode()
@@ -121,9 +126,8 @@ def _store(folder: Path, executed: Executed) -> None:
     durable.write_folder(folder, executed.files())
 
 
-def _shown(overlay: bytes) -> Path:
+def _keep(path: Path, overlay: bytes) -> Path:
     """The picture of what the camera found, where a person can open it before agreeing."""
-    path = Path(tempfile.gettempdir()) / "adaptsim-overlay.jpg"
     durable.replace_file(path, overlay)
     return path
 

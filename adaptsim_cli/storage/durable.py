@@ -59,10 +59,23 @@ def complete_folder(path: Path, derived: Mapping[str, bytes], name: str, record:
 def make_folder(path: Path) -> None:
     """Make `path` and its missing parents, each flushed into its own parent."""
     if not path.is_dir():
+        if path.exists():
+            raise SessionError(f"{path} is a file where a folder is wanted; name another place")
         with explained(path):
             make_folder(path.parent)
             path.mkdir(exist_ok=True)
             flush_folder(path.parent)
+
+
+def require_writable(folder: Path) -> None:
+    """Make `folder` and write to it, before something is done whose result has to lie there.
+
+    Raises DiskFull, SessionError.
+    """
+    make_folder(folder)
+    with explained(folder), tempfile.NamedTemporaryFile(dir=folder, prefix=".", suffix=".writing") as file:
+        file.write(b"0")
+        flush_file(Path(file.name))
 
 
 def remove_leftovers(folder: Path) -> None:

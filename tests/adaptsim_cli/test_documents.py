@@ -28,7 +28,7 @@ EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PLACEHOLDER = re.compile(r"[A-Z]+")
 TUTORIAL = "curling"
-"""The task that docs/guide/add-a-task.md makes; tests/documents/test_tutorials.py runs its commands."""
+"""The task that docs/guide/add-a-task.md makes; tests/documents/test_tutorials.py runs its code."""
 NUMBERS = {"N", "TRIAL"}
 """Placeholders that stand for a number."""
 

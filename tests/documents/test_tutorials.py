@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
-import os
 import re
-import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+from adaptsim_cli import app
 from hw.serial import balance
 from sim import tasks
 from sim.lab import world
@@ -72,28 +71,16 @@ def test_the_task_of_the_tutorial_keeps_the_contract_of_every_task(curling: Task
         test(curling)
 
 
-@pytest.mark.slow
-def test_the_task_of_the_tutorial_is_used_as_the_page_says(tmp_path: Path) -> None:
-    """In a copy of the packages: pretrained (with a smaller budget), then every command of the page."""
-    copy = tmp_path / "copy"
-    for package in ("adaptsim_cli", "calib", "hw", "perception", "sim"):
-        shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__", "checkpoints"))
-    for kind, path, code in blocks("add-a-task.md"):
-        target = copy / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        before = (
-            target.read_text(encoding="utf-8").replace("TASKS = {\n", "TASKS = {\n" + code) if kind == "line" else code
-        )
-        target.write_text(before, encoding="utf-8")
-    page = (ROOT / "docs/guide/add-a-task.md").read_text(encoding="utf-8")
-    pretrain, rollout, iteration = re.findall(r"^adaptsim (.*)$", page, re.MULTILINE)
-    assert pretrain == "pretrain --task curling --budget small"
-    quick = "pretrain --task curling --rollouts 512 --steps 64 --judged 4 --workers 1"
-    env = {**os.environ, "ADAPTSIM_HOME": str(tmp_path / "home"), "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
-    for line in (quick, rollout, iteration):
-        command = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *line.split()]
-        done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["lab", "list", "--task", "curling", "--json"]) == 0
+    assert "A slippery table that slopes." in capsys.readouterr().out
+    uphill = world.load_world("uphill", curling)
+    context, speed, nobody = curling.reference_context, np.array([2.0]), np.zeros(0)
+    sloped = curling.simulate(uphill.parameters, context, speed, nobody, uphill.unmodelled)
+    level = curling.simulate(uphill.parameters, context, speed, nobody)
+    assert sloped.state[-1, 0] < level.state[-1, 0]
+    assert curling.score(sloped, sloped.state[-1, :1]) == pytest.approx(1.0)
+    assert curling.score(level, sloped.state[-1, :1]) < 1.0
 
 
 def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch: pytest.MonkeyPatch) -> None:

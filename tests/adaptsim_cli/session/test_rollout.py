@@ -129,3 +129,17 @@ def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(
     assert "adaptsim preview --task toy" in said
     assert lab.executions == []
     assert not (tmp_path / "one").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_noticed_before_anything_moves(
+    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert app.run([*RUN, "--out", str(tmp_path / "file" / "one")]) == 8
+    assert "is a file where a folder is wanted" in capfd.readouterr().err
+    assert lab.executions == []
+
+
+def test_nothing_but_the_folder_is_left(lab: ToyLab, tmp_path: Path) -> None:
+    assert app.run([*RUN, "--out", str(tmp_path / "out" / "one")]) == 0
+    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["one"]

@@ -231,7 +231,7 @@ class Points:
     @property
     def name(self) -> str:
         """In words."""
-        return f"{self.corners} points found elsewhere"
+        return f"set of {self.corners} points, the nearest two {1e3 * self.spacing_m:.4g} mm apart"
 
     def scaled(self, factor: float) -> Points:
         """The same, larger by `factor`."""

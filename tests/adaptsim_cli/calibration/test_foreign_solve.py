@@ -27,7 +27,7 @@ def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.Captur
     assert set(told["views_rejected"]) == {"05", "12"}
     (fault,) = told["faults"]
     assert fault["option"] == "--exchange 05:12"
-    rows = list(csv.DictReader((folder / "residuals.csv").open()))
+    rows = list(csv.DictReader((folder / "residuals.csv").read_text().splitlines()))
     assert len(rows) == 4 * real_views.POSTURES
     far = {row["view"] for row in rows if float(row["off_mm"]) > 6.0}
     assert far == {row["view"] for row in rows if row["used"] == "0"} == {"05", "12"}

@@ -30,7 +30,7 @@ from scipy.stats import qmc
 
 from hw.types import Array
 from sim.adaptation.methods.udr import Udr
-from sim.lab.world import list_worlds, load_world
+from sim.lab.world import shipped_worlds
 from sim.rollouts.draws import cover, sobol
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
@@ -148,7 +148,7 @@ def omega_environments(task: Task, count: int) -> list[Environment]:
 
 def world_environments(task: Task) -> list[Environment]:
     """Every world that ships with the task."""
-    worlds = [load_world(name, task) for name in list_worlds(task)]
+    worlds = shipped_worlds(task)
     return [Environment(w.name, w.parameters, w.nuisance, w.unmodelled) for w in worlds]
 
 

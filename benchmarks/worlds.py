@@ -29,7 +29,7 @@ from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.lab.rollouts import rollouts_in
-from sim.lab.world import World, list_worlds, load_world
+from sim.lab.world import World, load_world, shipped_worlds
 from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.draws import cover, trial_requests
@@ -63,7 +63,7 @@ def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
     checkpoint = load_checkpoint(task, arguments.checkpoint)
-    names = arguments.worlds or list_worlds(task)
+    names = arguments.worlds or [world.name for world in shipped_worlds(task)]
     rows, kept = list[Row](), Kept(Path(arguments.keep) if arguments.keep else None)
     with process_pool(arguments.workers) as executor:
         for name in names:

@@ -10,7 +10,7 @@ SimError
 ├── SolverFailed         the simulation did not converge
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
-├── ExtraMissing         a method needs packages that are not installed; the message says how to install them
+├── ExtraMissing         a method or a world needs packages that are not installed; the message says how to install them
 ├── DatasetError         a stored dataset is corrupt or of another kind
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from adaptsim_cli.screen.console import Screen
 
 app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
 
@@ -28,7 +31,7 @@ def show(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
-    from sim.lab.simulated import SimulatedLab
+    from sim.lab.simulated import SimulatedLab, truth_of
     from sim.lab.world import load_world
     from sim.panda.tool import cell_as_shipped
     from sim.tasks import get_task
@@ -42,19 +45,14 @@ def show(
             f"{views.values(the_task.parameters, target.parameters)}"
         )
     the_world = load_world(chosen.world, the_task)
-    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
-    truth = lab.truth()
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data(truth)
-    else:
-        screen.plain(f"{truth['world']}: {truth['description']}")
-        groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
-        body = [(group, name, str(value)) for group in groups for name, value in truth[group].items()]
-        body += [
-            ("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row)) for i, row in enumerate(truth["X_BC"])
-        ]
-        screen.show(views.rows(("", "name", "value"), body))
+    if the_world.physics != "drake":
+        if png is not None:
+            the_world.require_lab()
+        _show(screen, truth_of(the_task, the_world), as_json)
+        return
+    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
+    _show(screen, lab.truth(), as_json)
     if png is not None:
         import cv2
 
@@ -62,6 +60,22 @@ def show(
 
         durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
         screen.plain(f"Written: {png}")
+
+
+def _show(screen: Screen, truth: dict[str, Any], as_json: bool) -> None:
+    from adaptsim_cli.screen import views
+
+    if as_json:
+        screen.data(truth)
+        return
+    screen.plain(f"{truth['world']}: {truth['description']}")
+    if truth["physics"] != "drake":
+        screen.plain(f"Its physics is {truth['physics']}: the tool is driven directly, without arm and camera.")
+    groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
+    body = [(group, name, str(value)) for group in groups for name, value in truth.get(group, {}).items()]
+    rows = truth.get("X_BC", [])
+    body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row)) for i, row in enumerate(rows)]
+    screen.show(views.rows(("", "name", "value"), body))
 
 
 @app.command("list")
@@ -79,6 +93,10 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
     worlds = [load_world(name, the_task) for name in list_worlds(the_task)]
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data([{"name": w.name, "task": w.task, "description": w.description} for w in worlds])
+        screen.data(
+            [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
+        )
     else:
-        screen.show(views.rows(("world", "what it is"), [(w.name, w.description) for w in worlds]))
+        screen.show(
+            views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
+        )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sim.benchmark.sessions import Conditions
     from sim.benchmark.tables import WorldTable
     from sim.benchmark.targets import Target
+    from sim.lab.physics import Physics
     from sim.tasks.task import Task
 
 StageProgress = Callable[[str, int, int], None]
@@ -141,14 +142,14 @@ def make_tables(
     from sim.benchmark.tables import build_table
     from sim.benchmark.targets import targets_of
     from sim.tasks import get_task
-    from sim.tasks.scene_key import scene_key
 
     config = resolved.config
     task = get_task(config.task)
     if task.exact:
         raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
     checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
-    chosen, scene = targets_of(task, _words(targets)), scene_key(task)
+    chosen = targets_of(task, _words(targets))
+    scenes = _scenes(task, chosen)
     folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
     make_folder(folder)
     busy = f"another process makes tables in {folder}: wait for it"
@@ -163,7 +164,14 @@ def make_tables(
                 progress("rollouts", before + done, total)
 
             table = build_table(
-                checkpoint.solver, checkpoint.sha256, scene, target.world, place, rollouts, executor, report
+                checkpoint.solver,
+                checkpoint.sha256,
+                scenes[target.world.physics],
+                target.world,
+                place,
+                rollouts,
+                executor,
+                report,
             )
             made.append(
                 {
@@ -180,12 +188,19 @@ def make_tables(
 def _tables(asked: Asked) -> list[WorldTable | None]:
     """That of each target; none for a task that simulates its worlds."""
     from sim.benchmark.tables import load_table
-    from sim.tasks.scene_key import scene_key
 
     if asked.task.exact:
         return [None] * len(asked.targets)
-    scene, folder = scene_key(asked.task), tables_folder(asked.resolved)
-    return [load_table(asked.task, t.world, scene, folder / t.set / t.name) for t in asked.targets]
+    scenes, folder = _scenes(asked.task, asked.targets), tables_folder(asked.resolved)
+    return [load_table(asked.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in asked.targets]
+
+
+def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
+    """The key of the scene in each physics that the targets have."""
+    from sim.lab.physics import in_physics
+    from sim.tasks.scene_key import scene_key
+
+    return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 
 
 def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:

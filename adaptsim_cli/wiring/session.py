@@ -75,7 +75,7 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 @contextmanager
 def _open_target(config: Config, task: Task, drivers: Drivers | None) -> Iterator[_Opened]:
     """The task as mounted there, where trials happen, what can be executed, the calibration."""
-    if task.hardware is None:
+    if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
     with open_trials(config, places(), task, drivers) as on_rig:
@@ -102,8 +102,15 @@ def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | N
         yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
+def _is_foreign(config: Config, task: Task) -> bool:
+    """Whether the world has a physics in which there is no arm, only the tool."""
+    from sim.lab.world import load_world
+
+    return config.is_simulated and load_world(config.world, task).physics != "drake"
+
+
 def _simulated(config: Config, task: Task) -> InSimulation:
-    """A world of a task that needs no hardware. Raises UsageError where some was asked for."""
+    """A world of a task that needs no hardware, or of a foreign physics. Raises UsageError with real devices."""
     if not config.is_simulated:
         raise UsageError(
             f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
@@ -119,7 +126,10 @@ def _simulated(config: Config, task: Task) -> InSimulation:
         return there(world.parameters, context, action, world.nuisance)
 
     duration_s = float(task.observation.times_s[-1])
-    return InSimulation(task.object_name, duration_s, f"simulated target, world {world.name}", rollout)
+    title = f"simulated target, world {world.name}"
+    if world.physics != "drake":
+        title += f" in {world.physics}, the tool driven directly"
+    return InSimulation(task.object_name, duration_s, title, rollout)
 
 
 def _sha256(array: Array) -> str:

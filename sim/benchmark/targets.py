@@ -2,7 +2,8 @@
 
 `develop` and `drawn` are forty worlds each, as `sim.lab.drawn` draws them, none thrown away. Methods are developed on
 `develop`; `drawn` is for what is reported. `named` are the worlds that ship: they were selected (by how the policies of
-one checkpoint fail there, or by the paper). Any other name is one of them, or a file.
+one checkpoint fail there, or by the paper). `mujoco` are those that ship with a physics that training has never seen.
+Any other name is one of these, or a file.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from dataclasses import dataclass
 
 from sim.errors import UnknownName
 from sim.lab.drawn import drawn_world
-from sim.lab.world import World, list_worlds, load_world
+from sim.lab.world import World, load_world, shipped_worlds
 from sim.tasks.task import Task
 
 DRAWN = 40
 DEVELOP_SEED, REPORT_SEED = 0, 1
-NAMED = "named"
+NAMED, MUJOCO = "named", "mujoco"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +38,11 @@ def _drawn(seed: int) -> Callable[[Task], tuple[World, ...]]:
     return lambda task: tuple(drawn_world(task, seed, number) for number in range(DRAWN))
 
 
-def _named(task: Task) -> tuple[World, ...]:
-    return tuple(load_world(name, task) for name in list_worlds(task))
-
-
 SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
     "develop": _drawn(DEVELOP_SEED),
     "drawn": _drawn(REPORT_SEED),
-    NAMED: _named,
+    NAMED: shipped_worlds,
+    MUJOCO: lambda task: shipped_worlds(task, "mujoco"),
 }
 """Every set of worlds by its name: the only place that lists them."""
 
@@ -56,7 +54,7 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
         for target in _meant(task, name):
             found.setdefault(target.name, target)
     if not found:
-        raise UnknownName("no target was named: give names of worlds, or develop, drawn, named")
+        raise UnknownName(f"no target was named: give names of worlds, or {', '.join(SETS)}")
     return tuple(found.values())
 
 
@@ -64,6 +62,7 @@ def _meant(task: Task, name: str) -> tuple[Target, ...]:
     if name in SETS:
         return tuple(Target(name, world) for world in SETS[name](task))
     try:
-        return (Target(NAMED, load_world(name, task)),)
+        world = load_world(name, task)
+        return (Target(MUJOCO if world.physics == "mujoco" else NAMED, world),)
     except UnknownName as error:
         raise UnknownName(f"{error}; sets of worlds are {', '.join(SETS)}") from error

@@ -54,8 +54,10 @@ def effects_of(task: Task, world: World) -> dict[str, Any]:
 
 
 def as_toml(task: Task, world: World) -> str:
-    """Parameters, nuisance and effects of a world as its file, without a description."""
-    lines = [f'task = "{task.name}"', 'description = ""', "", "[params]"]
+    """Physics, parameters, nuisance and effects of a world as its file, without a description."""
+    lines = [f'task = "{task.name}"', 'description = ""']
+    lines += [] if world.physics == "drake" else [f'physics = "{world.physics}"']
+    lines += ["", "[params]"]
     lines += [_line(d, v) for d, v in zip(task.parameters.dimensions, world.parameters, strict=True)]
     lines += ["", "[nuisance]"]
     lines += [_line(d, v) for d, v in zip(task.nuisance.dimensions, world.nuisance, strict=True)]

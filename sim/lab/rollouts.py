@@ -7,15 +7,15 @@ from typing import Any
 
 from hw.types import Array
 from perception.types import ObjectTrack
+from sim.lab.physics import simulate_of
 from sim.lab.world import World
-from sim.tasks import get_task
 from sim.tasks.task import Simulate
 
 
 def rollouts_in(world: World) -> Simulate:
     """A `Task.simulate` of which only context and action count: parameters, nuisance and effects are the world's.
 
-    It can be sent to another process.
+    It can be sent to another process. Calling it raises ExtraMissing where the world's physics is not installed.
     """
     return partial(_simulate, world)
 
@@ -23,4 +23,5 @@ def rollouts_in(world: World) -> Simulate:
 def _simulate(
     world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
 ) -> ObjectTrack:
-    return get_task(world.task).simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
+    there = simulate_of(world.task, world.physics)
+    return there(world.parameters, context, action, world.nuisance, world.unmodelled)

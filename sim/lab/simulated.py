@@ -18,6 +18,7 @@ from sim.lab.arm import LabArm
 from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import default_X_BC
+from sim.lab.physics import effects_in
 from sim.lab.room import Room
 from sim.lab.world import World
 from sim.tasks.task import Task
@@ -45,9 +46,11 @@ class SimulatedLab:
         """`home_q_rad` (7,) is where the arm stands whenever the object is placed, `cell` what its arm checks motions
         against: what is believed of it, not what is hidden in the world. Builds nothing yet.
 
-        Raises NoHardware, ValueError for another task's world, or another arm than a Panda.
+        Raises NoHardware, also for a world of a foreign physics, ValueError for another task's world, or another arm
+        than a Panda.
         """
         self._hardware = task.require_hardware()
+        world.require_lab()
         if world.task != task.name:
             raise ValueError(f"world {world.name} is of {world.task}, not of {task.name}")
         if cell.arm.name != "panda":
@@ -90,13 +93,8 @@ class SimulatedLab:
         """
         task, world = self._task, self._world
         return {
-            "task": task.name,
-            "world": world.name,
-            "description": world.description,
+            **truth_of(task, world),
             "seed": self._seed,
-            "parameters": dict(zip(task.parameters.names, world.parameters.tolist(), strict=True)),
-            "nuisance": dict(zip(task.nuisance.names, world.nuisance.tolist(), strict=True)),
-            "unmodelled": asdict(world.unmodelled),
             "sensing": asdict(world.sensing),
             "mount": asdict(world.mount),
             "faults": asdict(world.faults),
@@ -105,3 +103,16 @@ class SimulatedLab:
             "X_FT": self._hardware.X_FT.tolist(),
             "trials": [dict(trial) for trial in self._room.history],
         }
+
+
+def truth_of(task: Task, world: World) -> dict[str, Any]:
+    """What is hidden in a world besides arm and camera, ready for JSON."""
+    return {
+        "task": task.name,
+        "world": world.name,
+        "description": world.description,
+        "physics": world.physics,
+        "parameters": dict(zip(task.parameters.names, world.parameters.tolist(), strict=True)),
+        "nuisance": dict(zip(task.nuisance.names, world.nuisance.tolist(), strict=True)),
+        "unmodelled": effects_in(world.physics, world.unmodelled),
+    }

@@ -54,6 +54,7 @@ class TouchLab:
 
         Raises NoHardware, UnknownName for a tool that cannot be touched off. Builds nothing yet.
         """
+        world.require_lab()
         self._task, self._world = task, world
         self._grip = Grip(HANDLE_M)
         self.arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)

@@ -1,8 +1,8 @@
 """Worlds of the simulated lab: hidden parameters, unmodelled effects, sensing and faults, as TOML.
 
-A world file has the keys `task` and `description` and the tables `[params]` (every parameter of the
-task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]`, `[mount]` and `[faults]`. Only `[params]` is
-required; what else is left out is nominal.
+A world file has the keys `task`, `description` and `physics` (sim/lab/physics.py) and the tables `[params]` (every
+parameter of the task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]`, `[mount]` and `[faults]`. Only `task`
+and `[params]` are required; what else is left out is nominal.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from hw.bounded import Unreadable, parse_table
 from hw.types import Array
-from sim.errors import OutOfRange, UnknownName, WorldError
+from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError
+from sim.lab.physics import Physics, require_possible
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -80,6 +81,15 @@ class World:
     sensing: Sensing
     faults: Faults
     mount: Mount = Mount()
+    physics: Physics = "drake"
+
+    def require_lab(self) -> None:
+        """Raises NoHardware for a world without arm and camera: theirs is the physics of training."""
+        if self.physics != "drake":
+            raise NoHardware(
+                f'world {self.name} has physics = "{self.physics}": there the tool is driven directly, without arm and '
+                "camera. `adaptsim run-iteration` and `adaptsim rollout` work there; for this, name another --world"
+            )
 
 
 def list_worlds(task: Task) -> tuple[str, ...]:
@@ -88,6 +98,12 @@ def list_worlds(task: Task) -> tuple[str, ...]:
     if not folder.is_dir():
         return ()
     return tuple(sorted(Path(f.name).stem for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def shipped_worlds(task: Task, physics: Physics = "drake") -> tuple[World, ...]:
+    """The worlds that ship with `task` and have that physics, sorted by name."""
+    worlds = (load_world(name, task) for name in list_worlds(task))
+    return tuple(world for world in worlds if world.physics == physics)
 
 
 def load_world(name_or_path: str, task: Task) -> World:
@@ -125,6 +141,7 @@ _Kind = TypeVar("_Kind")
 class _File(_Strict):
     task: str
     description: str = ""
+    physics: Physics = "drake"  # "mujoco": the tool is driven directly, in a physics that training has never seen
     params: dict[str, Any]
     nuisance: dict[str, Any] = {}
     unmodelled: dict[str, Any] = {}
@@ -141,17 +158,34 @@ def _parse(data: bytes, name: str, source: str, task: Task) -> World:
     file = _check(_File, raw, source, "")
     if file.task != task.name:
         raise WorldError(f"{source} is a world of {file.task!r}, not of {task.name!r}; name a world of this task")
+    unmodelled = _build(task.unmodelled, file.unmodelled, source, "unmodelled")
+    try:
+        require_possible(task, file.physics, unmodelled)
+    except OutOfRange as error:
+        raise WorldError(f"{source}: {error}") from error
+    _no_devices(file, source)
     return World(
         name=name,
         task=task.name,
         description=file.description,
         parameters=_parameters(file.params, task, source),
         nuisance=_vector(file.nuisance, task.nuisance, source, "nuisance", required=False),
-        unmodelled=_build(task.unmodelled, file.unmodelled, source, "unmodelled"),
+        unmodelled=unmodelled,
         sensing=_build(Sensing, file.sensing, source, "sensing"),
         faults=_faults(file.faults, source),
         mount=_build(Mount, file.mount, source, "mount"),
+        physics=file.physics,
     )
+
+
+def _no_devices(file: _File, source: str) -> None:
+    """Refuse arm and camera where there are none."""
+    tables = [name for name in ("sensing", "mount", "faults") if getattr(file, name)]
+    if file.physics != "drake" and tables:
+        raise WorldError(
+            f'{source}: [{tables[0]}] is of arm and camera, and with physics = "{file.physics}" the tool is driven '
+            "directly; leave the table out"
+        )
 
 
 def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str) -> _Model:

@@ -56,8 +56,15 @@ def play(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> ObjectTrack:
     """The motion at a bottle that stands at X_BO (4, 4)."""
+    return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled))
+
+
+def readings(
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+) -> Readings:
+    """What the motion does to a bottle that stands at X_BO (4, 4)."""
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return track_of(run(course_of(motion, X_BO), build, time_step_s(unmodelled)))
+    return run(course_of(motion, X_BO), build, time_step_s(unmodelled))
 
 
 def course_of(motion: ToolMotion, X_BO: Array) -> Course:

@@ -15,7 +15,7 @@ from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M
 
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 _ROUND_SEGMENTS, _STRAIGHT_SEGMENTS = 16, 12
-_CLEARANCE_M = 1e-4
+CLEARANCE_M = 1e-4
 _RING_ELEVATIONS_RAD = np.deg2rad(np.linspace(-75.0, 75.0, 11))
 
 
@@ -52,7 +52,7 @@ def blade() -> Piece:
 
     Its underside is a trifle higher than the corners that ride on the table (scene.py), so that only these touch.
     """
-    half_m, under_m = BLADE_WIDTH_M / 2.0, -EDGE_M + _CLEARANCE_M
+    half_m, under_m = BLADE_WIDTH_M / 2.0, -EDGE_M + CLEARANCE_M
     outline = [
         (-BLADE_LENGTH_M, 0.0),
         (-BEVEL_M, 0.0),

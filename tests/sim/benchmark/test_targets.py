@@ -21,10 +21,18 @@ def test_drawn_worlds_are_always_the_same_forty_and_none_is_of_both_sets():
 
 
 def test_a_world_that_is_named_twice_is_one_target_of_the_set_that_named_it_first():
-    found = targets_of(PUSHING, ["wd", "named", "wd"])
+    found = targets_of(PUSHING, ["wd", "named", "wd", "mujoco"])
     assert [t.name for t in found[:1]] == ["wd"]
     assert sorted(t.name for t in found) == list(list_worlds(PUSHING))
-    assert {t.set for t in found} == {"named"}
+    assert {t.set for t in found if t.world.physics == "drake"} == {"named"}
+
+
+@pytest.mark.parametrize("asked", ["mujoco", "mujoco-wd"])
+def test_worlds_of_a_foreign_physics_are_a_set_of_their_own(asked: str):
+    found = targets_of(PUSHING, [asked])
+    assert "mujoco-wd" in {t.name for t in found}
+    assert {(t.set, t.world.physics) for t in found} == {("mujoco", "mujoco")}
+    assert not {t.name for t in found} & {t.name for t in targets_of(PUSHING, ["named"])}
 
 
 def test_an_unknown_target_names_the_worlds_and_the_sets():

@@ -1,0 +1,61 @@
+"""What physics a world has: that of its task, or a foreign one that training has never seen."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from importlib import import_module
+from typing import Any, Literal
+
+from sim.errors import ExtraMissing, OutOfRange
+from sim.tasks import get_task
+from sim.tasks.task import Simulate, Task
+
+Physics = Literal["drake", "mujoco"]
+"""As a world file calls it. "drake" is that of the task itself, also where it needs no Drake."""
+
+_MUJOCO = {"pushing": "sim.lab.foreign.pushing", "scooping": "sim.lab.foreign.scooping"}
+"""Task -> the module whose `simulate` it is; imported when first asked for."""
+
+_DRAKE_ONLY = ("contact",)
+"""Effects that choose among what Drake offers."""
+
+
+def require_possible(task: Task, physics: Physics, unmodelled: Any) -> None:
+    """Raises OutOfRange when the task has no such physics, or the physics no such effect."""
+    if physics == "drake":
+        return
+    if task.name not in _MUJOCO:
+        raise OutOfRange(f'physics = "{physics}" exists for {" and ".join(_MUJOCO)}, not for {task.name}; leave it out')
+    nominal = task.unmodelled()
+    for effect in _DRAKE_ONLY:
+        if getattr(unmodelled, effect, None) != getattr(nominal, effect, None):
+            raise OutOfRange(
+                f'[unmodelled] {effect} = "{getattr(unmodelled, effect)}" is a choice among Drake\'s contact laws, '
+                f'and physics = "{physics}" has its own; leave one of the two out'
+            )
+
+
+def effects_in(physics: Physics, unmodelled: Any) -> dict[str, Any]:
+    """The unmodelled effects that a physics knows, by name, present or not."""
+    known = asdict(unmodelled)
+    return known if physics == "drake" else {k: v for k, v in known.items() if k not in _DRAKE_ONLY}
+
+
+def in_physics(task: Task, physics: Physics) -> Task:
+    """The task with the rollouts of a physics. Raises ExtraMissing."""
+    return task if physics == "drake" else replace(task, simulate=simulate_of(task.name, physics), simulate_many=None)
+
+
+def simulate_of(task_name: str, physics: Physics) -> Simulate:
+    """`Task.simulate`, or the same in a foreign physics. Raises ExtraMissing where that is not installed."""
+    if physics == "drake":
+        return get_task(task_name).simulate
+    try:
+        simulate: Simulate = import_module(_MUJOCO[task_name]).simulate
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] != "mujoco":
+            raise
+        raise ExtraMissing(
+            f'a world with physics = "{physics}" needs the package mujoco: pip install "adaptsim[mujoco]"'
+        ) from error
+    return simulate

@@ -1,0 +1,125 @@
+"""Worlds of a foreign physics: what a file may say, and what is said where the physics cannot be had."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.benchmark.tables import world_digest
+from sim.errors import ExtraMissing, NoHardware, WorldError
+from sim.lab.foreign import scooping
+from sim.lab.physics import effects_in, in_physics, simulate_of
+from sim.lab.rollouts import rollouts_in
+from sim.lab.simulated import SimulatedLab, truth_of
+from sim.lab.touch import TouchLab
+from sim.lab.world import list_worlds, load_world
+from sim.panda.tool import cell_as_shipped
+from sim.tasks import get_task
+from sim.tasks.scene_key import scene_key
+
+SCOOPING = get_task("scooping")
+ACTION = np.array([0.10, 0.05, 0.018])
+FILE = 'task = "scooping"\nphysics = "mujoco"\n[params]\nmu = 0.3\ne = 1e5\ng = 1\nh = 2.0\n'
+
+
+def load(tmp_path: Path, text: str, task=SCOOPING):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return load_world(str(path), task)
+
+
+@pytest.mark.parametrize("name", ["pushing", "scooping"])
+def test_three_worlds_of_each_task_are_mujocos(name: str) -> None:
+    task = get_task(name)
+    worlds = {world.name: world for world in (load_world(found, task) for found in list_worlds(task))}
+    foreign = {world for world in worlds if worlds[world].physics == "mujoco"}
+    assert foreign == {"mujoco-wd", "mujoco-ood-1", "mujoco-ood-4"}
+    for world in foreign:
+        twin = worlds[world.removeprefix("mujoco-")]
+        assert np.array_equal(worlds[world].parameters, twin.parameters)
+        assert worlds[world].unmodelled == twin.unmodelled
+
+
+def test_what_a_file_does_not_say_is_drakes(tmp_path: Path) -> None:
+    assert load(tmp_path, FILE).physics == "mujoco"
+    assert load(tmp_path, FILE.replace('physics = "mujoco"\n', "")).physics == "drake"
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ('[unmodelled]\ncontact = "lagged"\n', "choice among Drake's contact laws"),
+        ("[sensing]\nframe_drop = 0.1\n", r"\[sensing\] is of arm and camera"),
+        ("[mount]\ntable_height_mm = 1.0\n", r"\[mount\] is of arm and camera"),
+        ("[faults]\narm_reflex = [1]\n", r"\[faults\] is of arm and camera"),
+    ],
+)
+def test_what_mujoco_does_not_have_is_refused(tmp_path: Path, more: str, why: str) -> None:
+    with pytest.raises(WorldError, match=why):
+        load(tmp_path, FILE + more)
+
+
+def test_other_physics_and_other_tasks_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="'physics' in the top level is 'bullet'"):
+        load(tmp_path, FILE.replace('"mujoco"', '"bullet"'))
+    pendulum = get_task("pendulum")
+    wd = load_world("wd", pendulum)
+    params = "\n".join(f"{n} = {v}" for n, v in zip(pendulum.parameters.names, wd.parameters, strict=True))
+    text = f'task = "pendulum"\nphysics = "mujoco"\n[params]\n{params}\n'
+    with pytest.raises(WorldError, match="exists for pushing and scooping, not for pendulum"):
+        load(tmp_path, text, pendulum)
+
+
+def test_its_rollouts_are_mujocos_and_travel_to_another_process() -> None:
+    world = load_world("mujoco-wd", SCOOPING)
+    there = pickle.loads(pickle.dumps(rollouts_in(world)))  # noqa: S301 - what was pickled here
+    found = there(np.zeros(4), SCOOPING.reference_context, ACTION, np.zeros(1))
+    asked = world.parameters, SCOOPING.reference_context, ACTION, world.nuisance
+    assert np.array_equal(found.state, scooping.simulate(*asked).state)
+    assert not np.array_equal(found.state, SCOOPING.simulate(*asked).state)
+
+
+def test_the_lab_of_arm_and_camera_says_what_is_possible_instead() -> None:
+    world, cell = load_world("mujoco-wd", SCOOPING), cell_as_shipped(SCOOPING.require_hardware(), "panda")
+    with pytest.raises(NoHardware, match=r"driven directly.*`adaptsim run-iteration` and `adaptsim rollout` work"):
+        SimulatedLab(SCOOPING, world, 0, cell)
+    with pytest.raises(NoHardware, match="driven directly"):
+        TouchLab(SCOOPING, world, 0, cell, home_q_rad=np.zeros(7))
+
+
+def test_its_truth_leaves_out_the_effects_of_drake() -> None:
+    truth = truth_of(SCOOPING, load_world("mujoco-wd", SCOOPING))
+    assert truth["physics"] == "mujoco"
+    assert "contact" not in truth["unmodelled"]
+    assert "contact" in effects_in("drake", SCOOPING.unmodelled())
+
+
+def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in [name for name in sys.modules if name.startswith("sim.lab.foreign")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ExtraMissing, match=r'pip install "adaptsim\[mujoco\]"'):
+        simulate_of("scooping", "mujoco")
+
+
+def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
+    code = (
+        "import sys; from sim.lab.rollouts import rollouts_in; from sim.lab.world import load_world; "
+        "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.pretraining.pipeline; "
+        "rollouts_in(load_world('mujoco-wd', get_task('pushing'))); sys.exit('mujoco' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
+
+
+def test_tables_of_a_physics_are_not_mistaken_for_those_of_another() -> None:
+    """World tables are kept by the digest of their world and the key of their scene."""
+    world = load_world("mujoco-wd", SCOOPING)
+    assert world_digest(SCOOPING, world) != world_digest(SCOOPING, replace(world, physics="drake"))
+    assert scene_key(in_physics(SCOOPING, "mujoco")) != scene_key(SCOOPING)
+    assert in_physics(SCOOPING, "drake") is SCOOPING

@@ -35,7 +35,7 @@ UPDATES = 10_000
 """Gradient steps on all transitions."""
 
 GATE_TARGETS = 96
-"""Unseen targets in Omega on which the gate rests, one particle each."""
+"""Unseen targets in Omega on which the gate rests, one particle each; fewer where less was learnt from."""
 
 RENEWED = ("format", "task", "object", "fingerprint", "sha256", "interface")
 """Of a card: what is written anew when a copy is saved."""
@@ -74,7 +74,8 @@ def repair(checkpoint: Checkpoint, out: Path, seed: int, steps: int, progress: P
         network = learn_from(
             task, episodes, "iteration", updates, seed, lambda i, n: progress("learning", i, n), threshold
         )
-        gate = learning_gate(solver, network, roll, seed + 1)
+        judged = max(16, min(GATE_TARGETS, GATE_TARGETS * steps // MetaSettings().steps))
+        gate = learning_gate(solver, network, roll, seed + 1, judged)
     progress("gate", 1, 1)
     facts = {key: value for key, value in checkpoint.card.items() if key not in RENEWED}
     learnt = {"threshold": threshold, "steps": steps, "updates": updates, "seed": seed, "gate": asdict(gate)}

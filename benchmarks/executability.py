@@ -21,6 +21,7 @@ import numpy as np
 
 from hw.braking import check_braking
 from hw.kinematics import forward
+from hw.limits import JOINT_QUANTITIES
 from hw.types import Array
 from sim.errors import NotExecutable
 from sim.panda.planning import home, trial_paths
@@ -68,11 +69,11 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
             continue
         cpu_s = time.process_time() - start
         report = cell.check(path)
-        stops = check_braking(path, cell.arm.limits)
+        stops = check_braking(path, cell.motion)
         if not stops.ok:
             found.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
             continue
-        tightest = max((c for c in report.checks if c.unit.startswith("rad")), key=lambda c: c.ratio)
+        tightest = max((c for c in report.checks if c.quantity in JOINT_QUANTITIES), key=lambda c: c.ratio)
         what = f"{tightest.where}, {tightest.quantity}"
         lean_rad = np.arcsin((forward(back.q_rad) @ hardware.X_FT)[:, 2, 1])
         found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what, float(np.ptp(lean_rad))))

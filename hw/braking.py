@@ -2,7 +2,8 @@
 
 The arm keeps to the path and only its clock slows: path time s runs at ds/dt = 1 - S(t / T), with S the smooth step
 of fifth order, so velocity, acceleration and jerk stay continuous. T is the shortest of a few durations for which the
-1 kHz samples keep all joint limits; that one exists at any moment is checked before the motion.
+1 kHz samples keep all limits of each joint, and samples 4 ms apart those of torque and flange; that one exists at any
+moment is checked before the motion.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hw.errors import MotionRefused
-from hw.joint_limits import JointLimits, derivatives
+from hw.joint_limits import derivatives
+from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
 
 DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
@@ -21,6 +23,9 @@ EVERY_S = 0.02
 
 _LEAD = 3
 """Samples of the unbraked path before the brake that take part in the differences."""
+
+_EVERY = 4
+"""Torque and flange are looked at in one sample of so many: a stop takes 40 ms and more, and is smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +48,13 @@ class Braking:
         return float(self.duration_s.max())
 
 
-def check_braking(path: JointPath, limits: JointLimits, every_s: float = EVERY_S) -> Braking:
+def check_braking(path: JointPath, limits: MotionLimits, every_s: float = EVERY_S) -> Braking:
     """The shortest stop within `limits` at every `every_s` of the path."""
     at = np.arange(0, len(path.t_s), max(1, round(every_s * PATH_RATE_HZ)))
     return Braking(path.t_s[at], _durations(path, path.t_s[at], limits))
 
 
-def brake(path: JointPath, at_s: float, limits: JointLimits) -> JointPath:
+def brake(path: JointPath, at_s: float, limits: MotionLimits) -> JointPath:
     """`path` until `at_s`, then slowed to rest along itself within `limits`.
 
     The contact window lasts until the slowed path has left it. Raises MotionRefused if no stop keeps the limits.
@@ -59,7 +64,7 @@ def brake(path: JointPath, at_s: float, limits: JointLimits) -> JointPath:
     duration_s = float(_durations(path, np.array([start_s]), limits)[0])
     if not np.isfinite(duration_s):
         raise MotionRefused(
-            f"{limits.model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the joint limits; "
+            f"{limits.model}: no stop of up to {DURATIONS_S[-1]:g} s from t = {start_s:.3f} s keeps the limits; "
             "plan a slower path"
         )
     s = path_time(np.array([start_s]), duration_s)[0, _LEAD + 1 :]
@@ -67,7 +72,7 @@ def brake(path: JointPath, at_s: float, limits: JointLimits) -> JointPath:
     return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad, _window(path.contact, start_s, s))
 
 
-def _durations(path: JointPath, at_s: Array, limits: JointLimits) -> Array:
+def _durations(path: JointPath, at_s: Array, limits: MotionLimits) -> Array:
     """(K,) path times -> (K,) shortest durations that keep the limits, inf where none does."""
     spline = joint_spline(path)
     shortest = np.full(len(at_s), np.inf)
@@ -88,12 +93,19 @@ def path_time(at_s: Array, duration_s: float) -> Array:
     return np.asarray(at_s[:, None] + steps / PATH_RATE_HZ - lost)
 
 
-def _worst_ratio(q_rad: Array, limits: JointLimits) -> Array:
-    """Samples (M, K, 7) that begin in motion and end at rest -> (K,) largest ratio of any joint."""
+def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
+    """Samples (M, K, 7) that begin in motion and end at rest -> (K,) largest ratio to any limit."""
     dq, ddq, dddq = (d[_LEAD:] for d in derivatives(q_rad))  # drop the rest that is assumed before the first sample
     q = np.concatenate([q_rad[_LEAD:], np.repeat(q_rad[-1:], _LEAD, axis=0)])
-    ratios = np.concatenate([limits.ratios(q, dq, ddq), np.abs(dddq)[None] / limits.dddq_max_rad_s3])
-    return np.asarray(ratios.max(axis=(0, 1, -1)))
+    joints = limits.joints
+    ratios = np.concatenate([joints.ratios(q, dq, ddq), np.abs(dddq)[None] / joints.dddq_max_rad_s3])
+    worst = np.asarray(ratios.max(axis=(0, 1, -1)))
+    kept = worst <= 1.0
+    some = slice(None, None, _EVERY)
+    worst[kept] = np.maximum(
+        worst[kept], limits.ratio(q[some, kept], dq[some, kept], ddq[some, kept], _EVERY / PATH_RATE_HZ)
+    )
+    return worst
 
 
 def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactWindow | None:

@@ -185,6 +185,22 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
 
     Neighbouring links overlap by design and are left out, as is everything fixed to the same link.
     """
+    capsules, first, second = _pairs(tool)
+    ends = segments(poses, capsules)
+    radii = np.array([capsules[i].radius_m + capsules[j].radius_m for i, j in zip(first, second, strict=True)])
+    clearance = segment_distance(ends[..., first, :, :], ends[..., second, :, :]) - radii
+    names = tuple(f"{capsules[i].name} and {capsules[j].name}" for i, j in zip(first, second, strict=True))
+    return clearance, names
+
+
+def self_travel(poses: Array, tool: Tool) -> Array:
+    """Link poses (N, 9, 4, 4) -> (N - 1, P) metres by which each pair of `self_clearance` may come closer in a step."""
+    capsules, first, second = _pairs(tool)
+    travel = _travel(poses, capsules)
+    return np.asarray(travel[:, first] + travel[:, second])
+
+
+def _pairs(tool: Tool) -> tuple[tuple[Capsule, ...], list[int], list[int]]:
     capsules = (*ARM, *tool.capsules)
     pairs = [
         (i, j)
@@ -192,11 +208,12 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
         for j, b in enumerate(capsules)
         if i < j and _chain(b) - _chain(a) >= 2 and (a.link, b.link) not in ((5, 7), (1, 3), (3, 5))
     ]
-    ends = segments(poses, capsules)
-    first, second = [i for i, _ in pairs], [j for _, j in pairs]
-    radii = np.array([capsules[i].radius_m + capsules[j].radius_m for i, j in pairs])
-    clearance = segment_distance(ends[..., first, :, :], ends[..., second, :, :]) - radii
-    return clearance, tuple(f"{capsules[i].name} and {capsules[j].name}" for i, j in pairs)
+    return capsules, [i for i, _ in pairs], [j for _, j in pairs]
+
+
+def _travel(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
+    """Link poses (N, 9, 4, 4) -> (N - 1, C): how far the ends of each capsule go from one sample to the next."""
+    return np.asarray(np.linalg.norm(np.diff(segments(poses, capsules), axis=0), axis=-1).max(axis=-1))
 
 
 def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[str, ...]]:
@@ -204,11 +221,20 @@ def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[
 
     All that moves: the capsules of arm and tool, and the tool's points that may touch the table.
     """
-    points = tuple(Capsule(f"tip of {tool.name}", FLANGE, p, p, 0.0) for p in tool.points_F_m)
-    capsules = (*(c for c in (*ARM, *tool.capsules) if c.link >= 1), *points)
+    capsules = _moving(tool)
     radii = np.array([c.radius_m for c in capsules])
     clearance = box_distance(segments(poses, capsules), box.low_m, box.high_m) - radii
     return clearance, tuple(f"{c.name} and {box.name}" for c in capsules)
+
+
+def box_travel(poses: Array, tool: Tool) -> Array:
+    """Link poses (N, 9, 4, 4) -> (N - 1, C) metres by which what `box_clearance` looks at moves in a step."""
+    return _travel(poses, _moving(tool))
+
+
+def _moving(tool: Tool) -> tuple[Capsule, ...]:
+    points = tuple(Capsule(f"tip of {tool.name}", FLANGE, p, p, 0.0) for p in tool.points_F_m)
+    return (*(c for c in (*ARM, *tool.capsules) if c.link >= 1), *points)
 
 
 def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tuple[str, ...]]:

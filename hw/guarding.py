@@ -34,6 +34,7 @@ def check_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: Arra
     checks += [
         _speed(true, guard),
         *_search(true, cell.tool, cell.table),
+        *cell.contact_torques(path, guard.force_N),
         _plain("guard's force", cell.tool, guard.force_N, GUARD_SHARE * cell.stops_at_N),
         _plain("predicted contact force", cell.tool, force_N, contact_limit_N(cell.stops_at_N)),
     ]
@@ -50,7 +51,7 @@ def require_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: Ar
         )
     report = check_guarded(path, guard, cell, q_now_rad)
     refuse_beyond(report)
-    if not check_braking(path, cell.arm.limits).ok:
+    if not check_braking(path, cell.motion).ok:
         raise MotionRefused(f"{model}: this guarded motion has moments without a stop along it; slow it down")
     return report
 

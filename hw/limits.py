@@ -5,12 +5,24 @@ Every check reports its tightest moment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import KeepOut, Table, Tool, box_clearance, point_heights, self_clearance, table_clearance
+from hw.collision import (
+    KeepOut,
+    Table,
+    Tool,
+    box_clearance,
+    box_travel,
+    point_heights,
+    self_clearance,
+    self_travel,
+    table_clearance,
+)
 from hw.errors import MotionRefused
 from hw.joint_limits import DT_S, JointLimits, derivatives
 from hw.kinematics import JOINTS, link_poses
@@ -29,6 +41,8 @@ CONTACT_FORCE_N = 60.0
 COLLISION_SHARE = 0.8
 """Share of an arm's own collision threshold that a predicted contact may use."""
 GEOMETRY_STEP_S = 0.01
+SAG_M = 0.0005
+"""By so much two bodies may come nearer within a `GEOMETRY_STEP_S` than on straight lines: 13 m/s² make 0.2 mm each."""
 
 
 @dataclass(frozen=True)
@@ -120,13 +134,19 @@ def _rest(path: JointPath) -> Worst:
 
 
 def geometry_checks(path: JointPath, tool: Tool, table: Table, keep_out: tuple[KeepOut, ...]) -> list[Worst]:
-    """Self-collision, table and boxes, for a path of true joints."""
-    every = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ))
-    chosen = np.unique(np.append(np.arange(0, len(path.t_s), every), len(path.t_s) - 1))
-    poses, t_s = link_poses(path.q_rad[chosen]), path.t_s[chosen]
-    checks = [_clearance("self-collision", *self_clearance(poses, tool), SELF_CLEARANCE_M, t_s)]
-    checks.append(_clearance("table", *table_clearance(poses, tool, table), TABLE_CLEARANCE_M, t_s))
-    checks += [_clearance("keep-out", *box_clearance(poses, tool, box), KEEP_OUT_CLEARANCE_M, t_s) for box in keep_out]
+    """Self-collision, table and boxes, for a path of true joints.
+
+    What lies between two samples counts too: there, two bodies may be nearer than at either by half of what they move
+    from one to the other. Where that could matter, all samples of the path are looked at.
+    """
+    pairs, over = partial(self_clearance, tool=tool), partial(table_clearance, tool=tool, table=table)
+    checks = [
+        _swept("self-collision", path, SELF_CLEARANCE_M, pairs, partial(self_travel, tool=tool)),
+        _swept("table", path, TABLE_CLEARANCE_M, over, None),
+    ]
+    for box in keep_out:
+        near = partial(box_clearance, tool=tool, box=box)
+        checks.append(_swept("keep-out", path, KEEP_OUT_CLEARANCE_M, near, partial(box_travel, tool=tool)))
     if len(tool.points_F_m):
         checks.append(_depth(path, tool, table))
     return checks
@@ -162,6 +182,37 @@ def _depth(path: JointPath, tool: Tool, table: Table) -> Worst:
     i = int(np.argmax(depth / allowed))
     ratio = max(float(depth[i] / allowed[i]), 0.0)
     return Worst("depth in the table", ratio, tool.name, float(path.t_s[i]), float(depth[i]), float(allowed[i]), "m")
+
+
+Clearances = Callable[[Array], tuple[Array, tuple[str, ...]]]
+"""Link poses (N, 9, 4, 4) -> clearances (N, P) and names."""
+Travels = Callable[[Array], Array]
+"""Link poses (N, 9, 4, 4) -> (N - 1, P) by how much each of them may shrink in a step, at most."""
+
+
+def _swept(quantity: str, path: JointPath, least_m: float, clearances: Clearances, travels: Travels | None) -> Worst:
+    """The least clearance of a path, between its samples too. No `travels`: a clearance changes by itself alone."""
+    every, last = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ)), len(path.t_s) - 1
+    rows = np.unique(np.append(np.arange(0, last, every), last))
+    near, names = _between(path, rows, clearances, travels)
+    doubtful = np.flatnonzero(near.min(axis=1) < least_m + SAG_M)
+    if len(doubtful):
+        fine = np.unique(np.concatenate([np.arange(rows[i], rows[i + 1] + 1) for i in doubtful]))
+        closer, _ = _between(path, fine, clearances, travels)
+        closer[np.diff(fine) > 1] = np.inf  # between two stretches
+        near[doubtful] = np.inf
+        rows, near = np.concatenate([rows[:-1], fine[:-1]]), np.concatenate([near, closer])
+    return _clearance(quantity, near, names, least_m, path.t_s[rows])
+
+
+def _between(
+    path: JointPath, rows: Array, clearances: Clearances, travels: Travels | None
+) -> tuple[Array, tuple[str, ...]]:
+    """(N - 1, P) lower bounds of the clearances between chosen samples (N,), and the names."""
+    poses = link_poses(path.q_rad[rows])
+    clearance, names = clearances(poses)
+    travel = np.abs(np.diff(clearance, axis=0)) if travels is None else travels(poses)
+    return (clearance[:-1] + clearance[1:] - travel) / 2.0, names
 
 
 def _clearance(quantity: str, clearance: Array, names: tuple[str, ...], least_m: float, t_s: Array) -> Worst:

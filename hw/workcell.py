@@ -19,16 +19,22 @@ from hw.joint_limits import LIMITS, JointLimits
 from hw.kinematics import JOINTS
 from hw.limits import (
     LimitReport,
+    Worst,
     contact_checks,
     geometry_checks,
     joint_checks,
     refuse_beyond,
     start_check,
 )
+from hw.motion_limits import MotionLimits, contact_torque_check
 from hw.types import Array, JointPath, frozen_array
 
 STOPS_AT_N = 80.0
 """Where an arm stops by itself as it ships: the default of `hw.franka.settings`, and of the simulated lab."""
+
+
+STOPS_AT_NM = (60.0, 60.0, 54.0, 54.0, 10.0, 10.0, 10.0)
+"""The same for the torque on each joint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,26 +90,42 @@ class Workcell:
     table: Table  # where the table top is taken to be
     keep_out: tuple[KeepOut, ...]
     stops_at_N: float  # the contact force along any axis at which this arm stops by itself
+    stops_at_Nm: Array  # (7,) the same for the torque on each joint
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "stops_at_Nm", frozen_array(self.stops_at_Nm, (JOINTS,), "stopping torques"))
         if not self.stops_at_N > 0.0:
             raise ValueError(f"the arm stops by itself at {self.stops_at_N:g} N: this must be above 0")
 
+    @property
+    def motion(self) -> MotionLimits:
+        """What the arm may do with what it holds."""
+        return MotionLimits(self.arm.limits, self.arm.zeros_rad, self.tool.mass)
+
     def check(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
-        """Everything that an arm refuses: joint limits, rest, start, self-collision, boxes, table, contact.
+        """Everything that an arm refuses: limits of joints, torques and flange, rest, start, self-collision, boxes,
+        table, contact.
 
         `q_now_rad` (7,) is where the arm reports to be now; without it the start is not checked.
         """
         start = [] if q_now_rad is None else [start_check(path, q_now_rad)]
         geometry = geometry_checks(self.arm.true(path), self.tool, self.table, self.keep_out)
-        contact = contact_checks(path, self.tool, self.stops_at_N)
-        return LimitReport(self.arm.name, (*joint_checks(path, self.arm.limits), *start, *geometry, *contact))
+        contact = [*contact_checks(path, self.tool, self.stops_at_N), *self.contact_torques(path)]
+        joints = joint_checks(path, self.arm.limits)
+        return LimitReport(self.arm.name, (*joints, *self.motion.checks(path), *start, *geometry, *contact))
+
+    def contact_torques(self, path: JointPath, force_N: float | None = None) -> list[Worst]:
+        """What `force_N`, None: the force that `path` predicts, does to the joints. Nothing without a contact."""
+        if path.contact is None:
+            return []
+        felt_N = path.contact.force_N if force_N is None else force_N
+        return contact_torque_check(self.arm.true(path), self.tool, self.table, felt_N, self.stops_at_Nm)
 
     def require(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
         """`check`, and a stop along the path at any time. Raises MotionRefused with every broken limit."""
         report = self.check(path, q_now_rad)
         refuse_beyond(report)
-        stops = check_braking(path, self.arm.limits)
+        stops = check_braking(path, self.motion)
         if not stops.ok:
             late_s = float(stops.at_s[~np.isfinite(stops.duration_s)][0])
             raise MotionRefused(

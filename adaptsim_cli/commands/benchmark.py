@@ -44,6 +44,8 @@ def benchmark(
     resolved = config.load({"task": task, "workers": workers})
     screen = console.Screen(as_json=as_json)
     asked = wiring.asked(resolved, targets, methods, budget, seeds, checkpoints, out)
+    for name, why in asked.left_out:
+        screen.note(f"{name} is left out: {why}")
     with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
         found = wiring.benchmark(asked, crew, progress)
     document = page.write(found)

@@ -114,7 +114,9 @@ class PersonBeside:
     def facts(self) -> RigFacts:
         """See `Attendant`."""
         said = self.camera.facts() if isinstance(self.camera, _Telling) else None
-        return (self.scales.facts if self.scales else RigFacts()).model_copy(update={"camera": said})
+        return (self.scales.facts if self.scales else RigFacts()).model_copy(
+            update={"camera": said, "pedal": self.arm.pedal}
+        )
 
     def _home(self) -> None:
         """Where trials begin: slowly, around everything, from wherever the arm was left."""

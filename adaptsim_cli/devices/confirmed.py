@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from adaptsim_cli.devices.drivers import RealArm
 from adaptsim_cli.errors import StoppedByOperator
@@ -41,6 +41,11 @@ class ConfirmedArm(AroundArm[RealArm]):
         self._where, self._screen, self._pedal, self._table = where, screen, pedal, table
         self._now_s, self._pause = now_s, pause
         self._confirmed = False
+
+    @property
+    def pedal(self) -> Literal["held", "waived"]:
+        """Whether it moves only while its pedal is held."""
+        return "waived" if self._pedal is None else "held"
 
     def execute(self, path: JointPath) -> Execution:
         """Raises StoppedByOperator where it is not confirmed, MotionRefused where the pedal is not held in time."""

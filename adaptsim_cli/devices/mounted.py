@@ -99,7 +99,8 @@ def workcell(
 ) -> Workcell:
     """Where the arm of `rig` may move: `keep_out` comes on top of its boxes; `table` None: as the rig file has it."""
     arm = arm_model(rig.arm.model, zeros_rad)
-    return Workcell(arm, tool, table or rig.table.plane(), (*keep_out, *rig.boxes()), rig.arm.stops_at_N)
+    boxes = (*keep_out, *rig.boxes())
+    return Workcell(arm, tool, table or rig.table.plane(), boxes, rig.arm.stops_at_N, rig.arm.stops_at_Nm)
 
 
 def weighed(tool: Tool, part: ToolPart) -> Tool:

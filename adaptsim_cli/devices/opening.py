@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.drivers import Drivers
 from adaptsim_cli.devices.lab import Lab
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from sim.tasks.task import Task
 
@@ -18,7 +19,7 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None) -> Iter
 
     Sessions, calibrations and touch-offs plan with what the lab says of itself, and then ask it for what they need.
     There is no other way to a device. `drivers`: of a real lab's devices, None: the makers'. Raises WorldError,
-    UnknownName; of a real lab UsageError (rig file, no terminal).
+    UnknownName; of a real lab UsageError (rig file, no pedal and none waived, no terminal).
     """
     with ExitStack() as stack:
         yield _simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, stack)
@@ -37,5 +38,10 @@ def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack)
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 
     rig = rig_of(config, tasks_with_tools())
+    if rig.pedal is None and not rig.without_pedal:
+        raise UsageError(
+            f"{config.rig} names no enabling pedal, so nothing has moved. Name its port in [pedal] "
+            "(docs/guide/enable-pedal.md), or decide to go without: without_pedal = true, which every trial records"
+        )
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     return RealLab(task, rig, drivers or makers_drivers(), stack)

@@ -115,7 +115,7 @@ def _calibration(config: Config, places: Places) -> Finding:
 
 def _pedal(rig: RigDescription) -> Iterator[Finding]:
     if rig.pedal is None:
-        yield lab.no_pedal()
+        yield lab.no_pedal(waived=rig.without_pedal)
         return
     from hw.serial.enable_pedal import EnablePedal
     from hw.serial.pedal_protocol import VERSION

@@ -61,10 +61,13 @@ def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], .
         return missing(LEARNING, name, str(error), fix)
 
 
-def no_pedal() -> Finding:
-    """The advice for a rig file without a pedal."""
+def no_pedal(*, waived: bool) -> Finding:
+    """A rig file without a pedal: advice where it waives one, else the arm does not move."""
     fix = "docs/guide/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
-    return advice(DEVICES, "pedal", "the rig file names none: only the arm's own stop button ends a motion", fix)
+    if waived:
+        return advice(DEVICES, "pedal", "waived by the rig file: only the arm's own stop button ends a motion", fix)
+    fix += ", or say without_pedal = true"
+    return missing(DEVICES, "pedal", "the rig file names none, and the arm does not move", fix)
 
 
 def not_needed(names: tuple[str, ...]) -> tuple[Finding, ...]:

@@ -44,6 +44,7 @@ class Comparison:
     targets: tuple[str, ...]
     seeds: int
     tabled: bool  # whether trials were looked up in world tables
+    left_out: tuple[tuple[str, str], ...]  # methods that these checkpoints do not hold, and why
     defaults: tuple[str, ...]  # what `adaptsim` stands for in the checkpoints
     rows: tuple[Row, ...]
     summaries: tuple[SetSummary, ...]
@@ -55,6 +56,7 @@ class Comparison:
             "targets": list(self.targets),
             "seeds": self.seeds,
             "adaptsim": list(self.defaults),
+            "left_out": dict(self.left_out),
             "rows": [asdict(row) for row in self.rows],
             "summary": [asdict(summary) for summary in self.summaries],
             "report": str(self.folder / PAGE),

@@ -40,7 +40,7 @@ def cells(method: MethodSummary) -> tuple[str, ...]:
         between(method.ci95),
         signed(method.above_udr),
         between(method.above_udr_ci95),
-        "" if method.gap_closed is None else f"{method.gap_closed:.2f}",
+        "" if method.gap_closed is None else f"{method.gap_closed:.2f}".replace("-", MINUS),
         "" if method.worse_worlds is None else str(method.worse_worlds),
         worst,
     )

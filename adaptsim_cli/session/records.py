@@ -176,6 +176,7 @@ class RigFacts(Record):
 
     object_mass_kg: float | None = None
     weighed: str | None = None  # ISO 8601
+    pedal: Literal["held", "waived"] | None = None  # "waived": the rig file says without_pedal
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
 
 

@@ -44,6 +44,7 @@ class Asked:
     seeds: int
     checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
     out: Path | None
+    left_out: tuple[tuple[str, str], ...] = ()  # of "all": methods that these checkpoints do not hold, and why
 
     @property
     def plan(self) -> dict[str, Any]:
@@ -76,6 +77,7 @@ def asked(
     from sim.benchmark.jobs import COMPARED
     from sim.benchmark.sessions import Conditions
     from sim.benchmark.targets import targets_of
+    from sim.errors import CheckpointError
     from sim.tasks import get_task
 
     config = resolved.config
@@ -87,13 +89,20 @@ def asked(
         raise UsageError(f"--methods is empty: there is all, or any of {', '.join(COMPARED)}")
     names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
+    left_out = dict[str, str]()
     for name in chosen:
-        if name in METHODS:
-            for _, checkpoint in loaded:
+        try:
+            for _, checkpoint in loaded if name in METHODS else ():
                 make_method(name, task, checkpoint)
+        except CheckpointError as error:
+            if methods != "all":
+                raise
+            left_out[name] = str(error)
+    chosen = tuple(name for name in chosen if name not in left_out)
     conditions = Conditions(budget, config.particles)
     conditions.iterations(task)
-    return Asked(resolved, task, targets_of(task, _words(targets)), chosen, conditions, seeds, loaded, out)
+    found = targets_of(task, _words(targets))
+    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, tuple(left_out.items()))
 
 
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
@@ -120,6 +129,7 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
         targets=tuple(target.name for target in asked.targets),
         seeds=asked.seeds,
         tabled=any(table is not None for table in tables),
+        left_out=asked.left_out,
         defaults=tuple(dict.fromkeys(checkpoint.method for _, checkpoint in asked.checkpoints)),
         rows=tuple(rows),
         summaries=summarise(rows),

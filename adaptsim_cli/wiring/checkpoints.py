@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli.config import Config, places
+from adaptsim_cli.config import Config, Resolved, places
+from adaptsim_cli.errors import UsageError
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -95,6 +96,25 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
             for f in figures
         ],
     }
+
+
+def repair(
+    resolved: Resolved, out: Path | None, steps: int, progress: Callable[[str, int, int], None]
+) -> dict[str, Any]:
+    """Add the policy of `adaptsim-attainable` to a copy of the settings' checkpoint; for JSON.
+
+    Raises CheckpointError, UsageError where the copy would overwrite something.
+    """
+    from sim.pretraining.attainable import repair
+
+    checkpoint, seed = checkpoint_of(resolved.config), resolved.config.seed
+    name = f"{checkpoint.solver.task.name}-{checkpoint.path.name}-repaired-steps{steps}-seed{seed}"
+    folder = (out or resolved.places.pretraining / name / "checkpoint").absolute()
+    if folder.exists():
+        raise UsageError(f"{folder} exists already: use it, or name another --out")
+    path, _ = repair(checkpoint, folder, seed, steps, progress)
+    learnt = checkpoint_card(checkpoint.solver.task.name, path)["attainable"]
+    return {"checkpoint": str(path), "task": checkpoint.solver.task.name, **learnt}
 
 
 def list_checkpoints() -> list[dict[str, str]]:

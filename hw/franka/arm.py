@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Self
 
+import numpy as np
+
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.checks import PathCheck, back_from, until
@@ -47,12 +49,18 @@ class FrankaArm:
         *,
         pedal: Pedal | None = None,
     ) -> None:
-        """Raises ValueError where `cell` and `settings` do not agree on the force at which the arm stops by itself."""
+        """Raises ValueError where `cell` and `settings` do not agree on where the arm stops by itself."""
         stops_at_N = settings.collision.contact_force_limit_N
         if abs(cell.stops_at_N - stops_at_N) > 1e-9:
             raise ValueError(
                 f"the workcell has the {cell.arm.name} stop by itself at {cell.stops_at_N:g} N, its settings at "
                 f"{stops_at_N:g} N: give both the same"
+            )
+        stops_at_Nm = settings.collision.torque_collision_Nm
+        if np.abs(cell.stops_at_Nm - stops_at_Nm).max() > 1e-9:
+            raise ValueError(
+                f"the workcell has the {cell.arm.name} stop by itself at {cell.stops_at_Nm.tolist()} Nm, its settings "
+                f"at {stops_at_Nm.tolist()} Nm: give both the same"
             )
         self._cell, self._model, self._start, self._pedal = cell, cell.arm.name, start, pedal
         self._player: Player | None = None
@@ -160,7 +168,8 @@ class FrankaArm:
         reading = self._reading()
         refuse_while_stopped(self._stopped_by() or reading.unwilling)
         check(path, frozen_array(reading.q_rad))
-        motion = motion_of(from_held(path, frozen_array(reading.q_held_rad), self._model, check, fade_s), self._model)
+        held_rad = frozen_array(reading.q_held_rad)
+        motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
         if self._pedal is not None and not self._pedal.enabled():
             raise MotionRefused(
                 f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
@@ -174,7 +183,7 @@ class FrankaArm:
         assert self._player is not None
         try:
             held_rad = frozen_array(self._player.reading().q_held_rad)
-            motion = way_back(played, path, held_rad, self._model, check)
+            motion = way_back(played, path, held_rad, self._cell.motion, check)
         except Failure as failure:
             raise self._error(failure, moving=True) from failure
         except MotionRefused as error:

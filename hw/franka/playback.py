@@ -2,22 +2,23 @@
 
 The path is followed on the arm's own clock: after a lost cycle the next sample is the one that is due, not the next
 in line. A stop bends the path's time as `hw.braking` does, from the next moment for which a stop within the limits was
-found beforehand. At the end the last sample is held until the arm stands still. A guarded motion stops itself so, in
-the cycle in which its detector has felt a touch.
+found beforehand; each cycle computes one sample of it. At the end the last sample is held until the arm stands still.
+A guarded motion stops itself so, in the cycle in which its detector has felt a touch.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from hw.braking import check_braking, joint_spline, path_time
+from hw.braking import check_braking, joint_spline
 from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
-from hw.joint_limits import LIMITS
+from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, JointPath
 
 STOPS_EVERY_S = 0.01
@@ -44,14 +45,14 @@ class PlayableMotion:
     stop_s: Array  # (K,) duration of the time scaling
 
 
-def motion_of(path: JointPath, model: str) -> PlayableMotion:
+def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
     """Raises MotionRefused if the path cannot be stopped within the limits every now and then."""
-    stops = check_braking(path, LIMITS[model], STOPS_EVERY_S)
+    stops = check_braking(path, limits, STOPS_EVERY_S)
     known = np.isfinite(stops.duration_s)
     at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
     if not known[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
         raise MotionRefused(
-            f"{model}: there are moments from which no stop along the path keeps the limits within "
+            f"{limits.model}: there are moments from which no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
     return PlayableMotion(path, at, stops.duration_s[known])
@@ -91,8 +92,10 @@ class Playback:
         detector: Detector | None = None,
     ) -> None:
         self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
-        self.spline = joint_spline(motion.path)
-        self._samples = motion.path.q_rad.tolist()  # what is commanded; the tail is replaced by a stop
+        self._samples = motion.path.q_rad.tolist()  # what is commanded where no stop is
+        self._last = len(self._samples) - 1  # tick of the last sample, of the path or of its stop
+        self._between = _Between(motion.path)
+        self._stop_at, self._stop_ticks = motion.stop_at.astype(int).tolist(), _ticks(motion.stop_s)
         longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
         self._t, self._clock_s = np.zeros(longest), np.zeros(longest)
         self._q_c, self._q, self._dq, self._torque = (np.zeros((longest, 7)) for _ in range(4))
@@ -106,14 +109,17 @@ class Playback:
         tick, row = self._tick, self._rows
         touched = self._felt(tick, row, state)
         if not self._reason:
-            self._reason = (self._wanted() if tick < len(self._samples) - 1 else "") or touched
+            self._reason = (self._wanted() if tick < self._last else "") or touched
             if self._reason:
                 self._wanted_at = row
                 self._brake(tick)
-        last = len(self._samples) - 1
-        q = self._samples[min(tick, last)]
-        if self._braked_at < 0 <= self._stop_tick < tick:
-            self._braked_at = row
+        last = self._last
+        if 0 <= self._stop_tick < tick:
+            q = self._between.at(_slowed(min(tick, last) - self._stop_tick, self._stop_tick, last - self._stop_tick))
+            if self._braked_at < 0:
+                self._braked_at = row
+        else:
+            q = self._samples[min(tick, last)]
         self._t[row], self._clock_s[row], self._q_c[row] = tick / PATH_RATE_HZ, self._clock(), q
         self._q[row], self._dq[row] = state.q, state.dq
         self._rows = row + 1
@@ -140,17 +146,46 @@ class Playback:
         return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 
     def _brake(self, tick: int) -> None:
-        motion = self._motion
-        i = int(np.searchsorted(motion.stop_at, tick + 1))
-        if i == len(motion.stop_at):  # the end is nearer than the next moment to brake
+        i = bisect_left(self._stop_at, tick + 1)
+        if i == len(self._stop_at):  # the end is nearer than the next moment to brake
             return
-        at = int(motion.stop_at[i])
-        s = path_time(np.array([at / PATH_RATE_HZ]), float(motion.stop_s[i]))[0]
-        s = s[s.size - round(motion.stop_s[i] * PATH_RATE_HZ) :]
-        self._samples[at + 1 :] = self.spline(np.minimum(s, motion.path.duration_s)).tolist()
-        self._stop_tick = at
+        self._stop_tick = self._stop_at[i]
+        self._last = self._stop_tick + self._stop_ticks[i]
 
     def _stands(self, row: int, held: int) -> bool:
         still = max(map(abs, self._dq[row].tolist())) < STILL_RAD_S
         self._still = self._still + 1 if still else 0
         return self._still >= STILL_CYCLES or held >= HOLD_S * PATH_RATE_HZ
+
+
+def _ticks(duration_s: Array) -> list[int]:
+    return [round(one * PATH_RATE_HZ) for one in duration_s.tolist()]
+
+
+def _slowed(step: int, at: int, steps: int) -> float:
+    """Path time, in samples, so many cycles into a stop that begins at sample `at` and takes `steps`.
+
+    `hw.braking.path_time` of one moment, in plain floats.
+    """
+    u = step / steps
+    return at + step - steps * u**4 * (2.5 - 3.0 * u + u**2)
+
+
+class _Between:
+    """A path between its samples, as `hw.braking.joint_spline` has it, for one moment at a time in plain floats."""
+
+    def __init__(self, path: JointPath) -> None:
+        spline = joint_spline(path)
+        scaled = spline.c / PATH_RATE_HZ ** np.arange(3, -1, -1)[:, None, None]
+        self._pieces: list[list[list[float]]] = np.moveaxis(
+            scaled, 0, -1
+        ).tolist()  # per piece and joint: the factors of u³, u², u, 1
+        self._end: list[float] = path.q_rad[-1].tolist()
+
+    def at(self, sample: float) -> list[float]:
+        """The joints (7,) at a path time in samples, held at the end."""
+        piece = int(sample)
+        if piece >= len(self._pieces):
+            return self._end
+        u = sample - piece
+        return [((a * u + b) * u + c) * u + d for a, b, c, d in self._pieces[piece]]

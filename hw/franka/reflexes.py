@@ -1,53 +1,226 @@
-"""Why a Franka arm stopped by itself, in words, and what to do. Names as in libfranka's `Errors`."""
+"""Why a Franka arm stopped by itself, in words, and what to do. Names as in libfranka's `Errors`.
+
+Every error of both arms has words of its own: what happened, what to look at, what to do. What an error means is said
+by the maker in the documentation of `franka::Errors`. We command joint positions, so an error of Cartesian commands, of
+elbows or of the arm's own movements can only come from another program or from a task in Desk, and its words say so.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-_PATH = "the arm found the commanded motion itself wrong: keep the session's record and report it"
-_TOUCH = "look what it touched, clear it, and check payload and collision thresholds in the rig file"
-_LIMIT = "recover it, guide it by hand away from the limit, and let the next motion be planned from there"
 
-REASONS: dict[str, tuple[str, str]] = {
-    "joint_position_limits_violation": ("a joint reached the end of its range", _LIMIT),
-    "cartesian_position_limits_violation": ("the tool left the workspace set in Desk", _LIMIT),
-    "self_collision_avoidance_violation": ("the arm came too close to itself", _LIMIT),
-    "joint_velocity_violation": ("a joint moved too fast", _PATH),
-    "cartesian_velocity_violation": ("the tool moved too fast", _PATH),
-    "force_control_safety_violation": ("the force control left its safe range", _PATH),
-    "joint_reflex": ("a joint felt more torque than the collision threshold", _TOUCH),
-    "cartesian_reflex": ("the tool felt more force than the collision threshold", _TOUCH),
-    "max_goal_pose_deviation_violation": ("the arm did not come close enough to its goal", _TOUCH),
-    "max_path_pose_deviation_violation": ("the arm was pushed off its path", _TOUCH),
-    "cartesian_velocity_profile_safety_violation": ("the tool's speed left its safe range", _PATH),
-    "joint_position_motion_generator_start_pose_invalid": ("the path did not start where the arm was", _PATH),
-    "joint_motion_generator_position_limits_violation": ("the path left the range of a joint", _PATH),
-    "joint_motion_generator_velocity_limits_violation": ("the path was too fast for a joint", _PATH),
-    "joint_motion_generator_velocity_discontinuity": ("the commanded speed jumped as after lost cycles", ""),
-    "joint_motion_generator_acceleration_discontinuity": (
-        "the commanded acceleration jumped as after lost cycles",
-        "",
+@dataclass(frozen=True)
+class Reason:
+    """One error of the arm."""
+
+    happened: str
+    look: str  # at what, and what it should be
+    do: str
+
+
+_RECOVER = "then recover; the next motion is planned from where the arm is"
+_REPORT = "recover; if it comes again, keep the session's record and report it"
+_ELSEWHERE = "this program commands joints alone: look for another program, or a task in Desk, that moves the arm"
+_END_IT = "end it, then recover"
+_FREE = "recover, guide the arm by hand away from there, and run the same command again"
+
+_REAL_TIME = (
+    "check real-time kernel, rtprio, CPU governor and cable (docs/guide/arms.md), let nothing else run, then recover"
+)
+
+REASONS: dict[str, Reason] = {
+    "joint_position_limits_violation": Reason(
+        "a joint reached the end of its range",
+        "look which joint stands at its stop, and whether somebody pushed the arm there",
+        "recover (where Desk asks for it, by its recovery of joint limits), guide that joint towards its middle, and "
+        "run the same command again",
     ),
-    "controller_torque_discontinuity": ("the commanded torque jumped", _PATH),
-    "communication_constraints_violation": ("too many control cycles came late", ""),
-    "power_limit_violation": ("the arm needed too much power", "move slower, check the payload"),
-    "tau_j_range_violation": ("a joint's torque sensor left its range", _TOUCH),
-    "instability_detected": ("the arm began to oscillate", "check payload and impedance in the rig file"),
-    "joint_move_in_wrong_direction": ("a joint outside of its range was moved further out", _LIMIT),
+    "cartesian_position_limits_violation": Reason(
+        "the tool left the workspace that is set in Desk",
+        "look at the workspace limits in Desk: they must hold the whole table and the home posture",
+        _FREE,
+    ),
+    "self_collision_avoidance_violation": Reason(
+        "the arm came too close to itself",
+        "look whether the tool is longer, or mounted otherwise, than the rig file says",
+        _FREE,
+    ),
+    "joint_velocity_violation": Reason(
+        "a joint moved faster than it may",
+        "look whether somebody or something pushed the arm; the commanded speeds were within the limits",
+        f"clear the way, {_RECOVER}",
+    ),
+    "cartesian_velocity_violation": Reason(
+        "the tool moved faster than it may",
+        "look in Desk at the end effector: a centre far from the flange moves faster than the flange, whose speed is "
+        "checked",
+        f"correct it there, {_RECOVER}",
+    ),
+    "force_control_safety_violation": Reason("the arm's force control left its safe range", _ELSEWHERE, _END_IT),
+    "joint_reflex": Reason(
+        "a joint felt more torque than the collision threshold",
+        "look what it touched; where that was nothing, compare the payload in the rig file with what the hand holds",
+        f"clear it, or correct payload and collision thresholds in the rig file, {_RECOVER}",
+    ),
+    "cartesian_reflex": Reason(
+        "the tool felt more force than the collision threshold",
+        "look what the tool touched, and whether the table lies where the touch-off found it",
+        f"clear it, repeat the touch-off where table or tool have moved, {_RECOVER}",
+    ),
+    "max_goal_pose_deviation_violation": Reason(
+        "the arm did not come close enough to the end of its motion",
+        "look whether something held it back, and compare payload and impedance in the rig file with the arm",
+        f"clear the way, {_RECOVER}",
+    ),
+    "max_path_pose_deviation_violation": Reason(
+        "the arm was pushed off its path",
+        "look what stood in the way, or who pushed",
+        f"clear the way, {_RECOVER}",
+    ),
+    "cartesian_velocity_profile_safety_violation": Reason(
+        "the tool was faster than the arm's safety controller allows at that place",
+        "look in Desk at the safety settings: a reduced speed of the tool makes every motion a fault",
+        f"set a speed that the motions need, or run slower ones, {_RECOVER}",
+    ),
+    "joint_position_motion_generator_start_pose_invalid": Reason(
+        "the motion did not begin where the arm was",
+        "look whether somebody moved the arm between the check and the motion",
+        f"hands off the arm, {_RECOVER}",
+    ),
+    "joint_motion_generator_position_limits_violation": Reason(
+        "a commanded joint lay beyond the end of its range",
+        "look whether the rig file names the right model: panda and fr3 have different ranges",
+        f"correct arm.model; otherwise {_REPORT}",
+    ),
+    "joint_motion_generator_velocity_limits_violation": Reason(
+        "a joint was commanded faster than it may move",
+        "look whether the rig file names the right model: panda and fr3 have different limits",
+        f"correct arm.model; otherwise {_REPORT}",
+    ),
+    "joint_motion_generator_velocity_discontinuity": Reason(
+        "the commanded speed jumped, as after lost cycles",
+        "look at the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
+        _REAL_TIME,
+    ),
+    "joint_motion_generator_acceleration_discontinuity": Reason(
+        "the commanded acceleration jumped, as after lost cycles",
+        "look at the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
+        _REAL_TIME,
+    ),
+    "cartesian_position_motion_generator_start_pose_invalid": Reason(
+        "a Cartesian motion did not begin where the tool was", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_elbow_limit_violation": Reason(
+        "a Cartesian motion moved the elbow beyond its range", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_velocity_limits_violation": Reason(
+        "a Cartesian motion was commanded too fast", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_velocity_discontinuity": Reason(
+        "the commanded speed of a Cartesian motion jumped", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_acceleration_discontinuity": Reason(
+        "the commanded acceleration of a Cartesian motion jumped", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_elbow_sign_inconsistent": Reason(
+        "a Cartesian motion asked for the elbow on its other side", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_start_elbow_invalid": Reason(
+        "a Cartesian motion began with another elbow than the arm's", _ELSEWHERE, _END_IT
+    ),
+    "force_controller_desired_force_tolerance_violation": Reason(
+        "the arm's force control could not hold the force that it was asked for", _ELSEWHERE, _END_IT
+    ),
+    "start_elbow_sign_inconsistent": Reason(
+        "a motion began with the elbow on another side than the arm's", _ELSEWHERE, _END_IT
+    ),
+    "communication_constraints_violation": Reason(
+        "too many control cycles came late, twenty in a row or too many in all",
+        "look at the success rate of earlier trials, and at what else the computer does: the computer did not keep up",
+        _REAL_TIME,
+    ),
+    "power_limit_violation": Reason(
+        "the arm needed more power than it may",
+        "look whether the payload in the rig file is what the hand holds, and what held the arm back",
+        f"correct it, or take a slower action, {_RECOVER}",
+    ),
+    "cartesian_motion_generator_joint_position_limits_violation": Reason(
+        "a Cartesian motion led a joint beyond its range", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_joint_velocity_limits_violation": Reason(
+        "a Cartesian motion made a joint too fast", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_joint_velocity_discontinuity": Reason(
+        "a Cartesian motion made the speed of a joint jump", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_motion_generator_joint_acceleration_discontinuity": Reason(
+        "a Cartesian motion made the acceleration of a joint jump", _ELSEWHERE, _END_IT
+    ),
+    "cartesian_position_motion_generator_invalid_frame": Reason(
+        "a Cartesian motion was commanded with a pose that is none", _ELSEWHERE, _END_IT
+    ),
+    "controller_torque_discontinuity": Reason(
+        "the torque of the arm's controller jumped",
+        "look at the joint impedance in the rig file and at the success rate: a stiff arm does this, lost cycles too",
+        f"return to the default impedance, {_RECOVER}",
+    ),
+    "joint_p2p_insufficient_torque_for_planning": Reason(
+        "the arm has not enough torque for a movement that it planned by itself",
+        f"look at the payload in Desk and in the rig file; {_ELSEWHERE}",
+        _END_IT,
+    ),
+    "tau_j_range_violation": Reason(
+        "a joint's torque left the range of its sensor",
+        "look what the arm pushed against, and whether the hand holds more than the payload in the rig file says",
+        f"clear it, correct the payload, {_RECOVER}",
+    ),
+    "instability_detected": Reason(
+        "the arm began to oscillate",
+        "look at the joint impedance and the payload in the rig file, and at how firmly arm and table stand",
+        f"return to the default impedance, fasten what is loose, {_RECOVER}",
+    ),
+    "joint_move_in_wrong_direction": Reason(
+        "a joint beyond its range was moved further out",
+        "look which joint stands beyond its range (Desk shows it)",
+        _FREE,
+    ),
+    "cartesian_spline_motion_generator_violation": Reason(
+        "a movement of the arm's own along a curve of the tool could not be made", _ELSEWHERE, _END_IT
+    ),
+    "joint_via_motion_generator_planning_joint_limit_violation": Reason(
+        "a movement of the arm's own through given joints would have left their range", _ELSEWHERE, _END_IT
+    ),
+    "base_acceleration_initialization_timeout": Reason(
+        "the sensor of the base's acceleration did not start in time",
+        "look at the arm's light and at its page in Desk for an error of the hardware",
+        "switch the arm off and on, unlock it and activate FCI; if it comes again, ask the maker's support",
+    ),
+    "base_acceleration_invalid_reading": Reason(
+        "the sensor of the base's acceleration gave no valid value",
+        "look whether the base stands firmly: a knock or a table that shakes is felt there",
+        "fasten the base; if it comes again, switch the arm off and on, and ask the maker's support",
+    ),
 }
 
-REAL_TIME = (
-    "the computer did not keep up: check the real-time kernel, rtprio, the CPU governor and the cable to the arm "
-    "(docs/guide/arms.md), and let nothing else run"
-)
+
+def reason(name: str) -> Reason:
+    """The words for an error, also for one that only a later arm knows."""
+    return REASONS.get(name) or Reason(
+        name.replace("_", " "),
+        "this error is unknown to the program: look at the arm's page in Desk",
+        "do what is said there, then recover",
+    )
 
 
 def in_words(names: Iterable[str]) -> str:
-    """Names of reflexes -> what happened and what to do, once each; empty for no names."""
-    names = tuple(names)
-    happened = [f"{REASONS[n][0] if n in REASONS else n.replace('_', ' ')} ({n})" for n in names]
-    remedies = dict.fromkeys((REASONS[n][1] or REAL_TIME) if n in REASONS else _PATH for n in names)
-    return "; ".join((", and ".join(happened), *remedies)) if names else ""
+    """Names of errors -> what happened, what to look at, what to do, each once; empty for no names."""
+    found = {name: reason(name) for name in names}
+    happened = [f"{one.happened} ({name})" for name, one in found.items()]
+    looks = dict.fromkeys(one.look for one in found.values())
+    does = dict.fromkeys(one.do for one in found.values())
+    return "; ".join((", and ".join(happened), *looks, *does)) if found else ""
 
 
 BY_HAND = ("UserStopped", "Guiding")

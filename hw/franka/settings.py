@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hw.motion_limits import RATED_NM
 from hw.types import Array, frozen_array
-from hw.workcell import STOPS_AT_N
+from hw.workcell import STOPS_AT_N, STOPS_AT_NM
 
 HIGHEST_PAYLOAD_KG = 3.0
 """What both arms may carry, hand included (the maker's data sheets)."""
@@ -19,9 +20,8 @@ HIGHEST_PAYLOAD_KG = 3.0
 STIFFEST_NM_RAD = 14250.0
 """Highest joint impedance that the arm takes (libfranka, `setJointImpedance`)."""
 
-MOST_TORQUE_NM = 100.0
 MOST_FORCE_N = 100.0
-"""Above these a collision threshold would never stop anything (the joints give 87 and 12 Nm)."""
+"""Above this a collision threshold would never stop anything."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +50,12 @@ class Payload:
 class CollisionThresholds:
     """From `contact` on the arm reports a contact, from `collision` on it stops with a reflex.
 
-    The same values hold while it accelerates. The defaults are the maker's example times one and times three; the
-    deepest contact that `hw.limits` lets through (60 N) loads joint 2 with 42 Nm at 0.7 m.
+    The same values hold while it accelerates. Every joint's are below what it gives (`RATED_NM`): one that is not would
+    never stop anything. The defaults of joints 1 to 4 are the maker's example times one and times three.
     """
 
-    torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 16.0, 14.0, 12.0]))
-    torque_collision_Nm: Array = field(default_factory=lambda: np.array([60.0, 60.0, 54.0, 54.0, 48.0, 42.0, 36.0]))
+    torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 8.0, 8.0, 8.0]))
+    torque_collision_Nm: Array = field(default_factory=lambda: np.array(STOPS_AT_NM))
     force_contact_N: Array = field(default_factory=lambda: np.array([20.0, 20.0, 20.0, 25.0, 25.0, 25.0]))
     force_collision_N: Array = field(default_factory=lambda: np.array([*[STOPS_AT_N] * 3, 40.0, 40.0, 40.0]))
     # (6,): force along X, Y, Z in N and moment about them in Nm, on the tool
@@ -63,10 +63,10 @@ class CollisionThresholds:
     def __post_init__(self) -> None:
         """Raises ValueError: not above 0, too high to stop anything, or contact above collision."""
         for name, size, most in (
-            ("torque_contact_Nm", 7, MOST_TORQUE_NM),
-            ("torque_collision_Nm", 7, MOST_TORQUE_NM),
-            ("force_contact_N", 6, MOST_FORCE_N),
-            ("force_collision_N", 6, MOST_FORCE_N),
+            ("torque_contact_Nm", 7, RATED_NM),
+            ("torque_collision_Nm", 7, RATED_NM),
+            ("force_contact_N", 6, np.full(6, MOST_FORCE_N)),
+            ("force_collision_N", 6, np.full(6, MOST_FORCE_N)),
         ):
             _positive(self, name, size, most)
         for kind, unit in (("torque", "Nm"), ("force", "N")):
@@ -102,12 +102,17 @@ class FrankaSettings:
                 f"address of the arm {self.host!r}: give the name or IP address alone, without https:// or a port, "
                 "for example 172.16.0.2"
             )
-        _positive(self, "joint_impedance_Nm_rad", 7, STIFFEST_NM_RAD)
+        _positive(self, "joint_impedance_Nm_rad", 7, np.full(7, STIFFEST_NM_RAD))
 
 
-def _positive(owner: object, name: str, size: int, most: float) -> None:
+def _positive(owner: object, name: str, size: int, most: Array) -> None:
     value: ArrayLike = getattr(owner, name)
     array = frozen_array(value, (size,), name)
     if not ((array > 0.0) & (array <= most)).all():
-        raise ValueError(f"{name} {array.tolist()}: every value must be above 0 and at most {most:g}")
+        limits = ", ".join(f"{value:g}" for value in dict.fromkeys(most.tolist()))
+        where = int(np.flatnonzero(~((array > 0.0) & (array <= most)))[0])
+        raise ValueError(
+            f"{name} {array.tolist()}: every value must be above 0 and at most {limits}; value {where + 1} is "
+            f"{array[where]:g}, its limit {most[where]:g}"
+        )
     object.__setattr__(owner, name, array)

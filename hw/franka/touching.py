@@ -9,7 +9,7 @@ from hw.franka.checks import PathCheck
 from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
 from hw.franka.starting import SLOW_FADE_S, from_held
 from hw.guarding import withdrawal
-from hw.joint_limits import LIMITS
+from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, Contact, JointPath
 
 
@@ -33,12 +33,14 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
     return Contact(float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm)
 
 
-def way_back(played: Played, path: JointPath, q_held_rad: Array, model: str, check: PathCheck) -> PlayableMotion:
+def way_back(
+    played: Played, path: JointPath, q_held_rad: Array, limits: MotionLimits, check: PathCheck
+) -> PlayableMotion:
     """From where a motion along `path` has ended to its start, the way it came, begun at the held joints (7,).
 
     Lost cycles of the way there are not repeated. Raises MotionRefused.
     """
-    there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, LIMITS[model])
+    there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
     back = withdrawal(there)
     check(back)
-    return motion_of(from_held(back, q_held_rad, model, check, SLOW_FADE_S), model)
+    return motion_of(from_held(back, q_held_rad, limits.model, check, SLOW_FADE_S), limits)

@@ -12,7 +12,8 @@ from hw.errors import DeviceUnavailable
 from hw.serial.pedal_protocol import SILENCE_S, PedalState
 
 BAUD = 115_200
-_GREETING_S = 0.5
+_GREETING_S = 3.0
+"""The longest wait for the first line: an Arduino restarts when its port is opened, which takes it 1.2 s and more."""
 
 
 class EnablePedal:
@@ -77,5 +78,5 @@ class EnablePedal:
                 self._heard.set()
                 return
             self._state = self._state.feed(data, time.monotonic())
-            if self._state.last is not None:
+            if self._state.last is not None or self._state.other_version:
                 self._heard.set()

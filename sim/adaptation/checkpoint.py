@@ -47,6 +47,7 @@ MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
 """Of the tensors of the adaptation policies."""
+ATTAINABLE = "q_attainable."
 PROSPECTS = "prospects."
 PAPERS = "adaptsim-iteration"
 """The paper's method: what a card stands for that names none."""
@@ -65,6 +66,7 @@ class Checkpoint:
     networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
     prospects: Prospects | None  # None where the solver is NAF's, which has no answers without simulating
     method: str  # what "adaptsim" stands for
+    attainable: QNetwork | None = None  # the paper's policy, learnt with a threshold that can be reached
 
     @property
     def naf(self) -> Mapping[str, Any] | None:
@@ -84,6 +86,7 @@ def save_checkpoint(
     networks: Mapping[MemoryName, QNetwork],
     facts: Mapping[str, Any],
     prospects: Prospects | None = None,
+    attainable: QNetwork | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
@@ -93,6 +96,8 @@ def save_checkpoint(
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     for memory, network in networks.items():
         tensors |= {f"{PREFIXES[memory]}{name}": t.detach() for name, t in network.state_dict().items()}
+    if attainable is not None:
+        tensors |= {f"{ATTAINABLE}{name}": t.detach() for name, t in attainable.state_dict().items()}
     if prospects is not None:
         tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
     save_tensors(folder / MODEL, tensors)
@@ -128,6 +133,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     tensors = load_tensors(path / MODEL)
     parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
     ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
+    attainable = _part(tensors, ATTAINABLE)
     if method not in DEFAULTS:
         raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
     by_naf = card.get("solver") == "naf"
@@ -140,6 +146,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
         prospects=restore_prospects(task, ahead) if ahead else None,
         method=method,
+        attainable=restore_policy(task, "iteration", attainable) if attainable else None,
     )
 
 

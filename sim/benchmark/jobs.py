@@ -31,7 +31,7 @@ LIMITS = (ORACLE, BEST_ACTION)
 COMPARED = (*METHODS, *LIMITS)
 
 WITHOUT_SIMULATION = ("learn-in-target",)
-LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")
+LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history", "adaptsim-attainable")
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ class LabArm:
             self._simulate(path.t_s[keep], path.q_rad[keep])
             raise self._stopped(ArmFault, f"reflex {stop_s:.3f} s into the path: an external force was too large")
         if self._comes("pedal_release"):
-            braked = brake(path, stop_s, self._cell.arm.limits)
+            braked = brake(path, stop_s, self._cell.motion)
             self._simulate(braked.t_s, braked.q_rad)
             raise self._stopped(StoppedByPedal, f"the pedal was released {stop_s:.3f} s into the path")
         return self._simulate(path.t_s, path.q_rad)

@@ -150,7 +150,7 @@ class _FeelingArm:
         self._touches += 1
         faults = self._world.faults
         if self._touches in faults.pedal_release:
-            braked = brake(path, path.duration_s / 2.0, self._workcell.arm.limits)
+            braked = brake(path, path.duration_s / 2.0, self._workcell.motion)
             self._moved_to(braked.q_rad[-1], braked.duration_s)
             raise self._stopped(StoppedByPedal, f"the pedal was released {path.duration_s / 2.0:.2f} s into the path")
         if self._touches in faults.arm_reflex:
@@ -189,7 +189,7 @@ class _FeelingArm:
             at = detector.feed(pieces[-1].t_s, pieces[-1].q_rad, pieces[-1].torque_Nm)
             if at is not None:
                 stop_s = float(pieces[-1].t_s[-1])
-                braked = brake(path, stop_s, self._workcell.arm.limits)
+                braked = brake(path, stop_s, self._workcell.motion)
                 cell.follow(_moved(braked, unseen))
                 last = cell.advance(PIECE_S * np.ceil((braked.duration_s + 0.1) / PIECE_S))
                 after = self._measured(last, unseen, bias_Nm, rng)

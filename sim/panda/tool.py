@@ -12,7 +12,7 @@ from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Tool
 from hw.kinematics import FLANGE
 from hw.mass import Mass
 from hw.types import Array
-from hw.workcell import STOPS_AT_N, Workcell, arm_model
+from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 
 
 class Held(Protocol):
@@ -62,4 +62,4 @@ def tool_of(hardware: Held) -> Tool:
 
 def cell_as_shipped(hardware: Held, model: str) -> Workcell:
     """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
-    return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N)
+    return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N, np.array(STOPS_AT_NM))

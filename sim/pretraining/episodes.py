@@ -75,7 +75,7 @@ class Episodes:
     rewards: Array  # (E, P, H + 1) expected
     directions: Array  # (E, P, H, p) in {-1, 0, 1}
 
-    def transitions(self, task: Task, memory: MemoryName) -> Transitions:
+    def transitions(self, task: Task, memory: MemoryName, threshold: float | None = None) -> Transitions:
         """Every step of every particle, as a policy with this memory sees it, with the sparse reward."""
         horizon = self.directions.shape[2]
         states = [encode(task, memory, self._seen(t)) for t in range(horizon + 1)]
@@ -87,7 +87,7 @@ class Episodes:
         return Transitions(
             state=np.concatenate(states[:-1]),
             directions=flat(self.directions).astype(np.int_),
-            reward=sparse(task, flat(self.rewards[:, :, 1:])),
+            reward=sparse(task, flat(self.rewards[:, :, 1:]), threshold),
             next_state=np.concatenate(states[1:]),
         )
 
@@ -101,9 +101,9 @@ def join_episodes(parts: Sequence[Episodes]) -> Episodes:
     return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
 
 
-def sparse(task: Task, rewards: Array) -> Array:
-    """Only rewards that reach the threshold count (paper, eq. A1)."""
-    return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
+def sparse(task: Task, rewards: Array, threshold: float | None = None) -> Array:
+    """Only rewards that reach the threshold, by default the task's, count (paper, eq. A1)."""
+    return np.where(rewards >= (task.adaptation.threshold if threshold is None else threshold), rewards, 0.0)
 
 
 def simulated_trials(

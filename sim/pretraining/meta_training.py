@@ -64,10 +64,12 @@ def train_adaptation(
     seed: int,
     progress: Callable[[int, int], None] | None = None,
     log: Log = silent,
+    threshold: float | None = None,
 ) -> tuple[QNetwork, MetaCurve, Episodes]:
     """The paper's adaptation policy after `steps` adaptation steps, and all that it went through.
 
-    It sees one iteration at a time (memory "iteration"). The same seed gives the same network.
+    Rewards count from `threshold` on, by default the paper's. It sees one iteration at a time (memory "iteration").
+    The same seed gives the same network.
     """
     task, rng = solver.task, np.random.default_rng(seed)
     horizon = task.adaptation.horizon
@@ -82,7 +84,7 @@ def train_adaptation(
             state = recorded.state()
             directions = explore(learner.online.directions(state), epsilon, rng)
             rewards = recorded.step(directions)
-            replay.add(Transitions(state, directions, sparse(task, rewards), recorded.state()))
+            replay.add(Transitions(state, directions, sparse(task, rewards, threshold), recorded.state()))
             loss = [learner.update(replay.sample(BATCH, rng)) for _ in range(settings.updates * settings.parallel)]
             curve.add(float(rewards.mean()), float(epsilon), float(np.mean(loss)))
             if progress is not None:
@@ -98,6 +100,7 @@ def learn_from(
     updates: int,
     seed: int,
     progress: Callable[[int, int], None] | None = None,
+    threshold: float | None = None,
 ) -> QNetwork:
     """An adaptation policy with `memory`, learnt from episodes that another one went through, without a simulation.
 
@@ -105,7 +108,7 @@ def learn_from(
     """
     rng = np.random.default_rng(seed)
     learner = _learner(task, memory, int(rng.integers(2**31)))
-    steps = episodes.transitions(task, memory)
+    steps = episodes.transitions(task, memory, threshold)
     slots, width = inputs(task, memory)
     replay = ReplayBuffer(slots * width, len(task.parameters), capacity=len(steps.reward))
     replay.add(steps)

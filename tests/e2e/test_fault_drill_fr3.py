@@ -79,7 +79,7 @@ def goes_on(drill: Drill) -> Ended:
 
 def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_comes_to_its_end(drill: Drill) -> None:
     reflex = drill.run(at_first("approach", lambda _: drill.arm.tell(f"reflex {AT_S} joint_reflex")))
-    told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*look what it touched, clear it", THEN)
+    told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*look what it touched.*clear it", THEN)
     stands(drill)
 
     pedal = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.release)))

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from cells import cell
 from sink import Sink
 
+from hw.collision import BARE_HAND, HAND_MASS
+from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
 from hw.franka import FrankaArm, FrankaSettings
+from hw.kinematics import forward, jacobian
+from hw.mass import Mass
 from hw.types import Array, JointPath
 
 # q_min, q_max in rad, largest velocity, acceleration and jerk in rad/s, rad/s², rad/s³
@@ -37,6 +42,10 @@ MAKERS = {
 FR3_SLOWER = ([0.6599, 0.2517, 0.2, 0.3533, 0.5757, 0.4878, 0.4628], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0])
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 HARMLESS = 1.0 + 1e-9
+# m/s, m/s², m/s³, then the same of turning
+MAKERS_FLANGE = {"panda": (1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0), "fr3": (3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0)}
+MAKERS_NM = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]
+LOADED = replace(BARE_HAND, mass=HAND_MASS + Mass(1.5, np.array([0.0, 0.02, 0.12]), 0.002 * np.eye(3)))
 
 
 def beyond(q: Array, q_arm: Array, model: str) -> str:
@@ -60,6 +69,25 @@ def beyond(q: Array, q_arm: Array, model: str) -> str:
     return ", ".join(what for what, is_broken in broken.items() if is_broken)
 
 
+def beyond_together(q: Array, model: str) -> str:
+    """The same for all joints together: torques of the loaded arm, and the flange by differences of its positions."""
+    q = np.concatenate([[q[0]] * 3, q, [q[-1]] * 3])
+    dq = np.gradient(q, 1e-3, axis=0)
+    torque = torque_Nm(q[2:-1], np.diff(q, axis=0)[1:-1] * 1e3, np.diff(q, 2, axis=0)[1:] * 1e6, LOADED.mass)
+    at_m = forward(q)[:, :3, 3]
+    m_s, m_s2, m_s3, rad_s, _, _ = MAKERS_FLANGE[model]
+    turning = np.einsum("nij,nj->ni", jacobian(q)[:, 3:], dq)
+    sizes = {
+        "travel": (np.linalg.norm(np.diff(at_m, axis=0), axis=1) * 1e3, m_s),
+        "travel acceleration": (np.linalg.norm(np.diff(at_m, 2, axis=0), axis=1) * 1e6, m_s2),
+        "travel jerk": (np.linalg.norm(np.diff(at_m, 3, axis=0), axis=1) * 1e9, m_s3),
+        "turning": (np.linalg.norm(turning, axis=1), rad_s),
+        "torque": (np.abs(torque) / MAKERS_NM, 1.0),
+        "torque rate": (np.abs(np.diff(torque, axis=0)) * 1e3, 1000.0),
+    }
+    return ", ".join(name for name, (values, most) in sizes.items() if values.max() > most * 1.02)
+
+
 def smooth(samples: int) -> Array:
     u = np.linspace(0.0, 1.0, samples)[:, None]
     return u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
@@ -72,11 +100,13 @@ def paths(rng: np.random.Generator, model: str) -> Iterator[tuple[str, Array, Ar
         start = READY + rng.uniform(-0.3, 0.3, 7)
         samples = int(rng.integers(60, 260))
         most = ddq_max * (samples / 1e3) ** 2 / 7.52  # peak acceleration of `smooth` is 7.513 of its travel per time²
-        travel = rng.uniform(-1.0, 1.0, 7) * np.minimum(most, 0.25)
+        travel = rng.uniform(-1.0, 1.0, 7) * np.minimum(0.4 * most, 0.1)
         fair = start + smooth(samples) * travel
         row, joint, tiny = int(rng.integers(samples)), int(rng.integers(7)), 10.0 ** rng.uniform(-9.0, -2.0)
         yield "fair", fair, start
-        yield "near the limit", start + smooth(samples) * np.sign(travel) * most * rng.uniform(0.95, 1.05), start
+        alone = np.eye(7)[joint] * np.sign(travel) * most * rng.uniform(0.95, 1.05)
+        yield "near the limit", start + smooth(samples) * alone, start
+        yield "all near the limit", start + smooth(samples) * np.sign(travel) * most * rng.uniform(0.2, 1.05), start
         yield "fast", start + smooth(samples) * travel * rng.uniform(1.0, 20.0), start
         yield "from elsewhere", fair, start + tiny * np.eye(7)[joint] * 10.0
         yield "cut short", fair[: max(2, row)], start
@@ -101,7 +131,7 @@ def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]
     reached: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     sink = Sink()
-    with FrankaArm(cell(model), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
+    with FrankaArm(cell(model, LOADED), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
         for _, (kind, q, q_arm) in zip(range(count), paths(np.random.default_rng(seed), model), strict=False):
             sink.q_rad = q_arm
             before = len(sink.given)
@@ -111,7 +141,8 @@ def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]
                 refused[kind] += 1
                 assert len(sink.given) == before, f"{kind} was refused and played"
                 continue
-            broken = beyond(sink.given.pop().path.q_rad, q_arm, model)
+            given = sink.given.pop().path.q_rad
+            broken = beyond(given, q_arm, model) or beyond_together(given, model)
             assert not broken, f"a path beyond the {model}'s limits reached the driver: {kind}, {broken}"
             reached[kind] += 1
     return reached, refused
@@ -123,7 +154,17 @@ def check(model: str, count: int, seed: int) -> None:
     assert reached["fair"] > 0.5 * (reached["fair"] + refused["fair"]), "an arm that refuses everything proves nothing"
     assert reached["near the limit"] > 0
     assert reached["spike"] > 0  # a nanoradian is nothing
-    for kind in ("near the limit", "fast", "from elsewhere", "cut short", "begun late", "spike", "step", "shaking"):
+    for kind in (
+        "near the limit",
+        "all near the limit",
+        "fast",
+        "from elsewhere",
+        "cut short",
+        "begun late",
+        "spike",
+        "step",
+        "shaking",
+    ):
         assert refused[kind] > 0, kind
     assert reached["not a number"] == 0
 

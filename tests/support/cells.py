@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool
 from hw.mass import NOTHING
 from hw.types import Array
-from hw.workcell import STOPS_AT_N, Workcell, arm_model
+from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 
 
 def cell(
@@ -18,9 +18,10 @@ def cell(
     table: Table = LEVEL,
     keep_out: tuple[KeepOut, ...] = (),
     stops_at_N: float = STOPS_AT_N,
+    stops_at_Nm: ArrayLike = STOPS_AT_NM,
     zeros_rad: ArrayLike = (0.0,) * 7,
 ) -> Workcell:
-    return Workcell(arm_model(model, zeros_rad), tool, table, keep_out, stops_at_N)
+    return Workcell(arm_model(model, zeros_rad), tool, table, keep_out, stops_at_N, np.asarray(stops_at_Nm))
 
 
 def stick(tip_F_m: ArrayLike, name: str = "stick") -> Tool:

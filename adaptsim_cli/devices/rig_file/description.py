@@ -84,6 +84,11 @@ class ArmPart:
         """The force along any axis at which the arm stops by itself."""
         return self.collision.thresholds().contact_force_limit_N
 
+    @property
+    def stops_at_Nm(self) -> Array:
+        """(7,) the torque on each joint at which the arm stops by itself."""
+        return self.collision.thresholds().torque_collision_Nm
+
     def settings(self, payload: Payload | None = None) -> FrankaSettings:
         """What the adapter takes, with what the hand holds. Raises ValueError."""
         impedance = np.array(self.joint_impedance_Nm_rad)
@@ -264,6 +269,9 @@ class RigDescription:
     table: Annotated[TablePart, Field(description="the table")] = Field(default_factory=TablePart)
     camera: Annotated[CameraPart, Field(description="the camera")] = Field(default_factory=CameraPart)
     pedal: Annotated[PedalPart | None, Field(description="the enabling pedal")] = None
+    without_pedal: Annotated[
+        bool, Field(description="true: the arm moves without a pedal, and every trial records that")
+    ] = False
     balance: Annotated[BalancePart | None, Field(description="the balance")] = None
     tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
     person: Annotated[
@@ -275,6 +283,8 @@ class RigDescription:
         names = [part.name for part in self.keep_out]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"keep_out: two boxes are called {twice[0]!r}, give each a name of its own")
+        if self.pedal and self.without_pedal:
+            raise ValueError("the file names a pedal and waives it: remove [pedal], or without_pedal = true")
         if self.pedal and self.balance and self.pedal.port == self.balance.port:
             raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
 

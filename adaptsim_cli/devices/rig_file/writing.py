@@ -68,7 +68,9 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
         durable.replace_file(file, text.encode())
         screen.plain(f"Rig file: {file}")
         if rig.pedal is None:
-            screen.note("No enabling pedal: only the arm's own stop button ends a motion. docs/guide/enable-pedal.md")
+            screen.note(
+                "No enabling pedal: the arm does not move before the file names one, or says without_pedal = true"
+            )
     new = not settings.exists()
     if new:
         durable.make_folder(settings.parent)

@@ -36,7 +36,7 @@ from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales, off
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session.attended import Attended
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import RigFacts
@@ -277,11 +277,13 @@ def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
 def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     devices = ToyDevices()
     text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
-    with opened(place, devices, text) as real:
+    with pytest.raises(UsageError, match="names no enabling pedal, so nothing has moved"), opened(place, devices, text):
+        pass
+    with opened(place, devices, "without_pedal = true\n" + text) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
         assert beside(real).scales is None
-        assert beside(real).facts() == RigFacts()
+        assert beside(real).facts() == RigFacts(pedal="waived")
 
 
 def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

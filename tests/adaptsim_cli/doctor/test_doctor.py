@@ -84,7 +84,8 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (lab.camera(kinect("12"), "34"), MISSING, "34 is not plugged in; there is 12"),
         (lab.camera(kinect("12", engine=False), "12"), MISSING, "no depth engine"),
         (lab.camera(kinect(error="no camera is seen"), ""), MISSING, "no camera is seen"),
-        (lab.no_pedal(), ADVICE, "only the arm's own stop button"),
+        (lab.no_pedal(waived=True), ADVICE, "only the arm's own stop button"),
+        (lab.no_pedal(waived=False), MISSING, "the arm does not move"),
     ],
 )  # fmt: skip
 def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says: str) -> None:

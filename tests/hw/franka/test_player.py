@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cells import cell
 
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
 from hw.franka.messages import (
@@ -119,7 +120,7 @@ def motion(driver: Follower) -> PlayableMotion:
     t_s = np.arange(501) / 1000
     u = t_s / t_s[-1]
     share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    return motion_of(JointPath(t_s, np.array(driver.q) + share[:, None] * np.full(7, 0.05)), "panda")
+    return motion_of(JointPath(t_s, np.array(driver.q) + share[:, None] * np.full(7, 0.05)), cell("panda").motion)
 
 
 def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object]:

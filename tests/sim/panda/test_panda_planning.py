@@ -129,7 +129,7 @@ def test_home_is_level_and_away_from_the_limits() -> None:
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_moves_are_smooth_and_as_fast_as_asked(model: str) -> None:
-    to = READY + np.array([0.9, 0.2, -0.4, 0.3, 0.5, 0.2, -0.8])
+    to = READY + np.array([0.9, 0.2, -0.4, 0.3, 0.5, 0.2, 0.8])
     slow, fast = move_path(READY, to, LIMITS[model], 0.2), move_path(READY, to, LIMITS[model], 0.8)
     assert slow.duration_s == pytest.approx(4 * fast.duration_s, rel=0.02)
     report = holding(model).check(fast, READY)

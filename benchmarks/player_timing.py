@@ -1,0 +1,104 @@
+"""How long one cycle of the player takes, stops among them: worst, 99.99th percentile and median of many cycles.
+
+    python benchmarks/player_timing.py
+    python benchmarks/player_timing.py --cycles 20000 --busy 2
+
+A cycle is what the program does between a state of the arm and the joints that it commands (`Playback.step`, with the
+pipe on which the program is heard). Every motion is stopped at another of its moments. Two clocks: the computer's, in
+which other work of the computer counts as well, and the process's own, in which it does not. No arm and no network take
+part; `--busy` starts so many processes that compute all the time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import multiprocessing
+import os
+import time
+
+import numpy as np
+
+from hw.franka.messages import ALIVE, PEDAL
+from hw.franka.playback import Playback, motion_of
+from hw.franka.player import Listener
+from hw.types import Array, JointPath
+from hw.workcell import Workcell
+from sim.panda.tool import cell_as_shipped
+from sim.tasks import get_task
+
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+CHANGE = np.array([0.25, -0.15, 0.2, 0.1, 0.25, 0.15, -0.25])
+DURATION_S = 1.0
+
+
+class Following:
+    """The state of an arm that follows at once."""
+
+    def __init__(self) -> None:
+        self.q, self.dq = READY.tolist(), [0.0] * 7
+        self.tau_ext_hat_filtered = [0.0] * 7
+        self.control_command_success_rate = 1.0
+
+
+def path() -> JointPath:
+    t_s = np.arange(round(DURATION_S * 1000) + 1) / 1000
+    u = t_s / t_s[-1]
+    return JointPath(t_s, READY + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * CHANGE)
+
+
+def cycles(cell: Workcell, count: int) -> tuple[Array, Array, int]:
+    """Times in s of at least `count` cycles, by the computer's clock and the process's; how many motions stopped."""
+    motion = motion_of(path(), cell.motion)
+    wall, own, stops = list[float](), list[float](), 0
+    heard, said = os.pipe()
+    rng = np.random.default_rng(0)
+    while len(wall) < count:
+        listener, state = Listener(heard, 60.0), Following()
+        playback = Playback(motion, listener.wanted, time.monotonic)
+        stop_at, tick, finished = int(rng.integers(0, len(motion.path.t_s) - 50)), 0, False
+        gc.collect()
+        gc.disable()
+        while not finished:
+            os.write(said, PEDAL if tick >= stop_at else ALIVE)
+            began_s, began_own_s = time.perf_counter(), time.thread_time()
+            q_rad, finished = playback.step(state, 0.001 if tick else 0.0)
+            own.append(time.thread_time() - began_own_s)
+            wall.append(time.perf_counter() - began_s)
+            state.dq = [1000.0 * (new - old) for new, old in zip(q_rad, state.q, strict=True)]
+            state.q, tick = q_rad, tick + 1
+        gc.enable()
+        stops += playback.played().braked_at >= 0
+    os.close(heard)
+    os.close(said)
+    return np.array(wall), np.array(own), stops
+
+
+def burn() -> None:
+    while True:
+        pass
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cycles", type=int, default=100_000)
+    parser.add_argument("--busy", type=int, default=0)
+    options = parser.parse_args()
+    cell = cell_as_shipped(get_task("pushing").require_hardware(), "panda")
+    others = [multiprocessing.Process(target=burn, daemon=True) for _ in range(options.busy)]
+    for other in others:
+        other.start()
+    try:
+        wall, own, stops = cycles(cell, options.cycles)
+    finally:
+        for other in others:
+            other.kill()
+    load = os.getloadavg()[0]
+    print(f"{len(wall)} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}")
+    for name, times in (("computer's clock", wall), ("process's own time", own)):
+        us = 1e6 * np.quantile(times, [0.5, 0.9999, 1.0])
+        print(f"  {name:<20} median {us[0]:.1f} µs, 99.99 % {us[1]:.0f} µs, worst {us[2]:.0f} µs")
+
+
+if __name__ == "__main__":
+    main()

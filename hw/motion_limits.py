@@ -1,0 +1,158 @@
+"""What a motion may ask of joints and flange beyond what each joint may do by itself: torques, and how it travels.
+
+Torques are those of `hw.dynamics` with what hangs on the flange. The arm's friction is not among them, and the maker
+publishes no inertia of the FR3, so paths may use `TORQUE_SHARE` of a joint's rating.
+
+The maker states limits of the flange for motions that are commanded in Cartesian coordinates. Ours are commanded in
+joints, where an arm does not enforce them; they are kept all the same, as a sane bound. The elbow is joint 3, and what
+the maker states of it are the limits of that joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.collision import Table, Tool, point_heights
+from hw.dynamics import Asked, asked
+from hw.joint_limits import DT_S, JointLimits, derivatives
+from hw.kinematics import JOINTS, jacobian, link_poses
+from hw.limits import COLLISION_SHARE, Worst
+from hw.mass import Mass
+from hw.types import Array, ContactWindow, JointPath, frozen_array
+
+RATED_NM = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
+"""What the joints of both arms give (the maker's `robot_specifications`)."""
+
+TORQUE_SHARE = 0.9
+TORQUE_RATE_NM_S = 1000.0
+"""Of every joint of both arms (the same source)."""
+
+
+@dataclass(frozen=True)
+class FlangeLimits:
+    """How fast the flange travels and turns at most, with the two derivatives of each."""
+
+    m_s: float
+    m_s2: float
+    m_s3: float
+    rad_s: float
+    rad_s2: float
+    rad_s3: float
+
+
+FLANGE = {
+    "panda": FlangeLimits(1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0),
+    "fr3": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
+}
+"""The maker's Cartesian limits of each model."""
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    name: str
+    where: str  # empty: the joint is named
+    values: Array  # (N, ..., 7) or (N, ...)
+    limit: Array  # (7,) or ()
+    unit: str
+
+    @property
+    def ratio(self) -> Array:
+        return np.asarray(np.abs(self.values) / self.limit)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimits:
+    """What one arm may do with what it carries: its joints by themselves, and all of them together."""
+
+    joints: JointLimits  # for the joints that the arm reports
+    zeros_rad: Array  # (7,) true joints are those reported plus these
+    load: Mass  # on the flange, the hand included
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "zeros_rad", frozen_array(self.zeros_rad, (JOINTS,), "joint zeros"))
+
+    @property
+    def model(self) -> str:
+        return self.joints.model
+
+    def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:
+        """Samples (N, ..., 7) along the first axis, `step_s` apart -> (...) the largest share of any limit."""
+        found = self._quantities(asked(q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
+        lead = q_rad.shape[1:-1]
+        worst = np.zeros(lead)
+        for quantity in found:
+            ratio = quantity.ratio.max(axis=0)
+            worst = np.maximum(worst, ratio.max(axis=-1) if ratio.shape != lead else ratio)
+        return worst
+
+    def checks(self, path: JointPath) -> list[Worst]:
+        """Each of these quantities at its tightest moment along a path of reported joints."""
+        dq, ddq, _ = derivatives(path.q_rad)
+        q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
+        return [
+            _tightest(quantity) for quantity in self._quantities(asked(q + self.zeros_rad, dq, ddq, self.load), DT_S)
+        ]
+
+    def _quantities(self, found: Asked, step_s: float) -> list[_Quantity]:
+        most, flange = FLANGE[self.model], "the flange"
+
+        def rate(values: Array) -> Array:
+            return np.asarray(np.diff(values, axis=0) / step_s)
+
+        def size(values: Array) -> Array:
+            return np.asarray(np.linalg.norm(values, axis=-1))
+
+        def of_flange(name: str, values: Array, limit: float, unit: str) -> _Quantity:
+            return _Quantity(name, flange, values, np.array(limit), unit)
+
+        return [
+            _Quantity("torque", "", found.torque_Nm, TORQUE_SHARE * RATED_NM, "Nm"),
+            _Quantity("torque rate", "", rate(found.torque_Nm), np.full(JOINTS, TORQUE_RATE_NM_S), "Nm/s"),
+            of_flange("travel speed", size(found.flange_m_s), most.m_s, "m/s"),
+            of_flange("travel acceleration", size(found.flange_m_s2), most.m_s2, "m/s²"),
+            of_flange("travel jerk", size(rate(found.flange_m_s2)), most.m_s3, "m/s³"),
+            of_flange("turning speed", size(found.flange_rad_s), most.rad_s, "rad/s"),
+            of_flange("turning acceleration", size(found.flange_rad_s2), most.rad_s2, "rad/s²"),
+            of_flange("turning jerk", size(rate(found.flange_rad_s2)), most.rad_s3, "rad/s³"),
+        ]
+
+
+def _tightest(quantity: _Quantity) -> Worst:
+    """Of a path: values (N, 7) or (N,), a sample a millisecond."""
+    ratio = quantity.ratio
+    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    limit = float(np.broadcast_to(quantity.limit, ratio.shape)[at])
+    where = quantity.where or f"joint {at[1] + 1}"
+    return Worst(
+        quantity.name, float(ratio[at]), where, float(at[0]) * DT_S, float(quantity.values[at]), limit, quantity.unit
+    )
+
+
+def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: float, stops_at_Nm: Array) -> list[Worst]:
+    """What `force_N`, upwards on the tool's lowest point, asks of the joints of a path of true joints, in its window.
+
+    The arm takes it for a collision from `stops_at_Nm` (7,) on. Nothing without a window, or points that may touch.
+    """
+    inside = _inside(path, path.contact)
+    if not inside.any() or not len(tool.points_F_m):
+        return []
+    q_rad, t_s = path.q_rad[inside][::10], path.t_s[inside][::10]
+    lowest = point_heights(link_poses(q_rad), tool, table).argmin(axis=1)
+    torque_Nm = np.zeros((len(q_rad), JOINTS))
+    for point in np.unique(lowest):
+        at = lowest == point
+        torque_Nm[at] = force_N * jacobian(q_rad[at], tool.points_F_m[point])[:, 2]
+    limit_Nm = COLLISION_SHARE * stops_at_Nm
+    ratio = np.abs(torque_Nm) / limit_Nm
+    i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    found = float(torque_Nm[i, j])
+    what = "predicted contact torque"
+    return [Worst(what, float(ratio[i, j]), f"joint {j + 1}", float(t_s[i]), found, float(limit_Nm[j]), "Nm")]
+
+
+def _inside(path: JointPath, window: ContactWindow | None) -> Array:
+    if window is None:
+        return np.zeros(len(path.t_s), dtype=bool)
+    return np.asarray((path.t_s >= window.start_s - 1e-9) & (path.t_s <= window.end_s + 1e-9))

@@ -113,50 +113,8 @@ Written by `make docs` from the tasks. What each word means: [glossary](../start
 
 * **Simulation parameters** span Ω. The *margin* is how far the simulator has been tried beyond it.
 * A **context** is what a task policy sees before a trial, an **action** what it chooses.
-* A **nuisance** differs from trial to trial; nobody chooses it or tells the policy.
+* A **nuisance** differs from trial to trial; nobody chooses it, and the policy does not know it.
 """
-
-MEANING: dict[str, dict[str, Entry]] = {
-    "pendulum": {
-        "m1": ("inner mass", "point mass at the end of the first link"),
-        "m2": ("outer mass", "point mass at the end of the second link"),
-        "b1": ("inner damping", "viscous friction of the first joint"),
-        "b2": ("outer damping", "viscous friction of the second joint"),
-        "k11": ("gain 1,1", "torque of joint 1 per angle of joint 1"),
-        "k12": ("gain 1,2", "torque of joint 1 per angle of joint 2"),
-        "k13": ("gain 1,3", "torque of joint 1 per speed of joint 1"),
-        "k14": ("gain 1,4", "torque of joint 1 per speed of joint 2"),
-        "k21": ("gain 2,1", "torque of joint 2 per angle of joint 1"),
-        "k22": ("gain 2,2", "torque of joint 2 per angle of joint 2"),
-        "k23": ("gain 2,3", "torque of joint 2 per speed of joint 1"),
-        "k24": ("gain 2,4", "torque of joint 2 per speed of joint 2"),
-    },
-    "pushing": {
-        "mu": ("table friction", "friction coefficient between bottle and table"),
-        "e": ("bottle stiffness", "hydroelastic modulus of the bottle; a small one is a soft bottle"),
-        "mu_p": ("patch friction", "friction coefficient between bottle and patch"),
-        "y_p": ("patch position", "where the centre of the patch lies across the table; positive is the robot's left"),
-        "goal_x": ("goal distance", "how far ahead of the arm's base the goal lies"),
-        "goal_bearing": ("goal bearing", "direction of the goal, seen from the bottle's start; positive is left"),
-        "yaw": ("push direction", "angle of the push in the plane of the table; positive is left"),
-        "speed": ("push speed", "forward speed of the plate while it touches the bottle"),
-        "placed_x": ("placed, ahead", "how far ahead of its mark the bottle was put down"),
-        "placed_y": ("placed, left", "how far left of its mark the bottle was put down"),
-    },
-    "scooping": {
-        "mu": ("friction", "friction coefficient between piece and table, and between piece and blade"),
-        "e": ("piece stiffness", "hydroelastic modulus of the piece; a small one is a soft piece"),
-        "g": ("shape", "0 ellipsoid, 1 cylinder, 2 box"),
-        "h": ("piece height", "height of the piece"),
-        "x": ("piece ahead", "how far ahead of the arm's base the centre of the piece lies"),
-        "y": ("piece left", "how far to the robot's left the centre of the piece lies"),
-        "pitch_rate": ("pitch rate", "turning speed of the blade at 0.25 s; positive leaves the table late"),
-        "pitch": ("initial pitch", "angle of the blade at the start, edge down"),
-        "distance": ("initial distance", "from the blade's edge to the nearest side of the largest piece"),
-        "radius": ("piece radius", "half the width of the piece"),
-    },
-}
-"""Task -> short name -> (plain name, meaning)."""
 
 
 def parameters() -> str:
@@ -181,9 +139,12 @@ def parameters() -> str:
             ]
             parts.append("|---|---|---|---|" + ("---|" if wide else ""))
             for dimension in space.dimensions:
-                plain, meaning = MEANING[name][dimension.name]
+                if not (dimension.plain and dimension.meaning):
+                    raise SystemExit(f"{name}: {dimension.name} has no plain name or no meaning: give it both")
                 more = f" {_range(margin[dimension.name])} |" if wide else ""
-                parts.append(f"| `{dimension.name}` | {plain} | {_range(dimension)} |{more} {meaning} |")
+                parts.append(
+                    f"| `{dimension.name}` | {dimension.plain} | {_range(dimension)} |{more} {dimension.meaning} |"
+                )
             parts.append("")
     return "\n".join(parts)
 

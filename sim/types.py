@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -14,18 +14,34 @@ from sim.errors import OutOfRange
 
 @dataclass(frozen=True)
 class Dimension:
-    """One named quantity with its range; `scale` says how it is normalised."""
+    """One named quantity with its range; `scale` says how it is normalised.
+
+    `plain` and `meaning` are for people: no fingerprint or file holds them, and equality ignores them.
+    """
 
     name: str
     unit: str
     low: float
     high: float
     scale: Literal["linear", "log", "integer"] = "linear"
+    plain: str = field(default="", compare=False)  # one or two plain words
+    meaning: str = field(default="", compare=False)  # one line
 
     @property
     def label(self) -> str:
         """Name and unit, for a person."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    @property
+    def plain_name(self) -> str:
+        """The plain name, or the name where there is none."""
+        return self.plain or self.name
+
+    @property
+    def title(self) -> str:
+        """Plain name, name and unit, e.g. `piece height h [cm]`; the name is not repeated."""
+        *before, last = self.plain_name.split()
+        return " ".join((*before, self.label) if last == self.name else (*before, last, self.label))
 
 
 @dataclass(frozen=True)

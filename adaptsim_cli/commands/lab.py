@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
+    from sim.tasks.task import Task
 
 app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
 
@@ -49,10 +50,10 @@ def show(
     if the_world.physics != "drake":
         if png is not None:
             the_world.require_lab()
-        _show(screen, truth_of(the_task, the_world), as_json)
+        _show(screen, the_task, truth_of(the_task, the_world), as_json)
         return
     lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
-    _show(screen, lab.truth(), as_json)
+    _show(screen, the_task, lab.truth(), as_json)
     if png is not None:
         import cv2
 
@@ -62,7 +63,7 @@ def show(
         screen.plain(f"Written: {png}")
 
 
-def _show(screen: Screen, truth: dict[str, Any], as_json: bool) -> None:
+def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> None:
     from adaptsim_cli.screen import views
 
     if as_json:
@@ -72,15 +73,24 @@ def _show(screen: Screen, truth: dict[str, Any], as_json: bool) -> None:
     if truth["physics"] != "drake":
         screen.plain(f"Its physics is {truth['physics']}: the tool is driven directly, without arm and camera.")
     groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
-    body = [(group, name, str(value)) for group in groups for name, value in truth.get(group, {}).items()]
+    named = {
+        group: {d.name: (d.label, d.plain) for d in space.dimensions}
+        for group, space in (("parameters", task.parameters), ("nuisance", task.nuisance))
+    }
+    body = [
+        (group, label, str(value), plain)
+        for group in groups
+        for name, value in truth.get(group, {}).items()
+        for label, plain in (named.get(group, {}).get(name, (name, "")),)
+    ]
     rows = truth.get("X_BC", [])
-    body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row)) for i, row in enumerate(rows)]
-    screen.show(views.rows(("", "name", "value"), body))
+    body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
+    screen.show(views.rows(("", "name", "value", "plain name"), body))
 
 
 @app.command("list")
 def list_all(task: _Task = None, as_json: _Json = False) -> None:
-    """The worlds that ship with a task.
+    """The worlds that ship with a task, and what its parameters, contexts and actions are called and mean.
 
     Example: adaptsim lab list --task scooping
     """
@@ -100,3 +110,4 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
         screen.show(
             views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
         )
+        screen.show(views.meanings(the_task.parameters, the_task.context, the_task.action, the_task.nuisance))

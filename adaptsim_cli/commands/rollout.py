@@ -14,7 +14,9 @@ def rollout(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
     context: Annotated[_Values, typer.Option("--context", help="Where, as name=value; may be repeated.")] = None,
     action: Annotated[_Values, typer.Option("--action", help="How, as name=value; the rest is the policy's.")] = None,
-    param: Annotated[_Values, typer.Option("--param", help="What the policy is trained for, as name=value.")] = None,
+    param: Annotated[
+        _Values, typer.Option("--param", help="Parameter that the policy is trained for, as name=value.")
+    ] = None,
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,

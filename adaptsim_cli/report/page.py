@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib import resources
 from math import dist
 from pathlib import Path
@@ -26,6 +26,8 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
+from sim.tasks import TASKS, get_task
+from sim.types import Dimension
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 MEASURED = ("rollouts", "tracking", "adaptation", "training")
@@ -119,7 +121,15 @@ def render(store: SessionStore) -> str:
         successes=sum(t.reward > 0 for t in trials),
         figure_rewards=figures.rewards(trials, len(views), facts.particles, facts.trials) if trials else "",
         figure_parameters=[
-            (d, figures.parameter(d, paths)) for d, paths in zip(facts.parameters, _paths(store, results), strict=True)
+            (d, figures.parameter(record, paths))
+            for d, record, paths in zip(
+                _described(facts, facts.parameters), facts.parameters, _paths(store, results), strict=True
+            )
+        ],
+        quantities=[
+            (title, space)
+            for title, records in (("Context", facts.context), ("Action", facts.action))
+            if (space := _described(facts, records))
         ],
         goals=any(trial.goal_m is not None for trial in trials),
         figure_table=figures.table_view(trials, facts.context, newest) if trials and not facts.curves else "",
@@ -129,11 +139,11 @@ def render(store: SessionStore) -> str:
 
 
 def _iteration(store: SessionStore, iteration: int) -> IterationView:
-    facts, result = store.facts, store.result(iteration)
+    parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
     now = _particles(store, iteration)
     then = result.next_particles if result else ()
     pairs = tuple(
-        (_quantities(facts.parameters, _mean(p)), _quantities(facts.parameters, _mean(then[i])) if then else "")
+        (_quantities(parameters, _mean(p)), _quantities(parameters, _mean(then[i])) if then else "")
         for i, p in enumerate(now)
     )
     trials = tuple(_trial(store, record) for record in store.trials(iteration))
@@ -145,9 +155,8 @@ def _trial(store: SessionStore, record: TrialRecord) -> TrialView:
     strip = tuple(Still(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
     overlay = _image(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
-    return TrialView(
-        record, strip, overlay, _quantities(facts.context, record.context), _quantities(facts.action, record.action)
-    )
+    context = _quantities(_described(facts, facts.context), record.context)
+    return TrialView(record, strip, overlay, context, _quantities(_described(facts, facts.action), record.action))
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
@@ -178,14 +187,28 @@ def _mean(samples: Samples) -> Row:
     return tuple(float(v) for v in np.mean(samples, axis=0))
 
 
-def _quantities(dimensions: tuple[DimensionRecord, ...], values: Row) -> str:
-    """Name, value and unit of each; a line does not break within one of them."""
-    told = (f"{d.name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True))
-    return ", ".join(text.replace(" ", NO_BREAK) for text in told)
+def _quantities(dimensions: Sequence[Dimension], values: Row) -> str:
+    """Plain name, value and unit of each; a line does not break within one of them."""
+    each = (
+        f"{d.plain_name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True)
+    )
+    return ", ".join(text.replace(" ", NO_BREAK) for text in each)
+
+
+def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
+    """The stored dimensions with the plain names and meanings of the task; without them where the task is not known."""
+    task = get_task(facts.task) if facts.task in TASKS else None
+    spaces = (task.parameters, task.context, task.action) if task is not None else ()
+    known = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
+    return tuple(
+        replace(known.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
+        for r in records
+        for bare in (Dimension(r.name, r.unit, r.low, r.high),)
+    )
 
 
 def _named(facts: Facts, params: Mapping[str, float]) -> str:
-    return _quantities(facts.parameters, tuple(params[d.name] for d in facts.parameters))
+    return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 
 
 def _image(path: Path) -> str:

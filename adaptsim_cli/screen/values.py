@@ -12,7 +12,7 @@ from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from hw.types import Array
-    from sim.types import Space
+    from sim.types import Dimension, Space
 
 
 def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Array:
@@ -41,6 +41,10 @@ def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Ar
 
 
 def _examples(space: Space) -> str:
-    return ", ".join(
-        f"{d.name}={(d.low + d.high) / 2:.3g} ({d.low:g} to {d.high:g} {d.unit})" for d in space.dimensions
-    )
+    return ", ".join(f"{d.name}={(d.low + d.high) / 2:.3g} ({_range(d)})" for d in space.dimensions)
+
+
+def _range(dimension: Dimension) -> str:
+    unit = f" {dimension.unit}" if dimension.unit else ""
+    plain = f"{dimension.plain}, " if dimension.plain else ""
+    return f"{plain}{dimension.low:g} to {dimension.high:g}{unit}"

@@ -24,10 +24,17 @@ def number(value: float) -> str:
 
 
 def values(space: Space, point: Array) -> str:
-    """A point of a space in words: every dimension with its value and unit."""
+    """A point of a space in words: the plain name of every dimension with its value and unit."""
     return ", ".join(
-        f"{d.name} {number(v)}{' ' + d.unit if d.unit else ''}" for d, v in zip(space.dimensions, point, strict=True)
+        f"{d.plain_name} {number(v)}{' ' + d.unit if d.unit else ''}"
+        for d, v in zip(space.dimensions, point, strict=True)
     )
+
+
+def meanings(*spaces: Space) -> Table:
+    """Name, plain name, unit and meaning of every dimension of the spaces."""
+    dimensions = [d for space in spaces for d in space.dimensions]
+    return rows(("name", "plain name", "unit", "meaning"), [(d.name, d.plain, d.unit, d.meaning) for d in dimensions])
 
 
 def badge(hw: str, hardware: str) -> Text:

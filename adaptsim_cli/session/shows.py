@@ -23,10 +23,14 @@ from sim.types import Dimension, Space
 
 
 def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
-    """The head of an iteration: hardware, task, number and session."""
+    """The head of an iteration: hardware, task, number and session; in the first one, what the numbers mean."""
     where = f"iteration {iteration + 1} of session {facts.name}"
+    legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if not iteration else ()
     return Group(
-        views.badge(facts.hw, hardware), Text(task.title[:1].upper() + task.title[1:], style="bold"), Text(where)
+        views.badge(facts.hw, hardware),
+        Text(task.title[:1].upper() + task.title[1:], style="bold"),
+        Text(where),
+        *legend,
     )
 
 
@@ -62,7 +66,7 @@ def _where(task: Task, context: Array) -> tuple[str, ...]:
     if not len(task.context):
         return ()
     if task.goal_m is None:
-        return (f"Found at {views.values(task.context, context)}",)
+        return (f"Found    {views.values(task.context, context)}",)
     x_m, y_m = task.goal_m(context)
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
@@ -86,7 +90,7 @@ def adapted(
 ) -> RenderableType:
     """Parameter, before, after, per particle; one table a particle where the terminal is narrow."""
     means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
-    if width < 30 + 24 * len(means):
+    if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):
         tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
     else:
         tables = [_changes(task.parameters, means, first=0)]
@@ -111,7 +115,7 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
         table.add_column(f"particle {first + index + 1}", justify="right")
         table.add_column("", justify="left")
     for row, dimension in enumerate(space.dimensions):
-        cells: list[RenderableType] = [Text(dimension.label)]
+        cells: list[RenderableType] = [Text(dimension.title)]
         for now, then in means:
             cells += _change(dimension, now[row], then[row])
         table.add_row(*cells)

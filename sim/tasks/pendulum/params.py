@@ -16,10 +16,10 @@ from sim.types import Dimension, Space
 
 PARAMETERS = Space(
     (
-        Dimension("m1", "kg", 1.0, 2.0),
-        Dimension("m2", "kg", 1.0, 2.0),
-        Dimension("b1", "N m s/rad", 1.0, 2.0),
-        Dimension("b2", "N m s/rad", 1.0, 2.0),
+        Dimension("m1", "kg", 1.0, 2.0, plain="inner mass", meaning="point mass at the end of the first link"),
+        Dimension("m2", "kg", 1.0, 2.0, plain="outer mass", meaning="point mass at the end of the second link"),
+        Dimension("b1", "N m s/rad", 1.0, 2.0, plain="inner damping", meaning="viscous friction of the first joint"),
+        Dimension("b2", "N m s/rad", 1.0, 2.0, plain="outer damping", meaning="viscous friction of the second joint"),
     )
 )
 """Omega."""
@@ -44,14 +44,14 @@ START: Array = frozen_array([-np.pi, 0.0, 0.0, 0.0], (4,))
 
 ACTION = Space(
     (
-        Dimension("k11", "N m/rad", 0.0, 160.0),
-        Dimension("k12", "N m/rad", 0.0, 70.0),
-        Dimension("k13", "N m s/rad", 0.0, 70.0),
-        Dimension("k14", "N m s/rad", 0.0, 30.0),
-        Dimension("k21", "N m/rad", -10.0, 100.0),
-        Dimension("k22", "N m/rad", 0.0, 75.0),
-        Dimension("k23", "N m s/rad", -5.0, 45.0),
-        Dimension("k24", "N m s/rad", 0.0, 25.0),
+        Dimension("k11", "N m/rad", 0.0, 160.0, plain="gain k11", meaning="torque of joint 1 per angle of joint 1"),
+        Dimension("k12", "N m/rad", 0.0, 70.0, plain="gain k12", meaning="torque of joint 1 per angle of joint 2"),
+        Dimension("k13", "N m s/rad", 0.0, 70.0, plain="gain k13", meaning="torque of joint 1 per speed of joint 1"),
+        Dimension("k14", "N m s/rad", 0.0, 30.0, plain="gain k14", meaning="torque of joint 1 per speed of joint 2"),
+        Dimension("k21", "N m/rad", -10.0, 100.0, plain="gain k21", meaning="torque of joint 2 per angle of joint 1"),
+        Dimension("k22", "N m/rad", 0.0, 75.0, plain="gain k22", meaning="torque of joint 2 per angle of joint 2"),
+        Dimension("k23", "N m s/rad", -5.0, 45.0, plain="gain k23", meaning="torque of joint 2 per speed of joint 1"),
+        Dimension("k24", "N m s/rad", 0.0, 25.0, plain="gain k24", meaning="torque of joint 2 per speed of joint 2"),
     )
 )
 """The feedback gain K, row by row: torques are -K x. The ranges hold every optimal gain of the margin."""

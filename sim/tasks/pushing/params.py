@@ -15,10 +15,29 @@ from sim.types import Dimension, Space
 
 PARAMETERS = Space(
     (
-        Dimension("mu", "", 0.05, 0.20),  # friction of the pair bottle-table
-        Dimension("e", "Pa", 1e4, 1e6, "log"),  # hydroelastic modulus of the bottle
-        Dimension("mu_p", "", 0.2, 0.8),  # friction of the pair bottle-patch
-        Dimension("y_p", "m", -0.10, 0.10),  # where the patch lies across the table
+        Dimension(
+            "mu", "", 0.05, 0.20, plain="table friction", meaning="friction coefficient between bottle and table"
+        ),
+        Dimension(
+            "e",
+            "Pa",
+            1e4,
+            1e6,
+            "log",
+            plain="bottle stiffness",
+            meaning="hydroelastic modulus of the bottle; a low value is a soft bottle",
+        ),
+        Dimension(
+            "mu_p", "", 0.2, 0.8, plain="patch friction", meaning="friction coefficient between bottle and patch"
+        ),
+        Dimension(
+            "y_p",
+            "m",
+            -0.10,
+            0.10,
+            plain="patch position",
+            meaning="where the centre of the patch lies across the table; positive is the robot's left",
+        ),
     )
 )
 """Omega."""
@@ -35,18 +54,65 @@ MARGIN = Space(
 
 CONTEXT = Space(
     (
-        Dimension("goal_x", "m", 0.70, 1.00),
-        Dimension("goal_bearing", "rad", -float(np.deg2rad(10.0)), float(np.deg2rad(10.0))),
+        Dimension(
+            "goal_x", "m", 0.70, 1.00, plain="goal distance", meaning="how far ahead of the arm's base the goal lies"
+        ),
+        Dimension(
+            "goal_bearing",
+            "rad",
+            -float(np.deg2rad(10.0)),
+            float(np.deg2rad(10.0)),
+            plain="goal bearing",
+            meaning="direction of the goal, seen from the bottle's start; positive is left",
+        ),
     )
 )
 """The goal. The paper's region is a wedge: X in [0.7, 1.0] m and at most 10° off the centre line as seen from the
 bottle's start. In X and bearing the wedge is a box; in X and Y a box would hold goals 36° off, or crowd them at its rim
 if it were clipped. `goal_m` gives metres, for people and for rewards."""
 
-ACTION = Space((Dimension("yaw", "rad", -0.3, 0.3), Dimension("speed", "m/s", 0.4, 0.8)))
+ACTION = Space(
+    (
+        Dimension(
+            "yaw",
+            "rad",
+            -0.3,
+            0.3,
+            plain="push direction",
+            meaning="angle of the push in the plane of the table; positive is left",
+        ),
+        Dimension(
+            "speed",
+            "m/s",
+            0.4,
+            0.8,
+            plain="push speed",
+            meaning="forward speed of the plate while it touches the bottle",
+        ),
+    )
+)
 """Direction of the push about the bottle's start, positive to the left, and the plate's speed along it."""
 
-NUISANCE = Space((Dimension("placed_x", "m", -0.0035, 0.0035), Dimension("placed_y", "m", -0.0035, 0.0035)))
+NUISANCE = Space(
+    (
+        Dimension(
+            "placed_x",
+            "m",
+            -0.0035,
+            0.0035,
+            plain="placement error ahead",
+            meaning="how far ahead of its mark the bottle was put down",
+        ),
+        Dimension(
+            "placed_y",
+            "m",
+            -0.0035,
+            0.0035,
+            plain="placement error left",
+            meaning="how far left of its mark the bottle was put down",
+        ),
+    )
+)
 """How far from `START_M` the bottle stands. Every corner passes the check of 5 mm before a motion, and the spread is
 that of a steady hand, 2 mm."""
 

@@ -15,10 +15,25 @@ from sim.types import Dimension, Space
 
 PARAMETERS = Space(
     (
-        Dimension("mu", "", 0.25, 0.40),  # friction of the pair: piece-table and piece-blade
-        Dimension("e", "Pa", 1e4, 5e5, "log"),  # hydroelastic modulus of the piece
-        Dimension("g", "", 0, 1, "integer"),  # 0 ellipsoid, 1 cylinder
-        Dimension("h", "cm", 1.5, 2.5),  # height of the piece
+        Dimension(
+            "mu",
+            "",
+            0.25,
+            0.40,
+            plain="friction",
+            meaning="friction coefficient between piece and table, and between piece and blade",
+        ),
+        Dimension(
+            "e",
+            "Pa",
+            1e4,
+            5e5,
+            "log",
+            plain="piece stiffness",
+            meaning="hydroelastic modulus of the piece; a low value is a soft piece",
+        ),
+        Dimension("g", "", 0, 1, "integer", plain="shape", meaning="0 ellipsoid, 1 cylinder, 2 box"),
+        Dimension("h", "cm", 1.5, 2.5, plain="piece height", meaning="height of the piece"),
     )
 )
 """Omega."""
@@ -33,18 +48,58 @@ MARGIN = Space(
 )
 """Omega and everything that the targets of Table A2 reach."""
 
-CONTEXT = Space((Dimension("x", "m", 0.64, 0.72), Dimension("y", "m", -0.03, 0.03)))
+CONTEXT = Space(
+    (
+        Dimension(
+            "x",
+            "m",
+            0.64,
+            0.72,
+            plain="piece ahead",
+            meaning="how far ahead of the arm's base the centre of the piece lies",
+        ),
+        Dimension(
+            "y",
+            "m",
+            -0.03,
+            0.03,
+            plain="piece left",
+            meaning="how far to the robot's left the centre of the piece lies",
+        ),
+    )
+)
 """Where the centre of the piece lies on the table, in the base frame."""
 
 ACTION = Space(
     (
-        Dimension("pitch_rate", "rad/s", -0.2, 0.2),  # at t = 0.25 s; positive leaves the table late
-        Dimension("pitch", "rad", float(np.deg2rad(2.0)), float(np.deg2rad(10.0))),  # edge down
-        Dimension("distance", "m", 0.005, 0.020),  # from the edge to the nearest side of the largest piece
+        Dimension(
+            "pitch_rate",
+            "rad/s",
+            -0.2,
+            0.2,
+            plain="pitch rate",
+            meaning="turning speed of the blade at 0.25 s; positive leaves the table late",
+        ),
+        Dimension(
+            "pitch",
+            "rad",
+            float(np.deg2rad(2.0)),
+            float(np.deg2rad(10.0)),
+            plain="initial pitch",
+            meaning="angle of the blade at the start, edge down",
+        ),
+        Dimension(
+            "distance",
+            "m",
+            0.005,
+            0.020,
+            plain="initial distance",
+            meaning="from the blade's edge to the nearest side of the largest piece",
+        ),
     )
 )
 
-NUISANCE = Space((Dimension("radius", "m", 0.010, 0.015),))
+NUISANCE = Space((Dimension("radius", "m", 0.010, 0.015, plain="piece radius", meaning="half the width of the piece"),))
 """Half the width of the piece: different from piece to piece, chosen by nobody."""
 
 ACTION_NOISE: Array = frozen_array([0.04, 0.012, 0.0], (3,))

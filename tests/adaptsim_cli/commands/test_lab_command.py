@@ -36,6 +36,7 @@ def test_show_prints_a_table_by_default() -> None:
     assert result.exit_code == 0
     assert "0.45" in result.stdout
     assert "X_BC" in result.stdout
+    assert "piece height" in result.stdout
 
 
 def test_show_draws_what_the_camera_sees(tmp_path: Path) -> None:
@@ -48,6 +49,12 @@ def test_show_draws_what_the_camera_sees(tmp_path: Path) -> None:
     assert image.shape == (180, 320, 3)
     blue, green, red = image.astype(int).transpose(2, 0, 1)
     assert ((red > 1.5 * green) & (red > 1.5 * blue)).sum() > 3  # the piece
+
+
+def test_list_explains_the_numbers_of_a_task() -> None:
+    shown = " ".join(runner.invoke(app, ["list", "--task", "pendulum"]).stdout.split())
+    assert "m1 inner mass kg" in shown
+    assert "torque of joint" in shown
 
 
 def test_list_names_the_shipped_worlds() -> None:

@@ -11,7 +11,6 @@ A table is a folder with `table.toml` (which world, scene and policies) and shar
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from hw.bounded import Unreadable
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
@@ -180,8 +180,8 @@ def _manifest(folder: Path) -> dict[str, Any] | None:
         return None
     try:
         manifest = read_toml(path)
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}): remove the folder and make the table again") from error
+    except Unreadable as error:
+        raise DatasetError(f"{path} {error}: remove the folder and make the table again") from error
     if missing := {*_MADE_OF, "digest"} - manifest.keys():
         raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and make the table again")
     return manifest

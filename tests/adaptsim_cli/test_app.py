@@ -14,6 +14,7 @@ from toy_session import NAME, no_space, run
 
 from adaptsim_cli import app
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.storage.sealed import seal_toml
 from adaptsim_cli.wiring import session as wiring
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from perception.errors import TrackingFailed
@@ -289,6 +290,7 @@ def test_debug_adds_the_traceback(capfd: pytest.CaptureFixture[str], monkeypatch
 def test_a_session_of_another_checkpoint_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = run(tmp_path)
     path = store.folder / "session.toml"
-    path.write_text(path.read_text().replace("c" * 64, "d" * 64))
+    body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
+    path.write_bytes(seal_toml(body.replace(b"c" * 64, b"d" * 64)))
     with pytest.raises(UsageError, match="the checkpoint has changed since session"):
         run(tmp_path)

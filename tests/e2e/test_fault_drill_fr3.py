@@ -142,7 +142,7 @@ def test_a_network_that_is_lost_for_a_moment_and_for_good(drill: Drill) -> None:
     drill.switch_off()
     nobody = drill.run()
     assert nobody.code == 3, nobody.said
-    assert re.search("does not answer .*activate FCI in Desk", nobody.error)
+    assert re.search("takes no connection: .*activate FCI in Desk", nobody.error)
     drill.switch_on()
     goes_on(drill)
     assert len(drill.rejected()) == 2

@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-VOLATILE = {"timing_s", "proposal_s", "started", "created", "at"}
+VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
 WORLD = """\
 task = "scooping"

@@ -47,6 +47,7 @@ class Agreement:
     emulated: Estimate  # share of parameters moved alike on emulated trajectories of the same trials
     repeated: Estimate  # on true trajectories of other trials: what chance leaves of it
     opposite: float  # share of parameters moved the other way on emulated trajectories
+    opposite_repeated: float  # and on true trajectories of other trials
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def replay(
     roll: Roll,
     rng: np.random.Generator,
 ) -> Replays:
-    """ReplayBuffer about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
+    """Replay about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
     task, some = solver.task, select_episodes(episodes, count)
     requests = _requests(solver, some, rng)
     noise = int(rng.integers(2**31))
@@ -155,5 +156,5 @@ def _agreement(
 
     reference, others = directions(true), (directions(emulated), directions(stored))
     alike = [clustered((reference == other).mean(axis=(1, 2)), rng) for other in others]
-    opposite = float((reference * others[0] < 0).mean())
-    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite)
+    opposite = [float((reference * other < 0).mean()) for other in others]
+    return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite[0], opposite[1])

@@ -236,7 +236,7 @@ def test_a_connection_lost_for_good_is_a_fault_then_unavailable() -> None:
             arm.execute(path_from(READY_RAD))
         timer.join()
         for use in (arm.state, arm.recover):
-            with pytest.raises(DeviceUnavailable, match=r"does not answer .*activate FCI in Desk"):
+            with pytest.raises(DeviceUnavailable, match=r"takes no connection: .*activate FCI in Desk"):
                 use()
 
 
@@ -252,7 +252,7 @@ def test_another_interface_version_names_the_row_and_the_line_to_install() -> No
 
 
 def test_nobody_there_is_a_message() -> None:
-    with pytest.raises(DeviceUnavailable, match=r"fr3 at 127\.0\.0\.251 does not answer"):
+    with pytest.raises(DeviceUnavailable, match=r"fr3 at 127\.0\.0\.251 is there and takes no connection"):
         franka(cell("fr3"), FrankaSettings("127.0.0.251"), RELAXED).__enter__()
 
 

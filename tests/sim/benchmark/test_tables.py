@@ -96,7 +96,7 @@ def test_what_is_not_the_table_of_this_world_is_refused(tmp_path):
     with pytest.raises(DatasetError, match="holds a table of another world"):
         build(tmp_path, world=other)
     (tmp_path / MANIFEST).write_text("format = ")
-    with pytest.raises(DatasetError, match="cannot be read"):
+    with pytest.raises(DatasetError, match="is not valid TOML"):
         load_table(TOY, WORLD, "scene", tmp_path)
 
 

@@ -61,6 +61,7 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python docs/check_words.py
 
 # The pages of docs/ that follow from the code: commands, parameters, files, messages.
 docs: $(STAMP)
@@ -90,7 +91,7 @@ format: $(STAMP)
 bench: $(STAMP)
 	@for b in benchmarks/*.py; do echo "== $$b"; $(BIN)/python $$b || exit 1; done
 
-# Resolve pyproject.toml afresh and write down what was found.
+# Resolve pyproject.toml again and write down the exact versions.
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
 	.venv-lock/bin/python -m pip install --quiet '.[dev]'

@@ -33,7 +33,7 @@ class NoContact(HardwareError):
 
 
 class HandError(HardwareError):
-    """The hand did not do what was asked: not homed, nothing between the fingers, or something lost."""
+    """The hand could not do its task: not homed, nothing between the fingers, or something lost."""
 
 
 class CameraError(HardwareError):

@@ -27,7 +27,7 @@ class TrackingFailed(PerceptionError):
 
 
 class BoardNotFound(PerceptionError):
-    """Too little of the calibration board is seen for a pose; the message says why, as far as can be told."""
+    """Too little of the calibration board is seen for a pose; the message gives the likely reason."""
 
 
 class WrongBoard(PerceptionError):

@@ -124,7 +124,7 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
             | _told(solved)
         )
     if not solved.record.accepted:
-        raise flow.rejected(solved, path, "Record more views, or mend what the report says, and solve again")
+        raise flow.rejected(solved, path, "Record more views, or correct the problems in the report, and solve again")
 
 
 def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
@@ -206,7 +206,7 @@ def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> B
     known = printing.known(resolved.places.data)
     if known is None:
         if not resolved.config.is_simulated:
-            raise UsageError("there is no board yet: adaptsim calibrate board prints one and remembers it")
+            raise UsageError("no board is known yet. Print one: adaptsim calibrate board")
         return Board()
     if known.measured or request.yes:
         return known.board.board()

@@ -92,7 +92,7 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
         sights = sights.with_view(view.name, corners, locate(corners, rig.board, camera).X_VM)
     for sentence in folder.damaged:
         screen.note(f"  taken again: {sentence}")
-    screen.note(f"Continuing with {len(sights.names)} views of before. --fresh begins anew.")
+    screen.note(f"Continuing with {len(sights.names)} stored views. --fresh starts again without them.")
     return sights
 
 
@@ -172,7 +172,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     screen.show(shows.calibration(solved.record))
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
-        advice = "What was in use before stays in use. --fresh begins a new series of views"
+        advice = "The previous calibration stays in use. --fresh starts a new series of views"
         if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
             advice += "; without it the same views are used, and the corner is touched again"

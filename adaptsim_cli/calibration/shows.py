@@ -62,7 +62,7 @@ def calibration(record: SavedCalibration) -> RenderableType:
             (f"The camera stands at {X[0, 3]:.4f}, {X[1, 3]:.4f}, {X[2, 3]:.4f} m {where}", "bold"),
             f", known to {u.sigma_mm:.2f} mm and {u.sigma_deg:.3f}° (one standard deviation)",
         ),
-        Text(f"At the worst corner of the work volume it is off by less than {u.worst_95_mm:.2f} mm, 19 times of 20"),
+        Text(f"At the worst corner of the work volume it is off by less than {u.worst_95_mm:.2f} mm (95 %)"),
         Text(f"Views that took no part are predicted to {held_out}; {counted}"),
         *(Text(f"  view {v.name} not used: {v.reason}", style="yellow") for v in record.views if not v.used),
     ]

@@ -51,7 +51,7 @@ def show(found: Together) -> RenderableType:
         Text(f"{len(found.cameras)} cameras, one {found.target}{size}", style="bold"),
         Text(f"Views that took no part are predicted to {found.held_out_px:.2f} px"),
         views.rows(head, rows),
-        Text("work volume: the error at its worst corner that one calibration in twenty exceeds"),
+        Text("work volume: 95 % of calibrations are better than this at its worst corner"),
     )
 
 

@@ -28,7 +28,7 @@ GUIDED = 20
 class Arrival(Enum):
     """How a visit to one place ended."""
 
-    THERE = "at the place, at rest as far as known"
+    THERE = "at the place, at rest unless a sensor says otherwise"
     LEFT_OUT = "this place cannot be had, the next may"
     ENOUGH = "no more places: the operator has enough"
 
@@ -68,7 +68,9 @@ class Automatic:
 
     def begin(self) -> None:
         if self.unattended and self.rig.is_real:
-            raise UsageError("--yes never confirms the motion of a real arm; run without it, at a terminal")
+            raise UsageError(
+                "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
+            )
         if self.unattended:
             return
         what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
@@ -132,7 +134,7 @@ def plan(rig: CalibrationRig, count: int) -> Array:
     The same for the same rig and board, so that an interrupted series can go on. Raises PreflightFailed.
     """
     if rig.rough_X_BC is None:
-        raise PreflightFailed("where the camera stands is not known yet, so no motion can be planned: add --guide")
+        raise PreflightFailed("the camera pose is still unknown, so no motion can be planned: add --guide")
     camera = rig.camera.model().colour
     X_CM = poses.candidates(camera, rig.board, CANDIDATES, DISTANCE_M)
     found = rig.ways.postures(rig.rough_X_BC @ X_CM @ np.linalg.inv(rig.X_FM))

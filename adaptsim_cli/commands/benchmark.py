@@ -13,21 +13,23 @@ def benchmark(
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
-    methods: Annotated[str, typer.Option("--methods", help="Their names, or all.")] = "all",
+    methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Sessions of each method in each world.")] = 10,
     checkpoints: Annotated[
-        str, typer.Option("--checkpoints", help="One a training seed, by name or folder: sessions take turns.")
+        str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
     executor: Annotated[str, typer.Option("--executor", help="Where sessions run: processes or dask.")] = "processes",
     scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
-    out: Annotated[Path | None, typer.Option("--out", help="Where to work; resumes what is there.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Rows and summary on stdout.")] = False,
 ) -> None:
     """Compare methods: the same worlds, contexts, noise and budget of real trials for all, scored by fresh rollouts.
 
-    Stop it at any time: the same command goes on, and further methods or worlds join what is there.
+    Stop it at any time: the same command continues, and further methods or worlds join what is there.
 
     The worlds of a contact task need tables of true rollouts: adaptsim world-tables makes them. The set drawn is for
     results that are reported; develop with develop. oracle (the best E) and best-action are limits, not methods.

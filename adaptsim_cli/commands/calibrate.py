@@ -11,9 +11,9 @@ app = typer.Typer()
 
 _Task = Annotated[str | None, typer.Option("--task", help="Which task the world of the simulated lab is for.")]
 _World = Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")]
-_Seed = Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")]
+_Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 _Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
-_Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")]
+_Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
 _Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no motion is planned.")]
 
@@ -27,13 +27,13 @@ def calibrate(
     hw: _Hw = None,
     guide: _Guide = False,
     views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, whatever views there are.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: _Yes = False,
     as_json: _Json = False,
 ) -> None:
-    """Show the board to the camera from many sides and find where the camera stands. Takes about ten minutes.
+    """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
 
-    A run that was stopped goes on with the views that it has. A result that fails a gate is not used.
+    A stopped run continues with its stored views. A result that fails a check is not used.
 
     Example: adaptsim calibrate --hw fake --world ood-1 --seed 0 --yes
     """
@@ -59,7 +59,7 @@ def board(
     yes: _Yes = False,
     as_json: _Json = False,
 ) -> None:
-    """Write the calibration board at true scale, and remember it with the size that you measured on the print.
+    """Write the calibration board at true scale, and store the size that you measured on the print.
 
     Run it again with --width-mm once it is printed and measured.
 
@@ -112,7 +112,7 @@ def solve(
     last: Annotated[str, typer.Option("--until", help="Leave out the views after this one.")] = "",
     as_json: _Json = False,
 ) -> None:
-    """Solve from views that were recorded elsewhere, on any robot: the same checks, report and refusals.
+    """Solve from views recorded elsewhere, on any robot, with the same checks and report.
 
     Example: adaptsim calibrate solve my-views --json
     """

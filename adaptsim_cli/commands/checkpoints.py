@@ -14,7 +14,7 @@ _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 @app.command("list")
 def list_checkpoints(as_json: _Json = False) -> None:
-    """Shipped checkpoints and those of `adaptsim pretrain`.
+    """List the shipped checkpoints and those of `adaptsim pretrain`.
 
     Example: adaptsim checkpoints list
     """
@@ -32,7 +32,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
 @app.command()
 def verify(
-    checkpoint: Annotated[str, typer.Argument(help="Its folder; empty: the shipped one, or that of --object.")] = "",
+    checkpoint: Annotated[str, typer.Argument(help="Folder; default: the shipped one, or the one for --object.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
     own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
     rollouts: Annotated[
@@ -41,8 +41,8 @@ def verify(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
     ] = False,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of the draws.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the draws.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
     as_json: _Json = False,
 ) -> None:
     """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
@@ -79,7 +79,7 @@ def verify(
         ]
         screen.show(views.rows(columns, body))
     elif wanted:
-        screen.note("Its task policies are trained anew in every session: there is no figure to compare with rollouts.")
+        screen.note("Every session trains its own task policies: there is no figure to compare with rollouts.")
     if as_json:
         screen.data(found)
     if not found["holds"]:
@@ -92,10 +92,10 @@ def verify(
 
 @app.command()
 def repair(
-    checkpoint: Annotated[str, typer.Argument(help="Its name or folder; empty: the shipped one.")] = "",
+    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
     steps: Annotated[int, typer.Option("--steps", min=64, help="Adaptation steps to learn from.")] = 10_000,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of the training.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the training.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the copy; default: a place of its own.")] = None,
     as_json: _Json = False,
 ) -> None:

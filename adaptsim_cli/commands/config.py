@@ -14,7 +14,7 @@ _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 @app.command()
 def show(as_json: _Json = False) -> None:
-    """Every setting with its value and where it comes from, and what the rig file says.
+    """Show every setting with its value and origin, and the contents of the rig file.
 
     Example: adaptsim config show
     """
@@ -42,7 +42,7 @@ def show(as_json: _Json = False) -> None:
 
 @app.command()
 def path(as_json: _Json = False) -> None:
-    """Where data and settings lie. ADAPTSIM_HOME moves both.
+    """Show the folders of data and settings. ADAPTSIM_HOME moves both.
 
     Example: adaptsim config path
     """
@@ -68,9 +68,9 @@ def init(
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Take every default, ask nothing.")] = False,
     as_json: _Json = False,
 ) -> None:
-    """Ask what the lab consists of and write its rig file, and a settings file with every setting as a comment.
+    """Ask about the lab and write its rig file, plus a settings file with every setting as a comment.
 
-    A settings file that is there stays as it is. A rig file that is there is replaced only where you say so.
+    An existing settings file is left unchanged. An existing rig file is replaced only if you agree.
 
     Example: adaptsim config init --arm fr3
     """

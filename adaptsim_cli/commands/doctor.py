@@ -13,7 +13,7 @@ def doctor(
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The checklist as one JSON object on stdout.")] = False,
 ) -> None:
-    """Is everything there that an iteration needs? Each thing that is missing comes with what mends it. Nothing moves.
+    """Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.
 
     Exit code 3 when something is missing.
 

@@ -22,10 +22,10 @@ def show(
     world: Annotated[str | None, typer.Option("--world", help="Name of a world, or the path of a TOML file.")] = None,
     task: _Task = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the lab.", min=0)] = None,
-    png: Annotated[Path | None, typer.Option("--png", help="Write here what the camera sees.")] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="Write the camera picture to this file.")] = None,
     as_json: _Json = False,
 ) -> None:
-    """The truth about a world, which neither learning nor tracking may read: for checking them.
+    """Show the true parameters of a world. For checks only: learning and tracking never read them.
 
     Example: adaptsim lab show --task scooping --world ood-1 --json
     """
@@ -90,7 +90,7 @@ def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> N
 
 @app.command("list")
 def list_all(task: _Task = None, as_json: _Json = False) -> None:
-    """The worlds that ship with a task, and what its parameters, contexts and actions are called and mean.
+    """List the worlds of a task, and explain its parameters, contexts and actions.
 
     Example: adaptsim lab list --task scooping
     """

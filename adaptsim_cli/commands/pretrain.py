@@ -10,10 +10,10 @@ import typer
 
 def pretrain(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
-    budget: Annotated[str, typer.Option("--budget", help="How much of everything: full or small.")] = "full",
+    budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
     rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
     denser: Annotated[
-        int | None, typer.Option("--denser", min=0, help="And further ones, where the outcome is uncertain.")
+        int | None, typer.Option("--denser", min=0, help="Further trials where the outcome is uncertain.")
     ] = None,
     steps: Annotated[
         int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
@@ -26,22 +26,24 @@ def pretrain(
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
     ] = "paper",
     own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
     executor: Annotated[
         str, typer.Option("--executor", help="Where simulations run: processes or dask.")
     ] = "processes",
     scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
-    out: Annotated[Path | None, typer.Option("--out", help="Where to work; resumes what is there.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
+    ] = None,
     report: Annotated[
-        bool, typer.Option("--report", help="Show by true rollouts what it is worth: a document with figures.")
+        bool, typer.Option("--report", help="Evaluate on true rollouts: a document with figures.")
     ] = False,
     docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, train the adaptation policy, write a checkpoint.
 
-    Stop it at any time: the same command goes on. Use the checkpoint with the setting `checkpoint`.
+    Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
     With --targets wide it learns from, and is judged on, targets that may lie beyond the ranges of the paper.
 

@@ -10,18 +10,20 @@ import typer
 
 def preview(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
-    arm: Annotated[str | None, typer.Option("--arm", help="Whose limits: panda or fr3, as it ships.")] = None,
+    arm: Annotated[str | None, typer.Option("--arm", help="Arm with its factory limits: panda or fr3.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")] = None,
     context: Annotated[
-        list[str] | None, typer.Option("--context", help="Where, as name=value; may be repeated.")
+        list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
     ] = None,
-    action: Annotated[list[str] | None, typer.Option("--action", help="How, as name=value; may be repeated.")] = None,
+    action: Annotated[
+        list[str] | None, typer.Option("--action", help="Action as name=value, repeatable; names: adaptsim lab list.")
+    ] = None,
     html: Annotated[Path | None, typer.Option("--html", help="Write the page here and serve nothing.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; serves nothing.")] = False,
 ) -> None:
-    """Plan one motion, show every limit that it uses, and play it in the browser. Nothing moves, no device is needed.
+    """Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.
 
-    What is not given is the middle of its range. With --hw tool, table and boxes are those of the rig file.
+    A value that is not given is the middle of its range. With --hw, tool, table and boxes come from the rig file.
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """

@@ -12,19 +12,23 @@ _Values = list[str] | None
 
 def rollout(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
-    context: Annotated[_Values, typer.Option("--context", help="Where, as name=value; may be repeated.")] = None,
-    action: Annotated[_Values, typer.Option("--action", help="How, as name=value; the rest is the policy's.")] = None,
+    context: Annotated[
+        _Values, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
+    ] = None,
+    action: Annotated[
+        _Values, typer.Option("--action", help="Action as name=value, repeatable; the policy chooses the rest.")
+    ] = None,
     param: Annotated[
-        _Values, typer.Option("--param", help="Parameter that the policy is trained for, as name=value.")
+        _Values, typer.Option("--param", help="Parameter to train the policy for, as name=value, repeatable.")
     ] = None,
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for record and recording; a new one.")] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", help="New folder for record and recording.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The trial as one JSON object on stdout.")] = False,
 ) -> None:
-    """Execute one trial with a chosen action, or with that of a policy. Nothing is adapted.
+    """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """

@@ -11,7 +11,7 @@ def run_iteration(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
     iterations: Annotated[int, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.")] = 1,
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
     method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
     solver: Annotated[
@@ -19,12 +19,12 @@ def run_iteration(
     ] = None,
     own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object an iteration on stdout.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object per iteration on stdout.")] = False,
 ) -> None:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
-    Continues where the session stopped. Without --session it is the one of this task, world, method and seed.
+    Continues where the session stopped. Without --session, its name follows from task, world, method and seed.
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """

@@ -14,7 +14,7 @@ _Name = Annotated[str, typer.Argument(help="Name of the session.")]
 
 @app.command("list")
 def list_sessions(as_json: _Json = False) -> None:
-    """All sessions, newest last.
+    """List all sessions, newest last.
 
     Example: adaptsim sessions list
     """
@@ -35,7 +35,7 @@ def list_sessions(as_json: _Json = False) -> None:
 
 @app.command()
 def show(name: _Name, as_json: _Json = False) -> None:
-    """Every completed trial and iteration of a session.
+    """Show every completed trial and iteration of a session.
 
     Example: adaptsim sessions show scooping-ood-1-adaptsim-seed0
     """
@@ -91,7 +91,7 @@ def redo(
     reason: Annotated[str, typer.Option("--reason", help="Why it does not count.")] = "the operator had it redone",
     as_json: _Json = False,
 ) -> None:
-    """Mark a trial bad: the next run-iteration does it again, and adapts again from what then counts.
+    """Mark a trial as bad: the next run-iteration repeats it and adapts again.
 
     Example: adaptsim sessions redo scooping-ood-1-adaptsim-seed0 3 --reason "the piece was touched"
     """

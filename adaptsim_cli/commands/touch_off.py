@@ -8,22 +8,22 @@ import typer
 
 
 def touch_off(
-    task: Annotated[str | None, typer.Option("--task", help="Whose tool: scooping.")] = None,
+    task: Annotated[str | None, typer.Option("--task", help="Task with the tool: scooping.")] = None,
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of all random numbers.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     grasp_force_N: Annotated[
-        float, typer.Option("--grasp-force", min=5.0, max=70.0, help="How hard the hand holds the tool, N.")
+        float, typer.Option("--grasp-force", min=5.0, max=70.0, help="Grasp force of the hand, N.")
     ] = 40.0,
     handle_mm: Annotated[
-        float, typer.Option("--handle-mm", min=2.0, max=70.0, help="How wide the tool's handle is in the hand.")
+        float, typer.Option("--handle-mm", min=2.0, max=70.0, help="Width of the handle between the fingers, mm.")
     ] = 12.0,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; never for a real arm.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
-    """Find how high the table is and how the tool sits in the hand, by touching slowly. Before the first scoop.
+    """Find the table's height and the tool's pose in the hand by touching slowly. Do this before the first scoop.
 
-    Planning uses the result from then on. Nothing is stored unless everything fits together.
+    Planning uses the result from then on. Nothing is stored unless all touches agree.
 
     Example: adaptsim touch-off --task scooping --world steep-mount --seed 0 --yes
     """

@@ -13,14 +13,14 @@ def world_tables(
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "develop,drawn,named",
     rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; 0: one a core.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
     executor: Annotated[str, typer.Option("--executor", help="Where they run: processes or dask.")] = "processes",
     scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="The tables on stdout.")] = False,
 ) -> None:
     """Simulate the tables of worlds that a benchmark looks trials up in; about a minute of one core a world.
 
-    Stop it at any time: the same command goes on. A table whose files are damaged is made again where it is.
+    Stop it at any time: the same command continues. A table whose files are damaged is made again where it is.
 
     Example: adaptsim world-tables --task pushing --targets wd
     """

@@ -42,9 +42,7 @@ class Scales:
     def weigh(self, what: str) -> None:
         """Ask for the object on the balance. Raises StoppedByOperator, DeviceUnavailable."""
         while not self._asked:
-            answer = self._screen.ask(
-                f"Put the {what} on the balance. Enter to weigh it, n to leave that out, q to stop:"
-            )
+            answer = self._screen.ask(f"Put the {what} on the balance. Enter to weigh it, n to skip, q to stop:")
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; everything completed is stored")
             if answer == "n":

@@ -68,10 +68,11 @@ class ConfirmedArm(AroundArm[RealArm]):
         if self._confirmed:
             return
         self._screen.note(
-            f"THE REAL ROBOT, {self._where}, is about to move for the first time. Nobody in its range, {self._table}, "
-            "a hand at the arm's stop button" + (", a foot at the pedal." if self._pedal else ".")
+            f"THE REAL ROBOT, {self._where}, is about to move for the first time. Check: nobody within its "
+            f"reach, {self._table}, a hand on the arm's stop button"
+            + (", a foot at the pedal." if self._pedal else ".")
         )
-        while (answer := self._screen.ask(f"Type {self.model} when that is so, q to stop:")) != self.model:
+        while (answer := self._screen.ask(f"Type {self.model} to confirm all of this, q to stop:")) != self.model:
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; nothing has moved")
         self._confirmed = True
@@ -85,7 +86,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         while not self._pedal.enabled():
             if self._now_s() > until_s:
                 raise MotionRefused(
-                    f"{self.model}: the pedal was not held within {PATIENCE_S:g} s ({self._pedal.why_not()}); this "
-                    "motion has not begun"
+                    f"{self.model}: the pedal was not held within {PATIENCE_S:g} s ({self._pedal.why_not()}); the "
+                    "motion did not start. Hold the pedal and run the same command again"
                 )
             self._pause(_LOOK_S)

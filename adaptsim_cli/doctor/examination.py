@@ -39,9 +39,9 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     try:
         rig = rig_of(config, tasks_with_tools())
     except UsageError as error:
-        fix = f"adaptsim config init --arm {config.hw}, or mend the file"
+        fix = f"adaptsim config init --arm {config.hw}, or correct the file"
         yield missing(lab.DEVICES, "rig file", str(error), fix)
-        yield skipped(lab.DEVICES, "all devices", "not looked at: without a rig file it is not known what they are")
+        yield skipped(lab.DEVICES, "all devices", "not checked: without a rig file the devices are unknown")
         yield from _task(config)
         return
     yield from _devices(config, places, rig)

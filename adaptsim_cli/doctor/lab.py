@@ -19,7 +19,7 @@ def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: st
     """`days` is the setting calibration_days."""
     if known is None:
         fix = f"adaptsim calibrate --hw {hw}, ten minutes"
-        return missing(DEVICES, "calibration", "where the camera stands is not known", fix)
+        return missing(DEVICES, "calibration", "this rig has no calibration: the camera pose is unknown", fix)
     u, age = known.uncertainty, (now - datetime.fromisoformat(known.created)).days
     found = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°, {age} day{'s' if age != 1 else ''} old"
     if age >= days:
@@ -34,15 +34,15 @@ def camera(report: ProbeReport, serial: str) -> Finding:
         return missing(DEVICES, "camera", report.error, report.fix or "see docs/guide/cameras.md")
     if serial and serial not in report.serials:
         fix = f'plug it in, or write into [camera] of the rig file: serial = "{report.serials[0]}"'
-        return missing(DEVICES, "camera", f"{serial} is not plugged in; there is {', '.join(report.serials)}", fix)
+        return missing(DEVICES, "camera", f"{serial} is not plugged in; found: {', '.join(report.serials)}", fix)
     if not serial and len(report.serials) > 1:
         fix = "write the serial number of the one to use into [camera] of the rig file"
-        return missing(DEVICES, "camera", f"several are plugged in: {', '.join(report.serials)}", fix)
+        return missing(DEVICES, "camera", f"several cameras are plugged in: {', '.join(report.serials)}", fix)
     if not report.depth_engine:
         fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
         return missing(DEVICES, "camera", f"{report.library} has no depth engine, so there would be no depth", fix)
     which = serial or report.serials[0]
-    return ok(DEVICES, "camera", f"{which}, {report.maker} library {report.version or '(version not told)'}")
+    return ok(DEVICES, "camera", f"{which}, {report.maker} library {report.version or '(version unknown)'}")
 
 
 def answers(name: str, ask: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:
@@ -72,4 +72,4 @@ def no_pedal(*, waived: bool) -> Finding:
 
 def not_needed(names: tuple[str, ...]) -> tuple[Finding, ...]:
     """What the simulated lab does without."""
-    return tuple(skipped(DEVICES, name, "not looked at: hw = fake needs none") for name in names)
+    return tuple(skipped(DEVICES, name, "not checked: hw = fake needs none") for name in names)

@@ -35,7 +35,7 @@ def disk_speed(folder: str, speed: WriteSpeed) -> Finding:
     found = f"{speed.mb_s:.0f} MB/s, a record is safe after {1e3 * speed.flush_s:.0f} ms"
     if speed.mb_s < SLOW_MB_S or speed.flush_s > SLOW_FLUSH_S:
         fix = "set ADAPTSIM_HOME to a local disk: every trial waits for this one"
-        return advice(GROUP, "disk speed", f"{found}; better {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms", fix)
+        return advice(GROUP, "disk speed", f"{found}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms", fix)
     return ok(GROUP, "disk speed", found)
 
 
@@ -43,7 +43,7 @@ def realtime_kernel(release: str, is_real_time: bool) -> Finding:
     """`release` of the running kernel, as uname tells it."""
     if is_real_time:
         return ok(GROUP, "real-time kernel", release)
-    detail = f"{release} is none: the arm stops with communication_constraints_violation when a cycle comes late"
+    detail = f"{release} is not real-time: the arm stops with communication_constraints_violation when a cycle is late"
     fix = "sudo apt-get install -y linux-image-rt-amd64, then boot it (Ubuntu: sudo pro enable realtime-kernel)"
     return missing(GROUP, "real-time kernel", detail, fix)
 
@@ -82,7 +82,7 @@ def network(address: str, trips: RoundTrips) -> Finding:
         fix = "one cable, no switch, no USB adapter; no power saving: sudo ethtool --set-eee DEVICE eee off"
         tries = len(trips.times_ms) + trips.lost
         return advice(
-            DEVICES, "network", f"{told}, {trips.lost} of {tries} lost; better {MOST_RTT_MS:g} ms, 0 lost", fix
+            DEVICES, "network", f"{told}, {trips.lost} of {tries} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost", fix
         )
     return ok(DEVICES, "network", told)
 

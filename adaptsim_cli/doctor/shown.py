@@ -33,7 +33,7 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
     screen.show(table)
-    for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Better:")):
+    for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Recommended:")):
         remedies = [finding for finding in found if finding.verdict is verdict]
         if remedies:
             screen.show(Text(f"\n{head}", style="bold"))
@@ -54,7 +54,7 @@ def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
 def require(found: Sequence[Finding]) -> None:
     """Raises PreflightFailed naming what is missing."""
     if names := _missing(found):
-        raise PreflightFailed(f'not ready: {", ".join(names)}. What mends each is listed above, with "fix" in --json')
+        raise PreflightFailed(f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json')
 
 
 def _missing(found: Sequence[Finding]) -> list[str]:

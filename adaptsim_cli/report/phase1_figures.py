@@ -116,7 +116,7 @@ def _learning_curve(axes: Axes, curve: Mapping[str, Any], parallel: int) -> None
     window = max(1, len(reward) // 16)
     smooth = np.convolve(reward, np.ones(window) / window, mode="valid")
     axes.plot(steps, reward, color=COLOURS[0], alpha=0.3, linewidth=0.8)
-    axes.plot(steps[window - 1 :], smooth, color=COLOURS[0], label="mean reward of what is visited")
+    axes.plot(steps[window - 1 :], smooth, color=COLOURS[0], label="mean reward of visited parameters")
     axes.plot(steps, epsilon, color=COLOURS[2], linestyle="--", linewidth=1, label="share of random steps")
     axes.set(xlabel="adaptation steps", ylim=(0, 1.02))
     axes.set_title("The paper's adaptation policy in training", fontsize=10)

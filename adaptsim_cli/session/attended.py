@@ -25,7 +25,7 @@ class Attended:
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
         )
-        self._go_on("Is the arm at rest and the way clear? Enter to do this trial again, q to stop:")
+        self._go_on("Is the arm at rest and its path clear? Enter to repeat this trial, q to stop:")
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         if real:
@@ -35,7 +35,7 @@ class Attended:
 
     def approve(self, proposal: Proposal, real: bool) -> None:
         if proposal.overlay is not None:
-            self.screen.plain(f"  What the camera found: {proposal.overlay}")
+            self.screen.plain(f"  Detection: {proposal.overlay}")
         self._go_on(f"{proposal.announcement}. Enter to start, q to stop:")
 
     def review(self, judged: Judged) -> Review:
@@ -48,7 +48,9 @@ class Attended:
             if answer == "":
                 return Accept()
             if answer == "q":
-                raise StoppedByOperator("stopped by the operator; this trial is recorded, and its review comes again")
+                raise StoppedByOperator(
+                    "stopped by the operator; this trial is recorded; the same command asks for its review again"
+                )
             if answer == "r":
                 reason = self.screen.ask("Why does this trial not count?")
                 return Redo(reason or "the operator had it redone")
@@ -84,7 +86,7 @@ class Unattended:
     def repeat_interrupted(self, stage: RunTrial) -> None:
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started. "
-            "The simulated lab starts afresh, so it is done again from the same start."
+            "The simulated lab starts over, so the trial is repeated from the same start."
         )
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
@@ -92,7 +94,9 @@ class Unattended:
 
     def approve(self, proposal: Proposal, real: bool) -> None:
         if real:
-            raise UsageError("--yes never confirms the motion of a real arm; run without it, at a terminal")
+            raise UsageError(
+                "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
+            )
 
     def review(self, judged: Judged) -> Review:
         return Accept()

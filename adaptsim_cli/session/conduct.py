@@ -173,7 +173,9 @@ def _ready(session: Session, config: Config) -> None:
     screen.show(shows.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
     if existing.completed:
         count = len(existing.completed)
-        screen.note(f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session begins afresh.")
+        screen.note(
+            f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
+        )
     checks = preflight(session.parts.target, facts, session.store.folder, config.min_free_mb)
     screen.checks(checks)
     if problem := failures(checks):

@@ -82,7 +82,9 @@ def run_trial(session: Session, stage: RunTrial) -> None:
     The recording is on the disk before anyone looks at it. A trial that was cut short afterwards goes on from there.
     """
     if stage.recorded:
-        session.screen.note(f"Trial {stage.key.number} goes on from its recording: the motion is over, nothing moves.")
+        session.screen.note(
+            f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
+        )
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
@@ -311,7 +313,7 @@ def _reject(session: Session, stage: RunTrial, reason: str) -> None:
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
-        session.screen.plain(f"What was recorded of it is kept: {folder}")
+        session.screen.plain(f"Its recording is kept: {folder}")
 
 
 def _rows(particle: Particle) -> Samples:

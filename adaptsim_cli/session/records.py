@@ -140,7 +140,7 @@ class MotionRecord(Record):
     started: str  # ISO 8601
     stopped: str | None  # why the motion did not come to its end
     timing_s: dict[str, float]
-    checksums: dict[str, str] = {}  # name -> SHA-256 of what was recorded with it
+    checksums: dict[str, str] = {}  # name -> SHA-256 of each recorded file
 
 
 class TrialRecord(Record):

@@ -26,8 +26,8 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
         later = trial_numbers(iteration + 1, facts.particles, facts.trials).start
         if any(k.number >= later for k in existing.started | existing.completed):
             raise UsageError(
-                f"trial {number} belongs to iteration {iteration + 1}, and later trials rest on what was learnt from "
-                "it; only trials of the newest iteration can be redone"
+                f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "
+                "that iteration; only trials of the newest iteration can be redone"
             )
         store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
     return key.attempt + 1

@@ -45,7 +45,7 @@ def execute(planned: Planned, store: Callable[[Executed], None], screen: Screen)
     """Execute, and `store` what was recorded before anyone looks at it. Raises HardwareError."""
     with screen.busy(planned.doing):
         executed = planned.execute()
-    with screen.busy("Storing what was recorded"):
+    with screen.busy("Storing the recording"):
         store(executed)
     if executed.stopped is not None:
         raise executed.stopped

@@ -10,7 +10,7 @@ from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import TouchRig
 
-NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run without it, at a terminal"
+NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
 
 
 class Assistant(Protocol):
@@ -48,14 +48,14 @@ class HumanAssistant:
 
     def empty_hand(self, rig: TouchRig) -> None:
         self._go_on(
-            f"Take the {rig.tool_name} out of the hand and keep your own fingers away: its fingers will open and "
-            "close. Enter when empty, q to stop:"
+            f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and "
+            "closes. Enter when it is empty, q to stop:"
         )
 
     def hand_over(self, rig: TouchRig) -> None:
         self._go_on(
-            f"Hold the {rig.tool_name} between the fingers, as its drawing shows, your own fingers away from theirs: "
-            f"they close with {rig.grasp.force_N:g} N. Enter to close, q to stop:"
+            f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
+            f"the hand closes with {rig.grasp.force_N:g} N. Enter to close, q to stop:"
         )
 
     def clear(self, rig: TouchRig, what: str) -> None:

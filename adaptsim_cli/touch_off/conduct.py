@@ -81,7 +81,7 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
 
 @contextmanager
 def _how_to_continue() -> Iterator[None]:
-    hint = "Nothing was stored; what was in use before stays in use. Begin again with: adaptsim touch-off"
+    hint = "Nothing was stored; the previous touch-off stays in use. Start again with: adaptsim touch-off"
     try:
         yield
     except KeyboardInterrupt as error:

@@ -117,7 +117,7 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
         if differ(heights) > DIFFER_M:
             raise TouchOffFailed(
                 f"{probe.name}: {len(heights)} touches differ by {1e3 * differ(heights):.2f} mm "
-                f"(at most {1e3 * DIFFER_M:.1f}): does the table give in, or the tool sit loose? Mend it and run again"
+                f"(at most {1e3 * DIFFER_M:.1f}): is the table soft, or the tool loose? Fix it and run again"
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
         found += [Touched(probe, q) for q in slow]
@@ -155,7 +155,7 @@ def _slowly(rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, found_m: 
     if touch is None:
         raise TouchOffFailed(
             f"{probe.name}: the force did not rise as on a table ({contact.force_N:.0f} N after {contact.t_s:.2f} s): "
-            "something was knocked, or gives in. Look at it and run again"
+            "the tool hit something else, or the surface is soft. Check both and run again"
         )
     return bench.cell.arm.true_rad(touch.q_rad)
 
@@ -175,7 +175,7 @@ def _feel(
     except NoContact as error:
         raise TouchOffFailed(
             f"{probe.name}: nothing was touched down to {1e3 * below_m:.0f} mm below where the table should be. Is the "
-            "table there, and the tool in the hand? Mend it and run again"
+            "table there, and the tool in the hand? Correct it and run again"
         ) from error
 
 

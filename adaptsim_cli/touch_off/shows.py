@@ -33,7 +33,7 @@ def explanation(rig: TouchRig) -> RenderableType:
 def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> RenderableType:
     """One line for one place."""
     seen = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
-    return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm against what was expected")
+    return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm from the expected height")
 
 
 def pressing(force_N: float) -> RenderableType:
@@ -55,7 +55,7 @@ def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
         ("repeats differ by (one sigma)", "", f"{1e3 * found.repeat_m:.2f} mm"),
         (f"moved when pressed with {pressed_N:.0f} N", f"{1e3 * slipped_m:+.2f} mm", ""),
     ]
-    return Group(Text(""), views.rows(("found", "value", "within, 19 times of 20"), rows))
+    return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows))
 
 
 def _row(name: str, found: MeasuredValue, scale: float, unit: str) -> tuple[str, str, str]:

@@ -84,9 +84,9 @@ def asked(
     task = get_task(config.task)
     chosen = COMPARED if methods == "all" else tuple(dict.fromkeys(_words(methods)))
     if unknown := [name for name in chosen if name not in COMPARED]:
-        raise UsageError(f"--methods {','.join(unknown)}: there is all, or any of {', '.join(COMPARED)}")
+        raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(COMPARED)}")
     if not chosen:
-        raise UsageError(f"--methods is empty: there is all, or any of {', '.join(COMPARED)}")
+        raise UsageError(f"--methods is empty: choose all, or any of {', '.join(COMPARED)}")
     names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
     left_out = dict[str, str]()
@@ -117,7 +117,7 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
     busy = f"another benchmark is at work in {asked.folder}: wait for it, or give another --out"
     with (
         locked(asked.folder, busy),
-        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         results = Results(asked.folder)
         results.agree(asked.plan)
@@ -165,7 +165,7 @@ def make_tables(
     busy = f"another process makes tables in {folder}: wait for it"
     with (
         locked(folder, busy),
-        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         for i, target in enumerate(chosen):
             place = folder / target.set / target.name

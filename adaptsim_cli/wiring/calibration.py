@@ -70,7 +70,7 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
     if nominal is not None:
         return nominal, np.zeros(7)
     raise CalibrationMissing(
-        f"hw = {config.hw}: where the camera stands is not known, so nothing has moved. Find out: adaptsim calibrate "
+        f"hw = {config.hw}: this rig has no calibration, so nothing has moved. Calibrate it: adaptsim calibrate "
         f"--hw {config.hw}"
     )
 

@@ -92,7 +92,7 @@ def pretrain(
     make_folder(folder)
     with (
         locked(folder, f"another pretraining is at work in {folder}: wait for it, or give another --out"),
-        how_to_continue("What is finished is kept: the same command goes on", "interrupted"),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         return pretrain(task, folder, chosen, config.seed, executor, progress, solver)
 

@@ -96,7 +96,7 @@ def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | N
         correction = None if known is None else known.correction()
         there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
         if known is not None:
-            lab.note(f"Table and tool are where the touch-off of {known.created} found them.")
+            lab.note(f"Table and tool come from the touch-off of {known.created}.")
         over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
         rig = lab.for_trials(there, over_table, config.calibration_days)
         yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
@@ -113,7 +113,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
     """A world of a task that needs no hardware, or of a foreign physics. Raises UsageError with real devices."""
     if not config.is_simulated:
         raise UsageError(
-            f"--hw {config.hw}: the task {task.name} runs in simulation only, there is nothing that a robot could do. "
+            f"--hw {config.hw}: the task {task.name} runs in simulation only, so no arm can execute it. "
             "Leave --hw out, or choose another --task"
         )
     from sim.lab.rollouts import rollouts_in

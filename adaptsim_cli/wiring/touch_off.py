@@ -79,7 +79,7 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Driver
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
-            tool_name=f"tool of {task.name}",
+            tool_name=f"{task.name} tool",
             arm=devices.arm,
             hand=devices.hand,
             grasp=grasp,

@@ -60,7 +60,7 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
             X_CD=_pose(colour) @ np.linalg.inv(_pose(depth)),
         )
     except (KeyError, ValueError, TypeError) as error:
-        raise CameraError(f"the camera's factory calibration cannot be read: {error!r}; record anew") from error
+        raise CameraError(f"the camera's factory calibration cannot be read: {error!r}; record again") from error
 
 
 def _mode(modes: Mapping[str, Mode], name: str) -> Mode:

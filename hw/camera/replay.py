@@ -83,5 +83,5 @@ def recorded_kinect(path: Path) -> RecordedCamera:
     with KinectRecording(path) as recording:
         model, frames = recording.model(), tuple(recording.frames())
     if not frames:
-        raise CameraError(f"{path} holds no instant with both a colour and a depth image: record anew")
+        raise CameraError(f"{path} holds no instant with both a colour and a depth image: record again")
     return RecordedCamera(model, [Take(frames[0], frames)])

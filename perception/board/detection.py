@@ -183,8 +183,8 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
             _MIN_MARKERS, 2 * markers
         ):
             raise BoardMirrored(
-                "the markers can be read only in the mirror: switch off mirroring in the camera's driver,"
-                " or print the board anew, not mirrored"
+                "the image or the print is mirrored: switch off mirroring in the camera's driver,"
+                " or print the board again, not mirrored"
             )
         for other in DICTIONARIES:
             same_bits = other.split("_")[0] == board.dictionary.split("_")[0]

@@ -126,8 +126,8 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     if card["fingerprint"] != fingerprint(task):
         raise CheckpointError(
             f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}"
-            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the object whose "
-            "ranges they are with --object"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or name the file of that "
+            "object with --object"
         )
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)

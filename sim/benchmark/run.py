@@ -79,7 +79,7 @@ def run_jobs(jobs: Sequence[Job], results: Results, executor: Executor, progress
                 results.keep(jobs[i], rows[i])
                 progress(len(rows), len(jobs))
     except BrokenExecutor as error:
-        raise RolloutError("a worker died; the same command goes on where it was") from error
+        raise RolloutError("a worker died; the same command continues from there") from error
     finally:
         for future in running:
             future.cancel()

@@ -51,9 +51,9 @@ side = "left"
 """
 START = "Enter to start, q to stop:"
 ANSWERS = {
-    "Type fr3 when that is so, q to stop:": "fr3",
+    "Type fr3 to confirm all of this, q to stop:": "fr3",
     "Type recover to clear it (nothing moves), Enter to leave it:": "recover",
-    "Is the arm at rest and the way clear? Enter to do this trial again, q to stop:": "",
+    "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop:": "",
     START: "",
     "Enter when it lies there, q to stop:": "",
     "Enter to accept, o to overrule the outcome, r to redo this trial, q to stop:": "",

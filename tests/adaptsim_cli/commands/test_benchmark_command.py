@@ -57,7 +57,7 @@ def test_it_compares_writes_everything_down_and_goes_on(capsys, home):
 
 def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
     for flags, code, message in (
-        (["--methods", "udr,magic"], 2, "--methods magic: there is all, or any of adaptsim"),
+        (["--methods", "udr,magic"], 2, "--methods magic: choose all, or any of adaptsim"),
         (["--methods", ","], 2, "--methods is empty"),
         (["--targets", "marsh"], 2, "no world 'marsh' for pendulum"),
         (["--budget", "1"], 2, "a budget of 1 trials is less than one iteration of pendulum"),

@@ -59,7 +59,7 @@ def test_q_or_the_end_of_input_stops_at_every_question(
         run_iteration(attended(tmp_path, operator, lab))
     at_review = len(answers) == 3
     assert len(lab.executions) == (1 if at_review else 0)
-    assert ("its review comes again" in str(stopped.value)) == at_review
+    assert ("asks for its review again" in str(stopped.value)) == at_review
 
 
 def test_any_other_key_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

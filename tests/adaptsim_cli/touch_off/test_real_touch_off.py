@@ -123,7 +123,7 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
         contact = arm.execute_until_contact(down(), GUARD)
         arm.carry(TOOL, Payload(0.3))
     assert contact.force_N >= GUARD.force_N
-    assert "Nobody in its range, empty, a hand at" in said(screen)
+    assert "nobody within its reach, empty, a hand on" in said(screen)
     assert "Hold the pedal" in said(screen)
     assert [payload.mass_kg for payload in feeling.carried] == [0.3]
 
@@ -136,7 +136,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
     assert devices.arm is not None
     assert devices.hand.commands == ["home", "move"]
     assert devices.arm.executed == []
-    assert "Enter when empty, q to stop" in said(screen)
+    assert "Enter when it is empty, q to stop" in said(screen)
     asked = "nobody within reach? THE REAL ROBOT then touches the table with"
     assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop:") == 2
 
@@ -147,7 +147,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
             touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
         assert devices.hand.commands[-1] == "grasp"
         assert rig.arm.state().q_rad == pytest.approx(rig.home_rad), "where the tool was handed over"
-    assert f"{asked} the tool of scooping, slowly" in said(screen)
+    assert f"{asked} the scooping tool, slowly" in said(screen)
 
 
 def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:

@@ -218,7 +218,7 @@ def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> B
     try:
         width_mm = float(answer.replace(",", ".")) if answer else across * known.nominal_square_mm
     except ValueError:
-        raise UsageError(f"{answer!r} is no width in mm, such as {across * known.nominal_square_mm:g}") from None
+        raise UsageError(f"{answer!r} is not a width in mm, such as {across * known.nominal_square_mm:g}") from None
     return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
 
 

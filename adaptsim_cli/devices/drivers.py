@@ -47,7 +47,7 @@ class Drivers:
 
 
 def makers_drivers() -> Drivers:
-    """The adapters of `hw`. Their SDKs are loaded when a device is entered, and DeviceUnavailable says what lacks."""
+    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names what is missing."""
     from hw.camera.k4a import open_kinect
     from hw.franka.arm import open_franka
     from hw.franka.hand import SDKS, FrankaHand

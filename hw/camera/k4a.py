@@ -171,4 +171,4 @@ def _frame(shot: TimedCapture) -> Frame:
 
 
 def _closed() -> DeviceUnavailable:
-    return DeviceUnavailable("the camera is not connected: enter it with `with` first")
+    return DeviceUnavailable("the camera is not connected: use it inside a `with` block")

@@ -150,7 +150,7 @@ class K4aDevice:
     @property
     def _handle(self) -> ctypes.c_void_p:
         if self._device is None:
-            raise DeviceUnavailable("the camera is not open: enter it with `with` first")
+            raise DeviceUnavailable("the camera is not open: use it inside a `with` block")
         return self._device
 
     def _set(self, command: int, value: int, what: str) -> None:

@@ -94,7 +94,7 @@ def load(file: str) -> K4aLibrary:
         try:
             function = getattr(library, name)
         except AttributeError as error:
-            raise DeviceUnavailable(f"{file} lacks {name}, so it is no libk4a 1.4") from error
+            raise DeviceUnavailable(f"{file} lacks {name}, so it is not libk4a 1.4") from error
         function.restype, function.argtypes = result, arguments
     return cast(K4aLibrary, library)
 

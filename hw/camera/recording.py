@@ -79,7 +79,7 @@ class KinectRecording:
     @property
     def _open(self) -> av.container.InputContainer:
         if self._container is None:
-            raise DeviceUnavailable(f"the recording {self._path} is not open: enter it with `with` first")
+            raise DeviceUnavailable(f"the recording {self._path} is not open: use it inside a `with` block")
         return self._container
 
     def _track(self, title: str) -> Any:
@@ -91,14 +91,14 @@ class KinectRecording:
     def _tag(self, title: str, key: str) -> str:
         tags = self._track(title).metadata
         if key not in tags:
-            raise CameraError(f"track {title} of {self._path} lacks {key}: it is no recording of an Azure Kinect")
+            raise CameraError(f"track {title} of {self._path} lacks {key}: it is not a recording of an Azure Kinect")
         return str(tags[key])
 
     def _attached(self, name: str) -> bytes:
         for stream in self._open.streams:
             if stream.type == "attachment" and stream.metadata.get("filename") == name:
                 return bytes(stream.data)  # type: ignore[attr-defined]
-        raise CameraError(f"{self._path} lacks its {name}: it is no recording of an Azure Kinect")
+        raise CameraError(f"{self._path} lacks its {name}: it is not a recording of an Azure Kinect")
 
 
 def _rgb(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint8]]:

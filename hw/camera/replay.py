@@ -72,7 +72,7 @@ class RecordedCamera:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the recorded camera is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the recorded camera is not connected: use it inside a `with` block")
 
 
 def recorded_kinect(path: Path) -> RecordedCamera:

@@ -71,4 +71,4 @@ class FakeArm:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the fake arm is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the fake arm is not connected: use it inside a `with` block")

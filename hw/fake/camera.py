@@ -50,4 +50,4 @@ class FakeCamera:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the fake camera is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the fake camera is not connected: use it inside a `with` block")

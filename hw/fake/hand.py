@@ -63,4 +63,4 @@ class FakeHand:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the fake hand is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the fake hand is not connected: use it inside a `with` block")

@@ -246,7 +246,7 @@ class FrankaArm:
     def _connected(self) -> Player:
         """The player, a new one where the last has ended. Raises DeviceUnavailable."""
         if not self._entered:
-            raise DeviceUnavailable(f"the {self._model} is not connected: enter it with `with` first")
+            raise DeviceUnavailable(f"the {self._model} is not connected: use it inside a `with` block")
         if self._player is not None and not self._player.alive:
             self._fault = self._fault or "the process that plays motions has ended"
             self._drop_player()

@@ -124,5 +124,5 @@ class FrankaHand:
 
     def _connected(self) -> Any:
         if self._gripper is None:
-            raise DeviceUnavailable("the hand is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the hand is not connected: use it inside a `with` block")
         return self._gripper

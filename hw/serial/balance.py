@@ -116,7 +116,7 @@ class SerialBalance:
         Raises BalanceError (no number to be had, or unplugged), DeviceUnavailable (no answer).
         """
         if self._line is None:
-            raise DeviceUnavailable("the balance is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the balance is not connected: use it inside a `with` block")
         try:
             if not self._line.is_open:
                 self._line = self._opened()

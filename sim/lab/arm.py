@@ -81,4 +81,4 @@ class LabArm:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the lab's arm is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")

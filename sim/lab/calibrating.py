@@ -109,7 +109,7 @@ class _State:
 
     def need_connection(self) -> None:
         if not self.connected:
-            raise DeviceUnavailable("the lab is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the lab is not connected: use it inside a `with` block")
 
 
 class _BoardArm:

@@ -102,4 +102,4 @@ class LabCamera:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the lab's camera is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the lab's camera is not connected: use it inside a `with` block")

@@ -80,4 +80,4 @@ class LabHand:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the lab's hand is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the lab's hand is not connected: use it inside a `with` block")

@@ -244,7 +244,7 @@ class _FeelingArm:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the lab's arm is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")
 
 
 def _moved(path: JointPath, by_rad: Array) -> JointPath:

@@ -40,7 +40,7 @@ class OwnObject:
         for key, (low, high) in self.ranges.items():
             if not low < high:
                 raise ObjectError(
-                    f"the object {self.name}: {key} = [{low:g}, {high:g}] is no range, the first number must be the "
+                    f"the object {self.name}: {key} = [{low:g}, {high:g}] is not a range, the first number must be the "
                     "smaller one; a value that is known is given a narrow range around it"
                 )
 

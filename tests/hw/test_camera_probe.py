@@ -42,7 +42,7 @@ def test_a_file_that_is_missing_or_no_libk4a(tmp_path: Path) -> None:
     report = probe_k4a(str(broken))
     assert report.error is not None and "cannot be loaded" in report.error and report.fix is not None
     other = probe_k4a("libm.so.6")
-    assert other.error is not None and "it is no libk4a 1.4" in other.error
+    assert other.error is not None and "it is not libk4a 1.4" in other.error
 
 
 def test_a_library_that_crashes_takes_only_the_child_along() -> None:

@@ -149,7 +149,7 @@ class ToyBalance:
 
     def mass_kg(self) -> float:
         if not self.connected:
-            raise DeviceUnavailable("the balance is not connected: enter it with `with` first")
+            raise DeviceUnavailable("the balance is not connected: use it inside a `with` block")
         mass = self.masses_kg.pop(0)
         if mass is None:
             raise BalanceError("the balance is not at rest")

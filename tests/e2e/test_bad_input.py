@@ -61,7 +61,7 @@ def trials(home_folder: Path) -> list[str]:
         (["--task", "pushing", "--param", "y_p=0.2"], "y_p [m] = 0.2 lies outside of [-0.1, 0.1]"),
         (["--task", "pushing", "--world", "moon"], "no world 'moon' for pushing; there are far-patch"),
         (["--task", "pendulum", "--action", "k11=1000"], "k11 [N m/rad] = 1000 lies outside of [0, 160]"),
-        (["--task", "pendulum", "--hw", "fr3"], "pendulum runs in simulation only, there is nothing that a robot"),
+        (["--task", "pendulum", "--hw", "fr3"], "pendulum runs in simulation only, so no arm can execute it"),
     ],
 )
 def test_a_wrong_word_is_a_usage_error(arguments: list[str], said: str, tmp_path: Path, capfd: Capture) -> None:

@@ -100,7 +100,7 @@ def test_a_cable_that_comes_loose_loses_nothing(tmp_path: Path) -> None:
     (folder / "view-006.png").write_bytes(b"half a picture, without its record")
     again, screen = ToyBench(), quiet()
     solved, _ = run(tmp_path, again, screen=screen)
-    assert "Continuing with 5 views" in said(screen)
+    assert "Continuing with 5 stored views" in said(screen)
     assert {path: path.read_bytes() for path in before} == before
     assert len(solved.record.views) == 12
     assert again.motions == 7 + 2, "only what was left, the swing, and the way back"
@@ -120,7 +120,7 @@ def test_damaged_views_are_taken_again_and_a_missing_swing_is_filmed(tmp_path: P
     (folder / "view-002.json").write_text("{")
     (folder / "view-005.png").write_bytes((folder / "view-005.png").read_bytes()[:999])
     solved, stored = run(tmp_path, ToyBench(), screen=screen)
-    assert "Continuing with 5 views" in said(screen)
+    assert "Continuing with 5 stored views" in said(screen)
     assert "taken again" in said(screen)
     assert len([view for view in solved.record.views if view.used]) == 12
     assert (folder / "view-002.json.damaged").exists()

@@ -102,7 +102,7 @@ def test_a_player_that_cannot_connect_leaves_the_arm_unentered() -> None:
     one = FrankaArm(cell("fr3"), FrankaSettings("172.16.0.2"), fails)
     with pytest.raises(DeviceUnavailable, match=r"no arm at 172\.16\.0\.2"):
         one.__enter__()
-    with pytest.raises(DeviceUnavailable, match="enter it"):
+    with pytest.raises(DeviceUnavailable, match="is not connected: use it inside"):
         one.state()
 
 

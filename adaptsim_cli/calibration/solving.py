@@ -38,7 +38,7 @@ class Wishes:
     """What the operator asks for beyond a plain solution."""
 
     refine_intrinsics: bool = False  # use those that the views ask for
-    exchange: tuple[tuple[str, str], ...] = ()  # pairs of views whose poses were mixed up
+    exchange: tuple[tuple[str, str], ...] = ()  # pairs of views with exchanged poses
     shift: int = 0  # each picture belongs to the pose of the view so many places later
     first: str = ""  # leave out the views before this one
     last: str = ""  # and those after this one
@@ -91,7 +91,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
 
 
 def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:
-    """Raises UnusableViews that says what is wrong with the series, where that can be told."""
+    """Raises UnusableViews with the fault of the series, where one is found."""
     from calib.sizing import solve_any_size
 
     try:

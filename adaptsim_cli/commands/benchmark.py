@@ -29,7 +29,7 @@ def benchmark(
 ) -> None:
     """Compare methods: the same worlds, contexts, noise and budget of real trials for all, scored by fresh rollouts.
 
-    Stop it at any time: the same command continues, and further methods or worlds join what is there.
+    Stop it at any time: the same command continues. Further methods or worlds are added to the results.
 
     The worlds of a contact task need tables of true rollouts: adaptsim world-tables makes them. The set drawn is for
     results that are reported; develop with develop. oracle (the best E) and best-action are limits, not methods.

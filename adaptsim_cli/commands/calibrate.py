@@ -103,7 +103,7 @@ def solve(
         typer.Option("--refine-intrinsics", help="Use the focal length, centre and distortion that the views show."),
     ] = False,
     exchange: Annotated[
-        list[str] | None, typer.Option("--exchange", help="Two views whose poses were mixed up, as 25:26; repeatable.")
+        list[str] | None, typer.Option("--exchange", help="Two views with exchanged poses, as 25:26; repeatable.")
     ] = None,
     shift: Annotated[
         int, typer.Option("--shift", min=-5, max=5, help="Each picture belongs to the pose so many views later.")

@@ -20,7 +20,7 @@ def world_tables(
 ) -> None:
     """Simulate the tables of worlds that a benchmark looks trials up in; about a minute of one core a world.
 
-    Stop it at any time: the same command continues. A table whose files are damaged is made again where it is.
+    Stop it at any time: the same command continues. Damaged files of a table are made again.
 
     Example: adaptsim world-tables --task pushing --targets wd
     """

@@ -17,7 +17,8 @@ from sim.tasks.task import Task
 def open_lab(config: Config, task: Task, drivers: Drivers | None = None) -> Iterator[Lab]:
     """The lab of the settings. No device is connected yet; at the end all are left.
 
-    Sessions, calibrations and touch-offs plan with what the lab says of itself, and then ask it for what they need.
+    Sessions, calibrations and touch-offs plan with the rig and nominal calibration of the lab. Then they ask it for
+    their devices.
     There is no other way to a device. `drivers`: of a real lab's devices, None: the makers'. Raises WorldError,
     UnknownName; of a real lab UsageError (rig file, no pedal and none waived, no terminal).
     """

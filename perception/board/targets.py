@@ -100,9 +100,7 @@ class Circles:
     @property
     def outline_m(self) -> Array:
         """(4, 3) rectangle of half a spacing around the centres."""
-        p = self.p_MK_m
-        low, high = p.min(axis=0) - 0.5 * self.spacing_m, p.max(axis=0) + 0.5 * self.spacing_m
-        return np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+        return _around(self.p_MK_m, 0.5 * self.spacing_m)
 
     @property
     def least(self) -> int:
@@ -214,9 +212,7 @@ class Points:
     @property
     def outline_m(self) -> Array:
         """(4, 3) rectangle about them, at their middle height."""
-        low, high = self.p_MK_m.min(axis=0), self.p_MK_m.max(axis=0)
-        z = (low[2] + high[2]) / 2
-        return np.array([[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]])
+        return _around(self.p_MK_m)
 
     @property
     def least(self) -> int:
@@ -259,6 +255,13 @@ def _grid(across: int, down: int) -> Array:
 
 def _rectangle(width: float, height: float) -> Array:
     return np.array([[0, 0, 0], [width, 0, 0], [width, height, 0], [0, height, 0]], dtype=np.float64)
+
+
+def _around(p_m: Array, margin_m: float = 0.0) -> Array:
+    """(4, 3) rectangle `margin_m` around points (K, 3), at their middle height."""
+    low, high = p_m.min(axis=0) - margin_m, p_m.max(axis=0) + margin_m
+    z = (low[2] + high[2]) / 2
+    return np.array([[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]])
 
 
 def _turns(across: int, down: int) -> tuple[NDArray[np.int64], ...]:

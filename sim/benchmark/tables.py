@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from hw.bounded import Unreadable
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
@@ -27,9 +26,9 @@ from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World
 from sim.rollouts.draws import cover, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.rollouts.shards import read_rollouts, read_shard, write_rollouts
+from sim.rollouts.shards import read_manifest, read_rollouts, read_shard, write_rollouts
 from sim.solvers.solver import Solver
-from sim.storage.files import read_toml, write_toml
+from sim.storage.files import write_toml
 from sim.tasks.task import Task
 
 ROLLOUTS = 320
@@ -175,13 +174,4 @@ def _read(folder: Path, world: World, size: int) -> WorldTable:
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:
-    path = folder / MANIFEST
-    if not path.exists():
-        return None
-    try:
-        manifest = read_toml(path)
-    except Unreadable as error:
-        raise DatasetError(f"{path} {error}: remove the folder and make the table again") from error
-    if missing := {*_MADE_OF, "digest"} - manifest.keys():
-        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and make the table again")
-    return manifest
+    return read_manifest(folder / MANIFEST, {*_MADE_OF, "digest"}, "make the table again")

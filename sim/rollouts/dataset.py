@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.bounded import Unreadable
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.rollouts.draws import at_reference, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.rollouts.shards import columns_digest, read_rollouts, write_rollouts
-from sim.storage.files import read_toml, whole_file, write_toml
+from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, write_rollouts
+from sim.storage.files import whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
@@ -237,17 +236,8 @@ def _probe_requests(task: Task) -> Requests:
 
 
 def _read_manifest(folder: Path) -> dict[str, Any] | None:
-    path = folder / MANIFEST
-    if not path.exists():
-        return None
-    try:
-        manifest = read_toml(path)
-    except Unreadable as error:
-        raise DatasetError(f"{path} {error}; remove the folder and build it again") from error
-    missing = {"task", "interface", "seed", "size", "denser", "probe"} - manifest.keys()
-    if missing:
-        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and build it again")
-    return manifest
+    keys = ("task", "interface", "seed", "size", "denser", "probe")
+    return read_manifest(folder / MANIFEST, keys, "build it again")
 
 
 def _offset(progress: Progress | None, start: int, total: int) -> Progress:

@@ -4,18 +4,36 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
+from collections.abc import Collection
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hw.bounded import Unreadable
 from sim.errors import DatasetError
 from sim.rollouts.run import Requests, Rollouts
-from sim.storage.files import whole_file
+from sim.storage.files import read_toml, whole_file
 
 _REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
 _RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
+
+
+def read_manifest(path: Path, keys: Collection[str], again: str) -> dict[str, Any] | None:
+    """What a folder of shards says of itself in `path`, with all `keys`; None where there is none.
+
+    Raises DatasetError, which says `again`: how to come by another.
+    """
+    if not path.exists():
+        return None
+    try:
+        manifest = read_toml(path)
+    except Unreadable as error:
+        raise DatasetError(f"{path} {error}: remove the folder and {again}") from error
+    if missing := set(keys) - manifest.keys():
+        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and {again}")
+    return manifest
 
 
 def columns_digest(columns: dict[str, Any]) -> str:

@@ -96,22 +96,27 @@ class Places:
 
     @property
     def sessions(self) -> Path:
+        """The folder of the sessions."""
         return self.data / "sessions"
 
     @property
     def pretraining(self) -> Path:
+        """The folder of own checkpoints."""
         return self.data / "pretraining"
 
     @property
     def world_tables(self) -> Path:
+        """The folder of the tables that benchmarks look trials up in."""
         return self.data / "world-tables"
 
     @property
     def benchmarks(self) -> Path:
+        """The folder of the benchmarks' results."""
         return self.data / "benchmarks"
 
     @property
     def calibrations(self) -> Path:
+        """The folder of the calibrations."""
         return self.data / "calibrations"
 
 

@@ -19,6 +19,7 @@ class AroundArm(ABC, Generic[Inner]):
 
     @property
     def model(self) -> str:
+        """See `hw.ports.Arm`."""
         return self._arm.model
 
     def __enter__(self) -> Self:
@@ -29,10 +30,14 @@ class AroundArm(ABC, Generic[Inner]):
         self._arm.__exit__(*exc)
 
     def state(self) -> ArmState:
+        """See `hw.ports.Arm`."""
         return self._arm.state()
 
     def recover(self) -> None:
+        """See `hw.ports.Arm`."""
         self._arm.recover()
 
     @abstractmethod
-    def execute(self, path: JointPath) -> Execution: ...
+    def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
+        ...

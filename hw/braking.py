@@ -41,10 +41,12 @@ class Braking:
 
     @property
     def ok(self) -> bool:
+        """Whether a stop is possible at every moment."""
         return bool(np.isfinite(self.duration_s).all())
 
     @property
     def longest_s(self) -> float:
+        """Duration of the longest stop."""
         return float(self.duration_s.max())
 
 

@@ -73,10 +73,12 @@ class LimitReport:
 
     @property
     def ok(self) -> bool:
+        """Whether every check passed."""
         return all(check.ratio <= 1.0 for check in self.checks)
 
     @property
     def worst(self) -> Worst:
+        """The check that comes closest to its limit."""
         return max(self.checks, key=lambda check: check.ratio)
 
     @property

@@ -75,6 +75,7 @@ class MotionLimits:
 
     @property
     def model(self) -> str:
+        """The arm's model, `panda` or `fr3`."""
         return self.joints.model
 
     def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:

@@ -99,6 +99,7 @@ class JointPath:
 
     @property
     def duration_s(self) -> float:
+        """Seconds from the first sample to the last."""
         return float(self.t_s[-1])
 
 

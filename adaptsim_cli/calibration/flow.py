@@ -51,9 +51,11 @@ class Sights:
     X_CM: tuple[Array, ...] = ()
 
     def with_view(self, name: str, corners: Corners, X_CM: Array) -> Sights:
+        """These and one more view: its name, its corners in pixels, its board pose (4, 4) in the camera."""
         return Sights((*self.names, name), (*self.corners, corners), (*self.X_CM, X_CM))
 
     def coverage(self, rig: CalibrationRig) -> Coverage | None:
+        """What the views cover and what they still miss; None before the first one."""
         return coverage(self.corners, self.X_CM, rig.board, rig.camera.model().colour) if self.names else None
 
 

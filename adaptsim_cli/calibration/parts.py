@@ -65,6 +65,7 @@ class CalibrationRig:
 
     @property
     def is_real(self) -> bool:
+        """Whether its arm can hurt somebody."""
         return not is_simulated(self.name)
 
     def temperatures_C(self) -> dict[str, float]:

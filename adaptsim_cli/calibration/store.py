@@ -33,14 +33,17 @@ class Series:
 
     @property
     def setup(self) -> SetupRecord:
+        """The board and the camera of the series. Raises ViewFolderError."""
         return read(SetupRecord, self.folder / files.SETUP)
 
     @property
     def has_views(self) -> bool:
+        """Whether at least one view is stored."""
         return any(self.folder.glob(f"{files.PREFIX}*.json"))
 
     @property
     def has_motion(self) -> bool:
+        """Whether the film for the time offset is stored."""
         return (self.folder / MOTION).exists()
 
     def add(self, view_files: Mapping[str, bytes]) -> None:
@@ -64,6 +67,7 @@ class Series:
 
     @property
     def has_touch(self) -> bool:
+        """Whether touched points are stored."""
         return (self.folder / files.TOUCH).exists()
 
     def write_touch(self, touch_files: Mapping[str, bytes]) -> None:
@@ -76,6 +80,7 @@ class Series:
         (self.folder / files.TOUCH).replace(self.folder / f"{files.TOUCH}.refused")
 
     def write_motion(self, content: Mapping[str, Any]) -> None:
+        """Store the film for the time offset, whole or not at all. Raises DiskFull."""
         durable.replace_file(self.folder / MOTION, json.dumps(content).encode())
 
 

@@ -64,9 +64,11 @@ class Automatic:
     unattended: bool
 
     def numbers(self, taken: Set[int]) -> Sequence[int]:
+        """The planned postures that have no view yet."""
         return [number for number in range(len(self.q_rad)) if number not in taken]
 
     def begin(self) -> None:
+        """Tell the person what will move, and wait for Enter. Raises UsageError, StoppedByOperator."""
         if self.unattended and self.rig.is_real:
             raise UsageError(
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
@@ -80,6 +82,7 @@ class Automatic:
                 raise StoppedByOperator("stopped by the operator; nothing has moved")
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
+        """Move to one posture, or leave it out where no way leads there. Raises MotionRefused, HardwareError."""
         try:
             path = self.rig.ways.way(self.rig.arm.state().q_rad, self.q_rad[number])
         except NotExecutable as error:
@@ -89,6 +92,7 @@ class Automatic:
         return Arrival.THERE
 
     def end(self, film: Callable[[], None]) -> None:
+        """Film the board in motion, then go home. Raises HardwareError."""
         film()
         try:
             self.rig.arm.execute(self.rig.ways.way(self.rig.arm.state().q_rad, self.home_rad))
@@ -103,16 +107,19 @@ class HandGuided:
     screen: Screen
 
     def numbers(self, taken: Set[int]) -> Sequence[int]:
+        """As many further views as a person may take."""
         first = max(taken, default=-1) + 1
         return range(first, first + GUIDED)
 
     def begin(self) -> None:
+        """Tell the person how to guide the arm."""
         self.screen.show(
             "Guide the arm by hand: hold the board where the hint says, let go, and press Enter. "
             "Tilt it by 20 to 40° to all sides, near and far, in all parts of the image."
         )
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
+        """Wait until the person has placed the board, or has enough views. Raises StoppedByOperator."""
         if have is not None and have.missing:
             self.screen.note(f"  missing: {have.missing[0]}")
         enough = number >= FEWEST and have is not None and have.complete
@@ -125,6 +132,7 @@ class HandGuided:
         return Arrival.THERE
 
     def end(self, film: Callable[[], None]) -> None:
+        """Nothing: without a planned motion there is nothing to film."""
         return  # nothing moves the arm, so nothing is filmed and the time offset is not measured
 
 

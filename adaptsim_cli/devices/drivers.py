@@ -26,13 +26,17 @@ class RealArm(GuardedArm, Protocol):
 class OpenArm(Protocol):
     """Makes the arm of a rig, not connected; it refuses what `cell` does not allow."""
 
-    def __call__(self, cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None) -> RealArm: ...
+    def __call__(self, cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None) -> RealArm:
+        """The arm, not connected. Raises DeviceUnavailable where its driver is not installed."""
+        ...
 
 
 class OpenCamera(Protocol):
     """Makes the camera of a rig, not connected; `infrared` asks for that image in every frame."""
 
-    def __call__(self, part: CameraPart, *, infrared: bool) -> Camera: ...
+    def __call__(self, part: CameraPart, *, infrared: bool) -> Camera:
+        """The camera, not connected. Raises DeviceUnavailable where its driver is not installed."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,9 @@ class Lab(Protocol):
     """A lab while a command works in it. Nothing moves by opening; each `for_...` may raise DeviceUnavailable."""
 
     @property
-    def rig(self) -> RigDescription: ...
+    def rig(self) -> RigDescription:
+        """The rig file's content; the simulated lab has one too."""
+        ...
 
     @property
     def title(self) -> str:
@@ -68,7 +70,9 @@ class Lab(Protocol):
         """`hand_eye` is the camera's pose over the table, warned of from an age of `days` on."""
         ...
 
-    def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices: ...
+    def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
+        """Arm and camera, connected, with `held` in the gripper; `cell` decides which motions are allowed."""
+        ...
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """`cell` is with the empty hand, `loaded` the hand with the tool."""

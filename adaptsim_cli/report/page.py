@@ -54,6 +54,7 @@ class TrialView:
 
     @property
     def outcome(self) -> str:
+        """The outcome in plain words."""
         return self.record.outcome.value.replace("_", " ")
 
     @property
@@ -76,6 +77,7 @@ class IterationView:
 
     @property
     def mean(self) -> float:
+        """Mean reward of its trials."""
         return float(np.mean([t.record.reward for t in self.trials]))
 
     @property

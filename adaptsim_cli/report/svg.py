@@ -22,6 +22,7 @@ class Scale:
     log: bool = False
 
     def __call__(self, value: float) -> float:
+        """Pixels of a value in units of the data."""
         low, high, value = (math.log(v) if self.log else v for v in (self.low, self.high, value))
         return self.start + (value - low) / (high - low) * (self.end - self.start)
 
@@ -47,23 +48,28 @@ class Canvas:
     _parts: list[str] = field(default_factory=list)
 
     def line(self, x1: float, y1: float, x2: float, y2: float, css: str) -> None:
+        """A straight line between two points, in pixels."""
         self._parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{css}"/>')
 
     def rect(self, x: float, y: float, width: float, height: float, css: str, radius: float = 0) -> None:
+        """A rectangle from its top left corner, in pixels."""
         self._parts.append(
             f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="{radius}" class="{css}"/>'
         )
 
     def dot(self, x: float, y: float, radius: float, css: str, title: str = "") -> None:
+        """A filled circle; `title` is shown when the pointer rests on it."""
         tip = f"<title>{escape(title)}</title>" if title else ""
         self._parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}" class="{css}">{tip}</circle>')
 
     def curve(self, points: Sequence[tuple[float, float]], css: str, title: str = "") -> None:
+        """A line through `points`, in pixels."""
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         tip = f"<title>{escape(title)}</title>" if title else ""
         self._parts.append(f'<polyline points="{path}" class="{css}">{tip}</polyline>')
 
     def text(self, x: float, y: float, text: str, css: str = "tick", anchor: str = "start") -> None:
+        """A line of text, escaped; `anchor` is start, middle or end."""
         self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" class="{css}" text-anchor="{anchor}">{escape(text)}</text>')
 
     def grid(self, x: Scale, y: Scale) -> None:
@@ -76,6 +82,7 @@ class Canvas:
             self.text(x.start - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
 
     def svg(self) -> str:
+        """The drawing as an SVG element with its label for screen readers."""
         return (
             f'<svg viewBox="0 0 {self.width:.0f} {self.height:.0f}" role="img" aria-label="{escape(self.label)}">'
             + "".join(self._parts)

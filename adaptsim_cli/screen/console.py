@@ -32,9 +32,11 @@ class Screen:
 
     @property
     def width(self) -> int:
+        """Columns of the terminal."""
         return self._console.width
 
     def show(self, what: RenderableType) -> None:
+        """Print text, a table or any other renderable of rich."""
         self._console.print(what)
 
     def plain(self, text: str) -> None:
@@ -42,6 +44,7 @@ class Screen:
         self._console.print(Text(text), soft_wrap=True)
 
     def note(self, text: str) -> None:
+        """Print a line that should be noticed."""
         self.show(Text(text, style="yellow"))
 
     def data(self, value: Any) -> None:
@@ -102,6 +105,7 @@ class Screen:
             yield say
 
     def checks(self, found: Sequence[Readiness]) -> None:
+        """Print which checks passed, and the remedy for each that did not."""
         self.show(views.checks(found))
 
 

@@ -21,6 +21,7 @@ class Attended:
     screen: Screen
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
+        """See `Operator`; a person looks at the arm first."""
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
@@ -28,17 +29,20 @@ class Attended:
         self._go_on("Is the arm at rest and its path clear? Enter to repeat this trial, q to stop:")
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
+        """See `Operator`."""
         if real:
             self._go_on(f"Put the {what} at {_spot(wanted_m)}. Enter when it lies there, q to stop:")
         else:
             self._go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}. Enter to go on, q to stop:")
 
     def approve(self, proposal: Proposal, real: bool) -> None:
+        """See `Operator`."""
         if proposal.overlay is not None:
             self.screen.plain(f"  Detection: {proposal.overlay}")
         self._go_on(f"{proposal.announcement}. Enter to start, q to stop:")
 
     def review(self, judged: Judged) -> Review:
+        """See `Operator`; Enter accepts."""
         self.screen.show(f"  Tracked: {judged.outcome.value.replace('_', ' ')}, reward {judged.reward:.2f}")
         for flag in judged.flags:
             self.screen.note(f"  note: {flag}")
@@ -58,6 +62,7 @@ class Attended:
                 return Overrule(outcome)
 
     def try_again(self, stage: RunTrial) -> bool:
+        """See `Operator`; a person always may."""
         self._go_on("Enter to set this trial up again, q to stop:")
         return True
 
@@ -84,24 +89,29 @@ class Unattended:
     most_attempts: int = 5
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
+        """See `Operator`; the simulated lab starts from the same state."""
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started. "
             "The simulated lab starts over, so the trial is repeated from the same start."
         )
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
+        """See `Operator`; only shows it."""
         self.screen.show(Text(f"  The simulated lab puts the {what} at {_spot(wanted_m)}", style="dim"))
 
     def approve(self, proposal: Proposal, real: bool) -> None:
+        """See `Operator`. Raises UsageError for a real arm."""
         if real:
             raise UsageError(
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
             )
 
     def review(self, judged: Judged) -> Review:
+        """See `Operator`; accepts every outcome."""
         return Accept()
 
     def try_again(self, stage: RunTrial) -> bool:
+        """See `Operator`; a fixed number of attempts."""
         return stage.key.attempt + 1 < self.most_attempts
 
 

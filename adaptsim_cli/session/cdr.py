@@ -44,27 +44,32 @@ class Writer:
         self._body = bytearray()
 
     def message(self) -> bytes:
+        """The whole message: the header and all that was appended."""
         return b"\x00\x01\x00\x00" + bytes(self._body)
 
     def header(self, t_ns: int, frame: str) -> Writer:
+        """A std_msgs/Header: the stamp in nanoseconds and the frame."""
         seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
         self._pack("<i", seconds)
         self._pack("<I", nanoseconds)
         return self.string(frame)
 
     def string(self, text: str) -> Writer:
+        """A string with its length and its closing zero."""
         encoded = text.encode() + b"\x00"
         self._pack("<I", len(encoded))
         self._body += encoded
         return self
 
     def strings(self, texts: Sequence[str]) -> Writer:
+        """A sequence of strings."""
         self._pack("<I", len(texts))
         for text in texts:
             self.string(text)
         return self
 
     def blob(self, content: bytes) -> Writer:
+        """A sequence of bytes."""
         self._pack("<I", len(content))
         self._body += content
         return self
@@ -78,6 +83,7 @@ class Writer:
         return self
 
     def count(self, n: int) -> Writer:
+        """The length of a sequence whose elements follow."""
         self._pack("<I", n)
         return self
 
@@ -122,15 +128,19 @@ class Reader:
         return t_ns, self.string()
 
     def count(self) -> int:
+        """The length of the sequence that follows."""
         return int(self._unpack("<I"))
 
     def string(self) -> str:
+        """The next string."""
         return bytes(self.blob()[:-1]).decode()
 
     def strings(self) -> tuple[str, ...]:
+        """The next sequence of strings."""
         return tuple(self.string() for _ in range(self.count()))
 
     def blob(self) -> memoryview:
+        """The next sequence of bytes; a view, not a copy."""
         size = self.count()
         content = self._body[self._at : self._at + size]
         if len(content) < size:

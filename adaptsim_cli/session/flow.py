@@ -57,6 +57,7 @@ class Session:
 
     @property
     def seed(self) -> int:
+        """The seed of everything that is drawn in this session."""
         return self.store.facts.seed
 
 

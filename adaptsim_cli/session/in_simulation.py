@@ -32,15 +32,19 @@ class InSimulation:
     outcomes: tuple[Outcome, ...] = ()  # nobody sees it otherwise
 
     def checks(self) -> tuple[Readiness, ...]:
+        """See `Target`; there are no devices to check."""
         return (Readiness("devices", True, "none needed"),)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        """See `Target`; never, because nothing can have moved."""
         return False  # nothing can have moved
 
     def replay(self, context: Array, action: Array, folder: Path) -> SimulatedReplay:
+        """See `Target`: the stored trajectory of a trial. Raises SessionError."""
         return SimulatedReplay(read(TrackRecord, folder / FILE).track())
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> SimulatedReady:
+        """See `Target`: the drawn context is the true one."""
         return SimulatedReady(self, drawn)
 
 
@@ -54,9 +58,11 @@ class SimulatedReady:
 
     @property
     def context(self) -> Array:
+        """(c,) as it was drawn, in units."""
         return self.drawn
 
     def plan(self, action: Array) -> SimulatedPlan:
+        """The rollout of `action` (a,), not run yet."""
         return SimulatedPlan(self.target, self.context, action)
 
 
@@ -70,17 +76,21 @@ class SimulatedPlan:
 
     @property
     def summary(self) -> str:
+        """How long the rollout lasts, for the screen."""
         return f"{self.target.duration_s:.1f} s of the {self.target.object_name} will be simulated"
 
     @property
     def announcement(self) -> str:
+        """The sentence that asks for approval."""
         return f"The {self.target.object_name} is simulated for {self.target.duration_s:.1f} s"
 
     @property
     def doing(self) -> str:
+        """What the screen says while it runs."""
         return f"Simulating the {self.target.object_name}"
 
     def execute(self) -> SimulatedTrial:
+        """Run the rollout."""
         return SimulatedTrial(self.target.rollout(self.context, self.action))
 
 
@@ -92,6 +102,7 @@ class SimulatedTrial:
     stopped: None = None
 
     def files(self) -> Mapping[str, bytes]:
+        """The trajectory, as it is stored beside the trial."""
         return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
 
 
@@ -103,6 +114,7 @@ class SimulatedReplay:
     looking: str = "Reading the trajectory"
 
     def track(self) -> ObjectTrack:
+        """The trajectory; there is nothing to track."""
         return self.trajectory
 
     def evidence(self, track: ObjectTrack) -> TrialEvidence:

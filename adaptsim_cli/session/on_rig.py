@@ -38,18 +38,22 @@ class OnRig:
 
     @property
     def hardware(self) -> Hardware:
+        """What the task brings for an arm."""
         return self.task.require_hardware()
 
     @property
     def title(self) -> str:
+        """The name of the lab on the screen."""
         return self.rig.title
 
     @property
     def is_real(self) -> bool:
+        """Whether its arm can hurt somebody."""
         return self.rig.is_real
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
+        """The outcomes that a person may choose between."""
         return self.tracker.outcomes
 
     def checks(self) -> tuple[Readiness, ...]:
@@ -127,14 +131,17 @@ class RigPlan:
 
     @property
     def duration_s(self) -> float:
+        """Of all its paths together."""
         return sum(path.duration_s for path in self.paths)
 
     @property
     def summary(self) -> str:
+        """How long the motion takes, for the screen."""
         return f"The motion takes {self.duration_s:.1f} s and passed all limits"
 
     @property
     def announcement(self) -> str:
+        """The sentence that asks for approval: what moves, and how fast."""
         target = self.found.target
         flange, X_FT = target.planner.flange, target.hardware.X_FT
         speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
@@ -216,9 +223,11 @@ class RigReplay:
 
     @property
     def looking(self) -> str:
+        """What the screen says while the object is tracked."""
         return f"Tracking the {self.target.task.object_name} in {len(self.stored.frames)} frames"
 
     def track(self) -> ObjectTrack:
+        """Track the object in the recorded frames. Raises PerceptionError."""
         stored, played = self.stored, self.stored.execution
         return self.target.tracker.track(
             TrackRequest(

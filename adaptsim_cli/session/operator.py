@@ -75,7 +75,9 @@ class Operator(Protocol):
         """Returns when the trial may start."""
         ...
 
-    def review(self, judged: Judged) -> Review: ...
+    def review(self, judged: Judged) -> Review:
+        """Accept the tracked outcome, overrule it, or ask for the trial again."""
+        ...
 
     def try_again(self, stage: RunTrial) -> bool:
         """Whether to set the trial up again after the object was not found, misplaced, or lost in tracking."""

@@ -22,13 +22,17 @@ class ExpectedReward(NamedTuple):
 class SessionLearner(Protocol):
     """A method of adaptation together with the training of its task policies."""
 
-    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]: ...
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The first `n` particles."""
+        ...
 
     def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
         """Its task policy after the iterations of `history`; for the same of both the same one."""
         ...
 
-    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]: ...
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The particles that follow from all iterations so far."""
+        ...
 
     def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
         """The best parameters so far, and what the data say of the session in one sentence."""

@@ -99,6 +99,7 @@ class TrackRecord(Record):
 
     @classmethod
     def from_track(cls, track: ObjectTrack) -> TrackRecord:
+        """The record of a track."""
         end = track.end_in_tool_m
         return cls(
             t_s=as_row(track.t_s),
@@ -110,6 +111,7 @@ class TrackRecord(Record):
         )
 
     def track(self) -> ObjectTrack:
+        """The track, its arrays read-only."""
         return ObjectTrack(
             t_s=np.array(self.t_s),
             state=np.array(self.state),

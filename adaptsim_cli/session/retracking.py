@@ -57,6 +57,7 @@ class Retracked:
         return self.track is not None and self.track.outcome == self.record.track.outcome
 
     def as_json(self) -> dict[str, Any]:
+        """The object that `retrack --json` prints for a trial."""
         old, new = self.record, self.track
         return {
             "id": old.number,

@@ -24,7 +24,9 @@ class Detection(Protocol):
     """The object lying ready."""
 
     @property
-    def xy_m(self) -> Array: ...
+    def xy_m(self) -> Array:
+        """(2,) of the object on the table, in the base frame."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -112,4 +114,5 @@ class Rig:
 
     @property
     def is_real(self) -> bool:
+        """Whether its arm can hurt somebody."""
         return not is_simulated(self.name)

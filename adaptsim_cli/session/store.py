@@ -179,9 +179,11 @@ class SessionStore:
         return path
 
     def iteration_folder(self, iteration: int) -> Path:
+        """The folder of one iteration, counted from 1."""
         return self.folder / f"iteration-{iteration:02d}"
 
     def trial_folder(self, iteration: int, key: TrialKey) -> Path:
+        """The folder of one attempt at a trial."""
         return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt}"
 
     def _newest_result(self, iteration: int) -> Path | None:

@@ -54,7 +54,9 @@ class TrialReplay(Protocol):
         """Raises TrackingFailed."""
         ...
 
-    def evidence(self, track: ObjectTrack) -> TrialEvidence: ...
+    def evidence(self, track: ObjectTrack) -> TrialEvidence:
+        """Reward and observation of `track`, with what supports them."""
+        ...
 
 
 class Planned(Protocol):

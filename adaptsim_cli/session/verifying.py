@@ -27,6 +27,7 @@ class Verified:
     damage: tuple[str, ...]  # one message a file
 
     def as_json(self) -> dict[str, Any]:
+        """The object that `sessions verify --json` prints for a session."""
         return {
             "session": self.session,
             "files": self.files,

@@ -43,22 +43,26 @@ class HumanAssistant:
     screen: Screen
 
     def begin(self, rig: TouchRig) -> None:
+        """See `Assistant`: the model of a real arm is typed once."""
         if rig.is_real:
             rig.confirm()
 
     def empty_hand(self, rig: TouchRig) -> None:
+        """See `Assistant`."""
         self._go_on(
             f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and "
             "closes. Enter when it is empty, q to stop:"
         )
 
     def hand_over(self, rig: TouchRig) -> None:
+        """See `Assistant`."""
         self._go_on(
             f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
             f"the hand closes with {rig.grasp.force_N:g} N. Enter to close, q to stop:"
         )
 
     def clear(self, rig: TouchRig, what: str) -> None:
+        """See `Assistant`."""
         self._go_on(f"{clear_to_move(rig.is_real, what)}. Enter to start, q to stop:")
 
     def _go_on(self, question: str) -> None:
@@ -72,14 +76,18 @@ class NoAssistant:
     """Nobody is there: the simulated lab alone."""
 
     def begin(self, rig: TouchRig) -> None:
+        """See `Assistant`. Raises UsageError for a real arm."""
         if rig.is_real:
             raise UsageError(NEVER_CONFIRMS)
 
     def empty_hand(self, rig: TouchRig) -> None:
+        """See `Assistant`; the simulated hand is empty."""
         return
 
     def hand_over(self, rig: TouchRig) -> None:
+        """See `Assistant`; the simulated tool is there."""
         return
 
     def clear(self, rig: TouchRig, what: str) -> None:
+        """See `Assistant`; nobody is in the way."""
         return

@@ -51,6 +51,7 @@ class Slip:
 
     @property
     def slipped(self) -> bool:
+        """Whether the tool moved in the hand by more than the measurement's own error."""
         return abs(self.moved_m) > SLIPPED_M
 
 

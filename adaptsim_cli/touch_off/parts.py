@@ -55,4 +55,5 @@ class TouchRig:
 
     @property
     def is_real(self) -> bool:
+        """Whether its arm can hurt somebody."""
         return not is_simulated(self.name)

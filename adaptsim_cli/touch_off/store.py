@@ -34,6 +34,7 @@ class EstimateRecord(Record):
 
     @classmethod
     def from_value(cls, found: MeasuredValue) -> EstimateRecord:
+        """The record of a measured value."""
         return cls(value=found.value, within=found.within)
 
 
@@ -45,6 +46,7 @@ class SlowTouchRecord(Record):
 
     @classmethod
     def from_touch(cls, touched: Touched) -> SlowTouchRecord:
+        """The record of a touch."""
         return cls(place=touched.probe.name, q_rad=tuple(float(q) for q in touched.q_rad))
 
 
@@ -77,6 +79,7 @@ class SavedTouchOff(Record):
     versions: dict[str, str]
 
     def correction(self) -> ToolCorrection:
+        """Table and tool as they are, for planning."""
         table = Table(self.table_origin_m, self.tilt_x.value, self.tilt_y.value)
         return ToolCorrection(
             table,
@@ -87,9 +90,11 @@ class SavedTouchOff(Record):
         )
 
     def content(self) -> bytes:
+        """The bytes of the file."""
         return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
+        """The digest of the file, which sessions keep."""
         return hashlib.sha256(self.content()).hexdigest()
 
 

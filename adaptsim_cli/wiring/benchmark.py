@@ -58,6 +58,7 @@ class Asked:
 
     @property
     def folder(self) -> Path:
+        """Where its results lie: the same request, the same folder."""
         if self.out is not None:
             return self.out.absolute()
         digest = hashlib.sha256(json.dumps(self.plan, sort_keys=True).encode()).hexdigest()[:8]

@@ -40,6 +40,7 @@ class PlannedMotion:
         return Preview(self.task, self.context, self.paths)
 
     def as_json(self) -> dict[str, Any]:
+        """The object that `preview --json` prints."""
         return {
             "task": self.task.name,
             "arm": self.arm,

@@ -27,6 +27,7 @@ class ClockMap:
     pairs: int  # that it rests on
 
     def host_s(self, device_s: float) -> float:
+        """Seconds of the host's clock at `device_s` of the device's."""
         return device_s + self.offset_s
 
 
@@ -56,6 +57,7 @@ class DeviceClock:
 
     @property
     def is_settled(self) -> bool:
+        """Whether enough pairs of stamps have come."""
         return len(self._pairs) >= LEAST_PAIRS
 
     def map(self) -> ClockMap:

@@ -42,6 +42,7 @@ class ColourSettings:
             raise ValueError(f"mains {self.mains_hz} Hz: it is 50 or 60")
 
     def as_json(self) -> dict[str, Any]:
+        """Its fields, for JSON."""
         return asdict(self)
 
 
@@ -127,6 +128,7 @@ class K4aDevice:
         self._running = True
 
     def stop(self) -> None:
+        """Stop the images; nothing happens where none run."""
         if self._running and self._device is not None:
             self._library.k4a_device_stop_cameras(self._device)
         self._running = False

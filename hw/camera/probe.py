@@ -63,6 +63,7 @@ class ProbeReport:
             raise DeviceUnavailable(f"{self.error}. {self.fix}")
 
     def as_json(self) -> dict[str, Any]:
+        """Its fields, for JSON."""
         return asdict(self)
 
 

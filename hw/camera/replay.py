@@ -47,9 +47,11 @@ class RecordedCamera:
         self._connected = self._running = False
 
     def model(self) -> CameraModel:
+        """See `hw.ports.Camera`."""
         return self._model
 
     def snapshot(self) -> Frame:
+        """See `hw.ports.Camera`: the still of the present take."""
         self._need_connection()
         return self._takes[min(self._number, len(self._takes) - 1)].still
 
@@ -63,6 +65,7 @@ class RecordedCamera:
         self._running = True
 
     def stop_recording(self) -> Sequence[Frame]:
+        """See `hw.ports.Camera`: the film of the present take; the next take follows."""
         self._need_connection()
         if not self._running:
             raise CameraError("the camera is not recording: call start_recording first")

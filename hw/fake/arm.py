@@ -38,6 +38,7 @@ class FakeArm:
 
     @property
     def model(self) -> str:
+        """See `hw.ports.Arm`."""
         return self.cell.arm.name
 
     def __enter__(self) -> Self:
@@ -48,10 +49,12 @@ class FakeArm:
         self._connected = False
 
     def state(self) -> ArmState:
+        """See `hw.ports.Arm`."""
         self._need_connection()
         return ArmState(self._clock.now_s(), self._q_rad, np.zeros(7), self._fault)
 
     def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
         self._need_connection()
         refuse_unless_safe(path, self.cell, self._q_rad, fault=self._fault)
         self.executed.append(path)
@@ -66,6 +69,7 @@ class FakeArm:
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def recover(self) -> None:
+        """See `hw.ports.Arm`."""
         self._need_connection()
         self._fault = None
 

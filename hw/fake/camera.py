@@ -28,19 +28,23 @@ class FakeCamera:
         self._connected = self._running = False
 
     def model(self) -> CameraModel:
+        """See `hw.ports.Camera`."""
         return self._model
 
     def snapshot(self) -> Frame:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         return self._still
 
     def start_recording(self) -> None:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         if self._running:
             raise CameraError("the camera is recording already: call stop_recording first")
         self._running = True
 
     def stop_recording(self) -> Sequence[Frame]:
+        """See `hw.ports.Camera`."""
         self._need_connection()
         if not self._running:
             raise CameraError("the camera is not recording: call start_recording first")

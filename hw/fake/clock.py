@@ -10,6 +10,7 @@ class FakeClock:
         self._t_s = t_s
 
     def now_s(self) -> float:
+        """Seconds since the origin."""
         return self._t_s
 
     def sleep(self, duration_s: float) -> None:

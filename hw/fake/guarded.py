@@ -9,6 +9,7 @@ from hw.collision import Table, Tool, point_heights
 from hw.contact import Detector
 from hw.errors import NoContact
 from hw.fake.arm import FakeArm
+from hw.franka.settings import Payload
 from hw.guarding import require_guarded
 from hw.kinematics import jacobian, link_poses
 from hw.refusal import refuse_while_stopped
@@ -33,18 +34,20 @@ class FakeGuardedArm(AroundArm[FakeArm]):
         """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
         super().__init__(arm)
         self._plane = plane
-        self.carried: list[object] = []
+        self.carried: list[Payload] = []
         self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
 
     def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
         return self._arm.execute(path)
 
-    def carry(self, tool: Tool, payload: object) -> None:
+    def carry(self, tool: Tool, payload: Payload) -> None:
         """What hangs on the flange from now on; `carried` keeps all that was."""
         self._arm.cell = self._arm.cell.holding(tool)
         self.carried.append(payload)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """See `hw.ports.GuardedArm`."""
         state = self._arm.state()
         refuse_while_stopped(state.fault)
         require_guarded(path, guard, self._arm.cell, state.q_rad)

@@ -27,10 +27,12 @@ class FakeHand:
         self._connected = False
 
     def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
         self._need_connection()
         return HandState(self._width_m, self._holds, self._homed)
 
     def home(self) -> None:
+        """See `hw.ports.Hand`."""
         self._need_connection()
         if self.between_m is not None:
             raise HandError("the hand could not be homed: something is between its fingers; take it out")
@@ -38,6 +40,7 @@ class FakeHand:
         self._homed, self._width_m, self._holds = True, WIDEST_M, False
 
     def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 <= width_m <= WIDEST_M:
             raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * WIDEST_M:.0f} mm")
@@ -47,6 +50,7 @@ class FakeHand:
         self._width_m, self._holds = width_m, False
 
     def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")

@@ -73,6 +73,7 @@ class FrankaArm:
 
     @property
     def model(self) -> str:
+        """See `hw.ports.Arm`."""
         return self._model
 
     def __enter__(self) -> Self:

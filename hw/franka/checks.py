@@ -13,7 +13,9 @@ from hw.workcell import Workcell
 class PathCheck(Protocol):
     """Raises MotionRefused for a path, begun where the arm is now (7,) if that is given."""
 
-    def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> object: ...
+    def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> object:
+        """Check `path`; what it returns does not matter."""
+        ...
 
 
 def until(guard: Guard, cell: Workcell) -> PathCheck:

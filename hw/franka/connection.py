@@ -44,12 +44,14 @@ class Connection:
             raise self._failure(error) from error
 
     def reading(self) -> Reading:
+        """See `Driver`."""
         try:
             return _reading(self._robot.read_once())
         except self._errors as error:
             raise self._failure(error) from error
 
     def prepare(self) -> None:
+        """See `Driver`."""
         reading = self._settled()
         if reading.mode != "Idle":
             why = reading.unwilling or reflexes.of_mode(reading.mode, busy=True)
@@ -61,12 +63,14 @@ class Connection:
             raise found if found.kind == LOST else Failure(UNMOVED, f"{found.text}; nothing has moved") from error
 
     def drive(self, step: Step) -> None:
+        """See `Driver`."""
         try:
             self._drive(self._sdk, self._robot, step)
         except self._errors as error:
             raise self._stopped(error) from error
 
     def recover(self) -> None:
+        """See `Driver`."""
         try:
             if _reading(self._robot.read_once()).mode != "Reflex":
                 return
@@ -78,6 +82,7 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
+        """See `Driver`; an arm that is not idle takes it with its next motion."""
         self._payload = payload
         if self._settled().mode != "Idle":  # with the settings of the next motion, then
             return

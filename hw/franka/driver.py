@@ -37,13 +37,24 @@ class SdkState(Protocol):
     """What a cycle reads of either SDK's RobotState."""
 
     @property
-    def q(self) -> Sequence[float]: ...
+    def q(self) -> Sequence[float]:
+        """(7,) measured joints, rad."""
+        ...
+
     @property
-    def dq(self) -> Sequence[float]: ...
+    def dq(self) -> Sequence[float]:
+        """(7,) measured joint velocities, rad/s."""
+        ...
+
     @property
-    def tau_ext_hat_filtered(self) -> Sequence[float]: ...  # Nm that external forces put on the joints, estimated
+    def tau_ext_hat_filtered(self) -> Sequence[float]:
+        """(7,) torques that external forces put on the joints, estimated, Nm."""
+        ...
+
     @property
-    def control_command_success_rate(self) -> float: ...
+    def control_command_success_rate(self) -> float:
+        """Share of the last 100 commands that arrived in time, 0 to 1."""
+        ...
 
 
 Step = Callable[[SdkState, float], tuple[list[float], bool]]
@@ -53,7 +64,9 @@ Step = Callable[[SdkState, float], tuple[list[float], bool]]
 class Driver(Protocol):
     """One connected arm. Every method raises `Failure`."""
 
-    def reading(self) -> Reading: ...
+    def reading(self) -> Reading:
+        """What the arm reports now."""
+        ...
 
     def prepare(self) -> None:
         """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""

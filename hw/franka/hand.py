@@ -67,14 +67,17 @@ class FrankaHand:
         self._gripper, self._homed = None, False
 
     def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
         now = self._read()
         return HandState(float(now.width), bool(now.is_grasped), self._homed)
 
     def home(self) -> None:
+        """See `hw.ports.Hand`."""
         self._did(self._connected().homing, "could not be homed; take everything out of it and home it again")
         self._homed = True
 
     def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         widest_m = float(self._read().max_width)
         if not 0.0 <= width_m <= widest_m:
@@ -89,6 +92,7 @@ class FrankaHand:
             )
 
     def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")

@@ -78,6 +78,7 @@ class Played:
 
     @property
     def success_rate(self) -> float:
+        """Share of the cycles that the arm answered in time: the lower of our count and the arm's own."""
         return min(self.answered, self.reported)
 
 
@@ -129,6 +130,7 @@ class Playback:
         return q, tick >= last and self._stands(row, tick - last)
 
     def played(self) -> Played:
+        """The log up to now."""
         n = self._rows
         elapsed = self._tick + 1 if n else 1
         reported = self._rate_sum / self._rate_count if self._rate_count else 1.0

@@ -59,19 +59,24 @@ class PlayerProcess:
 
     @property
     def pid(self) -> int:
+        """The process number."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
+        """See `Player`."""
         return self._process.poll() is None
 
     def reading(self) -> Reading:
+        """See `Player`."""
         return _known(self._ask(Read()), Reading)
 
     def recover(self) -> Reading:
+        """See `Player`."""
         return _known(self._ask(Recover()), Reading)
 
     def carry(self, payload: Payload) -> Reading:
+        """See `Player`."""
         return _known(self._ask(Carry(payload)), Reading)
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:

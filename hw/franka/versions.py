@@ -29,6 +29,7 @@ class Package:
 
     @property
     def install(self) -> str:
+        """The command that installs it."""
         return f"pip install {self.name}=={self.version}"
 
 

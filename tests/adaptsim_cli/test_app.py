@@ -182,7 +182,11 @@ def interruptible() -> Iterator[None]:
 
 @pytest.mark.usefixtures("interruptible")
 def test_control_c_stops_cleanly(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
-    lab.hooks["stop_recording"] = lambda trial, _: trial == 2 and os.kill(os.getpid(), signal.SIGINT)
+    def interrupt(trial: int, _: int) -> None:
+        if trial == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    lab.hooks["stop_recording"] = interrupt
     assert app.run(RUN) == 130
     assert "interrupted; everything completed is stored" in told(capfd)
     lab.hooks.clear()
@@ -193,7 +197,11 @@ def test_control_c_stops_cleanly(lab: ToyLab, capfd: pytest.CaptureFixture[str])
 def test_a_full_disk_ends_with_8(
     lab: ToyLab, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lab.hooks["stop_recording"] = lambda trial, _: trial == 3 and monkeypatch.setattr(os, "fsync", no_space)
+    def fill(trial: int, _: int) -> None:
+        if trial == 3:
+            monkeypatch.setattr(os, "fsync", no_space)
+
+    lab.hooks["stop_recording"] = fill
     assert app.run(RUN) == 8
     assert "the disk is full" in told(capfd)
     monkeypatch.setattr(os, "fsync", lambda _: None)

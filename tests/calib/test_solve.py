@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rig
 from scipy.optimize import least_squares
-from simulated_views import Quality, Truth, board_in_camera, seen, spoilt, work_error_mm
+from simulated_views import Quality, Truth, board_in_camera, random_poses, seen, spoilt, work_error_mm
 
 from calib.checks import mirror_poses
 from calib.closed_form import opencv_methods, robust_start
@@ -76,7 +76,7 @@ def test_joint_offsets_are_found_and_halve_the_error() -> None:
     assert found.joints.delta_bic < -50
     np.testing.assert_allclose(found.joints.offsets_rad[1:6], rig.OFFSETS_RAD[1:6], atol=4e-4)
     assert found.joints.offsets_rad[0] == found.joints.offsets_rad[6] == 0.0
-    without = solve([replace(v, q_rad=None, X_BF=forward(v.q_rad)) for v in views], rig.SETUP, None)  # type: ignore[arg-type]
+    without = solve([replace(v, q_rad=None, X_BF=forward(v.q_rad)) for v in views], rig.SETUP, None)
     assert without.joints is None
     assert distance_mm(found.X_AC, true.X_AC) < 0.5 * distance_mm(without.X_AC, true.X_AC)
     assert found.uncertainty.base_turn_deg > 0.02
@@ -158,7 +158,7 @@ def test_opencv_and_the_start_agree_without_noise() -> None:
 def test_a_mirror_pose_that_fits_better_is_not_believed() -> None:
     """Far and nearly head-on, noise makes some mirror poses fit better; the arm knows which is meant."""
     true = rig.truth(7)
-    q = rig.random_poses(rig.SETUP, true, forward, rig.BOUNDS, 24, np.random.default_rng(7), (1.4, 2.2), 14.0)
+    q = random_poses(rig.SETUP, true, forward, rig.BOUNDS, 24, np.random.default_rng(7), (1.4, 2.2), 14.0)
     views = seen(rig.SETUP, true, forward, q, Quality(0.3), np.random.default_rng(8))
     sight = condense([v.name for v in views], [v.corners for v in views], rig.SETUP.board, rig.SETUP.colour)
     actual = board_in_camera(Mounting.FIXED, true, forward(q))

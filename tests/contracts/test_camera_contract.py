@@ -54,7 +54,9 @@ def uses(camera: Camera) -> tuple[Callable[[], object], ...]:
 
 def fits(frame: Frame, model: CameraModel) -> bool:
     colour, depth = model.colour, model.depth
-    images = [(frame.colour, np.uint8, (colour.height, colour.width, 3))]
+    images: list[tuple[np.ndarray, type, tuple[int, ...]]] = [
+        (frame.colour, np.uint8, (colour.height, colour.width, 3))
+    ]
     images.append((frame.depth_mm, np.uint16, (depth.height, depth.width)))
     if frame.infrared is not None:
         images.append((frame.infrared, np.uint16, (depth.height, depth.width)))

@@ -119,7 +119,7 @@ def untouched(records: dict[str, object]) -> dict[str, object]:
 
 
 def full(trial: int, attempt: int) -> None:
-    def no_space(_: int) -> None:
+    def no_space(fd: object) -> None:
         raise OSError(28, os.strerror(28))
 
     if trial == 2:

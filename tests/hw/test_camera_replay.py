@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_camera_kinect import SMALL, record
+from kinect_files import SMALL, record
 
 from hw.camera.replay import RecordedCamera, Take, recorded_kinect
 from hw.errors import CameraError, DeviceUnavailable

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
@@ -19,14 +21,14 @@ LOAD = Mass(
 )
 
 
-def drake(load: Mass | None) -> tuple[MultibodyPlant, object]:
+def drake(load: Mass | None) -> tuple[Any, Any]:
     """The arm with its hand and, welded to its flange, a body of `load`."""
     plant = MultibodyPlant(0.0)
     instance = add_panda(plant)
     if load is not None:
-        com = load.com_m
+        com: Any = load.com_m
         moments = load.inertia_kg_m2 / load.kg
-        unit = UnitInertia(*np.diag(moments), moments[0, 1], moments[0, 2], moments[1, 2])
+        unit = UnitInertia(moments[0, 0], moments[1, 1], moments[2, 2], moments[0, 1], moments[0, 2], moments[1, 2])
         inertia = SpatialInertia(load.kg, com, unit.ShiftFromCenterOfMass(com))
         body = plant.AddRigidBody("load", instance, inertia)
         plant.WeldFrames(plant.GetFrameByName(FLANGE_NAME), body.body_frame())

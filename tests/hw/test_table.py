@@ -12,6 +12,7 @@ from hw.collision import (
     HAND_MASS,
     LEVEL,
     KeepOut,
+    Side,
     Table,
     Tool,
     box_clearance,
@@ -67,7 +68,8 @@ def test_boxes_of_camera_and_person() -> None:
     X_BC[:3, 3] = [1.3, 0.0, 0.7]
     box = camera_box(X_BC)
     np.testing.assert_allclose((box.low_m + box.high_m) / 2.0, X_BC[:3, 3])
-    for side, axis, sign in (("left", 1, 1), ("right", 1, -1), ("front", 0, 1), ("back", 0, -1)):
+    sides: tuple[tuple[Side, int, int], ...] = (("left", 1, 1), ("right", 1, -1), ("front", 0, 1), ("back", 0, -1))
+    for side, axis, sign in sides:
         side_box = persons_side(side, 0.5)
         inside = np.zeros(3)
         inside[axis] = sign * 0.6
@@ -75,6 +77,6 @@ def test_boxes_of_camera_and_person() -> None:
         inside[axis] = sign * 0.4
         assert not ((inside > side_box.low_m) & (inside < side_box.high_m)).all(), side
     with pytest.raises(ValueError, match="one of left, right"):
-        persons_side("above", 0.5)
+        persons_side("above", 0.5)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"begins 0\.1 m"):
         persons_side("left", 0.1)

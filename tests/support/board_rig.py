@@ -19,6 +19,7 @@ from rich.console import Console
 
 from adaptsim_cli.calibration import flow, visits
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
+from adaptsim_cli.calibration.solving import Solved
 from adaptsim_cli.calibration.store import CalibrationStore
 from adaptsim_cli.screen.console import Screen
 from calib import poses
@@ -164,7 +165,7 @@ class ToyHands:
 
 
 def straight(q_from: Array, q_to: Array) -> JointPath:
-    t_s = np.arange(601) * 1e-3
+    t_s = np.linspace(0.0, 0.6, 601)
     share = t_s / t_s[-1]
     smooth = share**3 * (10 - 15 * share + 6 * share**2)
     return JointPath(t_s, q_from + smooth[:, None] * (q_to - q_from))
@@ -200,7 +201,7 @@ def said(screen: Screen) -> str:
 
 def run(
     tmp_path: Path, bench: ToyBench, q_rad: Array | None = None, screen: Screen | None = None, **options: Any
-) -> tuple[flow.Solved, Path]:
+) -> tuple[Solved, Path]:
     """A whole calibration of the bench, unattended unless `unattended` says otherwise."""
     unattended = options.pop("unattended", True)
     the_rig, screen = rig(bench, **options), screen or quiet()

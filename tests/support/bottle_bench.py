@@ -119,6 +119,9 @@ class _Middle:
     def __call__(self, context: Array) -> Array:
         return TASK.action.denormalise(np.full(len(TASK.action), 0.5))
 
+    def actions(self, contexts: Array) -> Array:
+        return np.array([self(context) for context in contexts])
+
     def predict(self, context: Array) -> ExpectedReward:
         return ExpectedReward(0.5, 0.0, 1.0)
 
@@ -169,7 +172,7 @@ def _pushed_m(path: JointPath, since_s: Array) -> Array:
     X_BT = np.array([forward(q) @ HARDWARE.X_FT for q in path.q_rad[::10]])
     ahead = np.array([X_BT[0, 1, 1], -X_BT[0, 0, 1]])  # the plate's left, turned to the right
     gone_m = np.maximum.accumulate((X_BT[:, :2, 3] - START_M) @ ahead + BOTTLE_RADIUS_M)
-    return START_M + np.interp(since_s, path.t_s[::10], np.maximum(gone_m, 0.0))[:, None] * ahead
+    return np.asarray(START_M + np.interp(since_s, path.t_s[::10], np.maximum(gone_m, 0.0))[:, None] * ahead)
 
 
 def _hand() -> Visual:

@@ -60,7 +60,7 @@ def _session(home: Path, failure: Failure | None, log: Path) -> int:
     """0: done; 1: it ended with an error of the store. Anything else goes through as a traceback."""
     message = _fail(failure)
     with Path(os.devnull).open("w") as nothing:
-        console.Console = lambda **_: Console(file=nothing)  # type: ignore[misc]
+        vars(console)["Console"] = lambda **_: Console(file=nothing)
         request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)
         settings = config.load({"task": "toy"}, {"ADAPTSIM_HOME": str(home)}, home)
         try:

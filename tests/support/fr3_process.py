@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from cells import cell
@@ -121,6 +122,11 @@ class HandPedal:
 
     def __init__(self, *, held: bool = True) -> None:
         self.held, self.released_s = held, 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
 
     def release(self) -> None:
         self.released_s = time.monotonic()

@@ -135,7 +135,7 @@ def main(cue_fd: str, world: str, *arguments: str) -> int:
     devices = replace(drivers.makers_drivers(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
     drivers.makers_drivers = lambda: devices
     pedal_protocol.SILENCE_S = SILENCE_S
-    real.Person = lambda: Placing(shown)
+    vars(real)["Person"] = lambda: Placing(shown)
     return app.run(arguments)
 
 

@@ -111,7 +111,7 @@ class Moving(MoveCommand):
 def setter(name: str, kind: type[base.BaseCommand]) -> type[base.BaseCommand]:
     """The command, taken in the modes in which an arm takes it, and kept."""
 
-    class Setter(kind):  # type: ignore[misc, valid-type]
+    class Setter(kind):
         def handle(self, server: Any) -> None:
             if (refusal := server.modes.refusal(name)) is not None:
                 self.reply(refusal.status(name))
@@ -300,7 +300,7 @@ def speak(interface: int) -> None:
         self.client_socket.sendall(header + struct.pack("<BH5x", 1, interface))
 
     if interface != 10:
-        base.ConnectCommand.handle = refuse  # type: ignore[method-assign]
+        base.ConnectCommand.handle = refuse
 
 
 def say(line: str) -> None:
@@ -348,7 +348,9 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "strict": lambda: lambda: server.be_strict(int(rest[0])),
         "patient": lambda: keep("strict", False),
         "mark": lambda: lambda: (keep("mark_after", int(rest[1]))(), keep("mark_s", float(rest[0]))())[0],
-        "plane": lambda: keep("plane", Plane(*map(float, rest[:3]), np.array(rest[3:], dtype=np.float64))),
+        "plane": lambda: keep(
+            "plane", Plane(float(rest[0]), float(rest[1]), float(rest[2]), np.array(rest[3:], dtype=np.float64))
+        ),
         "threshold": lambda: keep("threshold_N", float(rest[0])),
         "report": lambda: None,
     }

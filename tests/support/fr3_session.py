@@ -161,7 +161,7 @@ class Drill:
     ) -> Ended:
         """`adaptsim run-iteration` at a terminal of its own; `before(name, command)` is called before each motion."""
         arguments = ["run-iteration", "--task", "scooping", "--hw", "fr3", "--session", "s", "--json"]
-        with Command(self, arguments, before, ANSWERS | (answers or {})) as command:
+        with Command(self, arguments, before, {**ANSWERS, **(answers or {})}) as command:
             ended = command.to_the_end()
         if kept := os.environ.get("ADAPTSIM_DRILL_TRANSCRIPT"):
             with Path(kept).open("a") as file:

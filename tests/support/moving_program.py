@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Self
 
 import numpy as np
 from cells import cell
@@ -18,6 +19,11 @@ class Held:
 
     def __init__(self) -> None:
         self._asked = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
 
     def enabled(self) -> bool:
         self._asked += 1

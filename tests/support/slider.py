@@ -108,7 +108,7 @@ def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, 
 
 
 HARDWARE = Hardware(
-    X_FT=frozen_array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.15], [0, 0, 0, 1]]),
+    X_FT=frozen_array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0.15], [0, 0, 0, 1.0]]),
     tool_mass=NOTHING,
     keep_clear=(),
     plan=plan,

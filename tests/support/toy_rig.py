@@ -40,14 +40,14 @@ MODEL = CameraModel("toy-camera", _PINHOLE, _PINHOLE, np.eye(4))
 
 
 def plan(context: np.ndarray, action: np.ndarray) -> ToolMotion:
-    t_s = np.arange(201) * 1e-3
+    t_s = np.linspace(0.0, 0.2, 201)
     X_BT = np.tile(np.eye(4), (201, 1, 1))
     X_BT[:, 0, 3] = action[0]
     return ToolMotion(t_s, X_BT, ContactWindow(0.05, 0.15, 0.001, 5.0))
 
 
 def reward_of_success(end: np.ndarray, context: np.ndarray) -> np.ndarray:
-    return 1.0 - np.abs(end[..., 0])
+    return np.asarray(1.0 - np.abs(end[..., 0]))
 
 
 HARDWARE = Hardware(
@@ -204,7 +204,10 @@ class ToyPolicy:
 
     def __call__(self, context: np.ndarray) -> np.ndarray:
         unit = PARAMETERS.normalise(self.particle.mean)
-        return np.clip(np.array([unit[0] + self.noise + (context[0] - 0.68)]), 0.0, 1.0)
+        return np.asarray(np.clip([unit[0] + self.noise + (context[0] - 0.68)], 0.0, 1.0))
+
+    def actions(self, contexts: np.ndarray) -> np.ndarray:
+        return np.array([self(context) for context in contexts])
 
     def predict(self, context: np.ndarray) -> ExpectedReward:
         return ExpectedReward(0.9, 0.8, 1.0)
@@ -238,7 +241,7 @@ def paths(motion: ToolMotion) -> Paths:
     pitch = motion.X_BT[0, 0, 3]
     target = np.tile(HOME_RAD, (len(motion.t_s), 1))
     target[:, 0] = pitch
-    still = JointPath(np.arange(11) * 1e-3, np.tile(HOME_RAD, (11, 1)))
+    still = JointPath(np.linspace(0.0, 0.01, 11), np.tile(HOME_RAD, (11, 1)))
     return still, JointPath(motion.t_s, target, motion.contact), still
 
 
@@ -249,7 +252,7 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
 
 
 def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None) -> Parts:
-    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))  # type: ignore[arg-type]
+    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
@@ -265,3 +268,9 @@ def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
             yield toy_parts(lab, **kinds)
 
     return open_parts
+
+
+def on_rig(parts: Parts) -> OnRig:
+    """The target of `parts`, which is one with an arm."""
+    assert isinstance(parts.target, OnRig)
+    return parts.target

@@ -6,12 +6,14 @@ The reward of a success depends on where the piece ends on the blade.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from perception.types import ObjectTrack, Outcome
+from sim.rollouts.run import Rollouts
 from sim.tasks.task import AdaptationSettings, Observation, ReuseRules, Task
 from sim.types import Dimension, Space
 
@@ -78,7 +80,7 @@ def succeeded(track: ObjectTrack) -> bool:
 
 
 def reward_of_success(end: np.ndarray, context: np.ndarray) -> np.ndarray:
-    return 1.0 - 0.6 * np.minimum(1.0, np.abs(end[..., 0]) / 0.05) + 0.0 * context[..., 0]
+    return np.asarray(1.0 - 0.6 * np.minimum(1.0, np.abs(end[..., 0]) / 0.05) + 0.0 * context[..., 0])
 
 
 def relocate(observation: np.ndarray, context: np.ndarray) -> np.ndarray:
@@ -129,3 +131,11 @@ TOY = Task(
     reward_of_success=reward_of_success,
     object_name="toy piece",
 )
+
+
+def equal_rollouts(one: Rollouts, two: Rollouts) -> bool:
+    """Whether both hold the same numbers."""
+    return all(
+        np.array_equal(getattr(one, f.name), getattr(two, f.name), equal_nan=f.name == "end_state")
+        for f in dataclasses.fields(one)
+    )

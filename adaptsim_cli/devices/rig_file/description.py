@@ -184,6 +184,7 @@ class TablePart:
                 raise ValueError(f"{name} = [{low:g}, {high:g}] m: the first must be less than the second")
 
     def plane(self) -> Table:
+        """The table top as a plane in the base frame."""
         return Table(self.height_m, self.slope_x, self.slope_y)
 
     def covers(self, xy_m: Array) -> bool:
@@ -202,6 +203,7 @@ class PersonPart:
     ] = 0.6
 
     def box(self) -> KeepOut:
+        """The side that arm and tool must not enter."""
         return persons_side(self.side, self.from_m)
 
 
@@ -240,6 +242,7 @@ class CameraPart:
     ] = 60
 
     def settings(self) -> ColourSettings:
+        """Exposure, white balance, gain and mains frequency, as the camera takes them."""
         return ColourSettings(self.exposure_us, self.white_balance_K, self.gain, self.mains_hz)
 
 

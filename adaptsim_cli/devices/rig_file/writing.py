@@ -39,6 +39,7 @@ class Written:
     rig: RigDescription | None
 
     def as_json(self) -> dict[str, Any]:
+        """The object that `config init --json` prints."""
         return {
             "settings": str(self.settings),
             "settings_written": self.settings_new,

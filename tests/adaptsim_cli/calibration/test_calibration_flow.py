@@ -15,6 +15,7 @@ from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, stor
 from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError
 from calib.errors import CalibrationRejected, DegenerateViews, TooFewViews, ViewFolderError
+from calib.target_records import BoardRecord
 from hw.errors import ArmFault, CameraError
 from perception.board.types import Board
 from perception.errors import BoardMirrored, WrongBoard
@@ -69,6 +70,7 @@ def test_the_record_says_where_it_comes_from(done: Done) -> None:
     record = solved.record
     assert record.folder == "views-0001"
     assert record.camera == "toy-camera"
+    assert isinstance(record.board, BoardRecord)
     assert record.board.square_mm == pytest.approx(40.0)
     assert all(len(view.sha256) == 64 for view in record.views)
     measured = {check.name: check.verdict for check in record.checks}

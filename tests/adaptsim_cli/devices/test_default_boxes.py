@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from adaptsim_cli.devices.mounted import MountedTask, mounted, mounted_as_shipped
-from adaptsim_cli.devices.rig_file.description import PersonPart, as_shipped
+from adaptsim_cli.devices.rig_file.description import Model, PersonPart, as_shipped
 from hw.collision import KeepOut, Side, camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
@@ -38,7 +38,7 @@ def trials(task: Task, points: int) -> list[tuple[Array, Array]]:
     return [(task.reference_context, task.action.denormalise(np.array(u))) for u in unit]
 
 
-def counted(name: str, model: str, keep_out: tuple[KeepOut, ...], points: int = 2) -> Counter[str]:
+def counted(name: str, model: Model, keep_out: tuple[KeepOut, ...], points: int = 2) -> Counter[str]:
     """How many trials of a grid are direct, detoured and refused."""
     task = get_task(name)
     without = mounted_as_shipped(task, model)
@@ -64,7 +64,7 @@ CASES = [("scooping", "panda"), *(pytest.param(*case, marks=SLOW) for case in OT
 
 
 @pytest.mark.parametrize(("name", "model"), CASES)
-def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: str) -> None:
+def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: Model) -> None:
     assert counted(name, model, boxes("left")) == {"direct": 4}
 
 
@@ -72,7 +72,7 @@ def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: str
 @pytest.mark.parametrize("side", ["left", "right", "back"])
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name: str, model: str, side: Side) -> None:
+def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name: str, model: Model, side: Side) -> None:
     assert counted(name, model, boxes(side), points=3) == {"direct": 9}
 
 

@@ -28,7 +28,8 @@ from real_lab import (
     write_rig,
 )
 from sdk_fake import FakeSdk
-from toy_rig import ToyLab, toy_parts
+from toy_rig import ToyLab, on_rig, toy_parts
+from toy_session import unattended
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
@@ -45,8 +46,9 @@ from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
+from hw.collision import LEVEL
 from hw.errors import MotionRefused
-from hw.fake import FakeArm, FakeClock
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.franka import FrankaArm, FrankaSettings
 from hw.franka.connection import Connection
 from hw.franka.player import DRIVES
@@ -57,7 +59,7 @@ from sim.errors import NotExecutable
 from sim.tasks import get_task
 
 SCOOPING = get_task("scooping")
-STILL = JointPath(np.arange(11) * 1e-3, np.tile(READY_RAD, (11, 1)))
+STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
 KEY = TrialKey(1, 0)
 
 
@@ -157,7 +159,7 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
 def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
     typing(monkeypatch, "", "y", "yes", "Panda")
-    with ConfirmedArm(bare, "panda at 10.0.0.1", screen, None) as arm:
+    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda at 10.0.0.1", screen, None) as arm:
         arm.execute(STILL)
         arm.execute(STILL)
     assert len(bare.executed) == 2
@@ -169,7 +171,7 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.Mon
 def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     bare = FakeArm(READY_RAD, FakeClock(), cell())
     typing(monkeypatch, *answers)
-    with ConfirmedArm(bare, "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
+    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
         arm.execute(STILL)
     assert bare.executed == []
 
@@ -178,7 +180,7 @@ def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPat
     typing(monkeypatch, "panda")
     bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
     pedal = ToyPedal([False, False, False, True]).__enter__()
-    with ConfirmedArm(bare, "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
+    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
         arm.execute(STILL)
         assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)
         assert clock.now_s() == pytest.approx(0.04), "two looks"
@@ -356,18 +358,18 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
 
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
-    target = parts.target
+    target = on_rig(parts)
     rig = replace(target.rig, attendant=Weighed())
-    ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody())
+    ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended())
     files = ready.plan(np.array([0.5])).execute().files()
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
     lab, waited = ToyLab(0), list[bool]()
-    target = toy_parts(lab).target
+    target = on_rig(toy_parts(lab))
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
-    replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, Nobody()).plan(np.array([0.5])).execute()
+    replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended()).plan(np.array([0.5])).execute()
     assert waited == [True]
 
 
@@ -380,9 +382,3 @@ class Weighed:
 
     def facts(self) -> RigFacts:
         return RigFacts(object_mass_kg=0.5)
-
-
-class Nobody:
-    """An operator who is not asked anything that matters here."""
-
-    def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None: ...

@@ -128,7 +128,7 @@ def test_a_touched_off_tool_hangs_where_it_was_measured() -> None:
 
 
 def test_a_mount_of_ones_own_replaces_the_shipped_one() -> None:
-    own = tuple(tuple(map(float, row)) for row in np.diag([1.0, -1.0, -1.0, 1.0]))
+    own = ((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     np.testing.assert_array_equal(ToolPart(X_FT=own).designed(np.eye(4)), own)
     np.testing.assert_array_equal(ToolPart().designed(np.eye(4)), np.eye(4))
 

@@ -33,6 +33,10 @@ NOW = datetime(2026, 3, 1, tzinfo=UTC)
 OK, ADVICE, MISSING, SKIPPED = Severity.OK, Severity.ADVICE, Severity.MISSING, Severity.SKIPPED
 
 
+def absent(package: str) -> None:
+    return None
+
+
 def kinect(*serials: str, engine: bool = True, error: str | None = None) -> ProbeReport:
     devices = tuple(FoundDevice(i, serial, "colour 1.6") for i, serial in enumerate(serials))
     return ProbeReport("libk4a.so.1.4", "1.4.1", "Microsoft", engine, devices, error, "plug it in" if error else None)
@@ -52,7 +56,7 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (program.libraries(lambda name: "usb" not in name), MISSING, "libusb-1.0-0"),
         (program.driver("fr3", HAVE.get), OK, "speaks interface 10: arm system 5.9.0"),
         (program.driver("panda", HAVE.get), MISSING, "panda-python 1.0.0 is installed, tested is 1.1.1"),
-        (program.driver("fr3", {}.get), MISSING, "pylibfranka is not installed; it speaks interface 10"),
+        (program.driver("fr3", absent), MISSING, "pylibfranka is not installed; it speaks interface 10"),
         (machine.disk("/data", 900, 500), OK, "0.9 GB free"),
         (machine.disk("/data", 100, 500), MISSING, "100 MB free in /data, 500 MB needed (min_free_mb)"),
         (machine.disk_speed("/data", WriteSpeed(300.0, 0.004)), OK, "300 MB/s, a record is safe after 4 ms"),
@@ -97,7 +101,7 @@ def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says:
 @pytest.mark.parametrize(
     ("finding", "fix"),
     [
-        (program.driver("panda", {}.get), "pip install panda-python==1.1.1"),
+        (program.driver("panda", absent), "pip install panda-python==1.1.1"),
         (program.libraries(lambda _: False), "sudo apt-get install -y libegl1 libgl1 libusb-1.0-0 libglib2.0-0"),
         (machine.serial_port("pedal", "/dev/a", Port(True, False, "dialout"), ()), "sudo usermod -aG dialout $USER"),
         (lab.calibration(None, 30, NOW, "fr3"), "adaptsim calibrate --hw fr3"),
@@ -261,7 +265,7 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (
         ok("program", "python", "3.11"),
-        program.driver("panda", {}.get),
+        program.driver("panda", absent),
         machine.governor(("powersave",)),
         *lab.not_needed(("pedal",)),
     )

@@ -105,7 +105,7 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
 
 def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification: Verification) -> None:
     made = verification.pretrained
-    learnt = dataclasses.replace(made, emulator=object())
+    learnt = dataclasses.replace(made, emulator=object())  # type: ignore[arg-type]
     assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
     usual = dataclasses.asdict(PretrainBudget())
     assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (

@@ -10,7 +10,7 @@ from toy_session import ScriptedOperator, attended, run
 from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Overrule, Redo
+from adaptsim_cli.session.operator import Accept, Overrule, Redo
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -29,7 +29,7 @@ class Outline(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.count[tag] = self.count.get(tag, 0) + 1
         self.references += [value or "" for key, value in attrs if key in ("src", "href")]
-        if tag not in self.void and not self.get_starttag_text().endswith("/>"):  # type: ignore[union-attr]
+        if tag not in self.void and not self.get_starttag_text().endswith("/>"):
             self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
@@ -40,7 +40,7 @@ class Outline(HTMLParser):
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
     home = tmp_path_factory.mktemp("report")
-    reviews = [Redo("the <piece> was touched"), Overrule(Outcome.LOST)]
+    reviews: list[Accept | Overrule | Redo] = [Redo("the <piece> was touched"), Overrule(Outcome.LOST)]
     session = attended(home, ScriptedOperator(reviews=reviews))
     for iteration in range(2):
         run_iteration(session)

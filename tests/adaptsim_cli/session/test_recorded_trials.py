@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import toy_rig
 from toy_rig import ToyLab
 from toy_session import NAME, ScriptedOperator, attended, run, unattended
 
@@ -23,6 +22,7 @@ from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import ArmFault, CameraError
+from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed
 from perception.types import ObjectTrack
 
@@ -230,7 +230,7 @@ class Reflex:
     def __getattr__(self, name: str) -> object:
         return getattr(self._lab, name)
 
-    def execute(self, path: toy_rig.JointPath) -> toy_rig.Execution:
+    def execute(self, path: JointPath) -> Execution:
         films = self._lab._recording is not None
         played = self._lab.execute(path)
         over = bool(self._lab.executions) and self._lab.executions[-1] == tuple(self._at)

@@ -26,8 +26,8 @@ def before() -> Frame:
 
 
 def execution() -> Execution:
-    t_s = np.arange(120) * 1e-3
-    q = np.linspace(0, 1, 120)[:, None] * np.arange(1, 8)
+    t_s = np.linspace(0.0, 0.119, 120)
+    q = np.outer(np.linspace(0.0, 1.0, 120), np.arange(1.0, 8.0))
     return Execution(12.0, t_s, q, q + 1e-3, 0.98)
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: T
 
 
 def test_what_cannot_be_found_any_more_is_told_of_each_trial(session: SessionStore, tracker: Tracker) -> None:
-    def blind(*_: object) -> object:
+    def blind(*_: object) -> NoReturn:
         raise ObjectNotFound("nothing looks like it")
 
     found = list(retracking.retrack(session, TASK, dataclasses.replace(tracker, find=blind), None))
@@ -180,7 +181,7 @@ def test_a_trial_that_cannot_be_tracked_ends_with_6_after_the_table(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    def blind(*_: object) -> object:
+    def blind(*_: object) -> NoReturn:
         raise ObjectNotFound("nothing looks like it")
 
     monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: dataclasses.replace(tracker, find=blind))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_rig import PARAMETERS, ToyLab
+from toy_rig import PARAMETERS, ToyLab, on_rig
 from toy_session import NAME, ScriptedOperator, attended, no_space, run, unattended
 
 from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
@@ -167,7 +167,7 @@ def test_a_refused_motion_is_not_executed(tmp_path: Path) -> None:
 
     lab = ToyLab(0)
     session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(session.parts.target.planner, "check", refuse)
+    object.__setattr__(on_rig(session.parts).planner, "check", refuse)
     with pytest.raises(MotionRefused):
         run_iteration(session)
     assert lab.executions == []
@@ -223,8 +223,12 @@ def test_yes_never_confirms_a_real_arm(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_in_the_middle_loses_no_completed_trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill(trial: int, _: int) -> None:
+        if trial == 3:
+            monkeypatch.setattr(os, "fsync", no_space)
+
     lab = ToyLab(0)
-    lab.hooks["stop_recording"] = lambda trial, _: trial == 3 and monkeypatch.setattr(os, "fsync", no_space)
+    lab.hooks["stop_recording"] = fill
     with pytest.raises(DiskFull, match="free some space and run the same command again"):
         run(tmp_path, lab)
     monkeypatch.undo()

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -63,9 +65,16 @@ def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path: Path, monkeyp
 
 def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     events: list[str] = []
-    fsync, rename = os.fsync, os.rename
-    monkeypatch.setattr(os, "fsync", lambda fd: (events.append("fsync"), fsync(fd))[1])
-    monkeypatch.setattr(os, "rename", lambda a, b: (events.append("rename"), rename(a, b))[1])
+
+    def noted(name: str, call: Callable[..., None]) -> Callable[..., None]:
+        def also(*arguments: Any) -> None:
+            events.append(name)
+            call(*arguments)
+
+        return also
+
+    monkeypatch.setattr(os, "fsync", noted("fsync", os.fsync))
+    monkeypatch.setattr(os, "rename", noted("rename", os.rename))
     durable.write_folder(tmp_path / "trial", {"a": b"1", "b": b"2"})
     assert events == ["fsync", "fsync", "fsync", "rename", "fsync"]  # two files, their folder; then the parent
 

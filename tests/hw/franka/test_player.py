@@ -143,7 +143,7 @@ def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object
             def send(self, answer: object) -> None:
                 heard.append(answer)
 
-        serve(Serving(), Listener(pipe[0], 60.0), lambda _: driver)  # type: ignore[arg-type]
+        serve(Serving(), Listener(pipe[0], 60.0), lambda _: driver)  # type: ignore[arg-type, return-value]
     program.close()
     return heard
 

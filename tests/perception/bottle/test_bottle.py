@@ -7,8 +7,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import pytest
-from bottle_scenes import AREA, BODY, HAND, MARK, Stage, at, bottle, leaning, stage
-from table_scenes import box
+from bottle_scenes import AREA, BODY, HAND, MARK, Stage, bottle, leaning, stage
+from table_scenes import at, box
 
 from hw.types import Array
 from perception.bottle import BottleDetection, find_bottle, overlay

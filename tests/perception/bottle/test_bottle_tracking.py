@@ -6,7 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, at, leaning, plate_arm, stage
+from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, leaning, plate_arm, stage
+from table_scenes import at
 
 from hw.types import Array, Frame
 from perception.bottle import Arm, BottleDetection, find_bottle, track_bottle

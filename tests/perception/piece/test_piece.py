@@ -23,7 +23,7 @@ def test_place_size_and_shape_are_measured(shape: str) -> None:
     half = SHAPES[shape]
     scene = studio(food(shape, half), seed=3)
     xy = np.array([0.675, -0.021])
-    found = find_piece(scene.still(at(*xy, half[2])), scene.model, scene.X_BC, AREA)
+    found = find_piece(scene.still(at(xy[0], xy[1], half[2])), scene.model, scene.X_BC, AREA)
     assert np.linalg.norm(found.xy_m - xy) < 0.001
     assert np.abs(np.array(found.proxy.half_m) - half).max() < 0.001
     assert found.shape == shape

@@ -17,7 +17,7 @@ from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 
 HALF = (0.0125, 0.0125, 0.009)
-START = np.array([0.68, 0.01])
+START = (0.68, 0.01)
 TIMES = np.arange(0.0, 0.75, 1 / 30)
 T0 = 100.0  # where the motion starts on the clock of the frames
 

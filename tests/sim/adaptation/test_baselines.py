@@ -1,6 +1,7 @@
 """The baselines of the paper as methods: what each of them looks at, and that it does what it is for."""
 
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_all_particles_are_the_posterior_and_the_point_is_its_mean():
     full, point = (SysId(solver(), ends_only=False, point=p) for p in (False, True))
     samples = [p.samples for p in full.next(history, np.random.default_rng(0))]
     assert len(samples) == 2
-    assert np.array_equal(*samples)
+    assert np.array_equal(samples[0], samples[1])
     assert samples[0].shape == (sysid.SAMPLES, 4)
     assert all(PARAMETERS.contains(s) for s in samples[0])
     (one, _) = point.next(history, np.random.default_rng(0))
@@ -81,7 +82,7 @@ def test_all_particles_are_the_posterior_and_the_point_is_its_mean():
 def test_another_process_has_the_same_posterior_and_another_trial_another_one():
     history = two_iterations()
     again = [SysId(solver(), ends_only=True, point=False).posterior(history) for _ in range(2)]
-    assert np.array_equal(*again)
+    assert np.array_equal(again[0], again[1])
     other = SysId(solver(), ends_only=True, point=False).posterior(two_iterations(PARAMETERS.denormalise(np.zeros(4))))
     assert abs(other[:, 0].mean() - again[0][:, 0].mean()) > 0.3
 
@@ -180,7 +181,7 @@ def test_rewards_of_one_task_lead_to_what_earns_there():
 def test_learning_in_the_target_finds_the_action_without_a_simulator():
     method = LearnInTarget(TOY)
     assert isinstance(method, OwnPolicies)
-    rng, history = np.random.default_rng(0), []
+    rng, history = np.random.default_rng(0), list[Any]()
     particles = method.start(2, rng)
     for _ in range(10):
         seen = []

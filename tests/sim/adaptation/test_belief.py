@@ -8,12 +8,14 @@ from toy_learning import roll, trained
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
+from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.belief import APART, Belief, Estimate
+from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
+from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
 from sim.pretraining.evaluation import EvaluationSettings, run_session
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -80,7 +82,7 @@ def test_a_session_comes_close_to_the_best_policy_at_once():
 
 def test_it_beats_random_search_on_unseen_targets():
     solver, settings = EmulatorSolver(trained()[0]), EvaluationSettings(iterations=3)
-    earned = {"belief": [], "random": []}
+    earned: dict[str, list[float]] = {"belief": [], "random": []}
     for seed in range(12):
         target = PARAMETERS.sample(np.random.default_rng(seed), 1)[0]
         for name, method in (("belief", belief()), ("random", RandomSearch(TOY))):
@@ -90,7 +92,7 @@ def test_it_beats_random_search_on_unseen_targets():
             tracks = [
                 simulate(target, c, a, np.zeros(1)) for c, a in zip(contexts, policy.actions(contexts), strict=True)
             ]
-            earned[name].append(np.mean([TOY.score(t, c) for t, c in zip(tracks, contexts, strict=True)]))
+            earned[name].append(float(np.mean([TOY.score(t, c) for t, c in zip(tracks, contexts, strict=True)])))
     assert np.mean(earned["belief"]) > np.mean(earned["random"]) + 0.02
 
 
@@ -138,14 +140,16 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
 
 def test_the_card_names_the_default_and_a_checkpoint_without_prospects_says_so(tmp_path):
     emulator, _ = trained()
-    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     with_it = save_checkpoint(TOY, tmp_path / "a", emulator, networks, {"method": "adaptsim-belief"}, prospects())
     checkpoint = load_checkpoint(TOY, str(with_it))
     method = make_method("adaptsim", TOY, checkpoint)
     assert isinstance(method, Belief)
     assert np.array_equal(method.prospects.rewards, prospects().rewards)
     without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, networks, {})))
-    assert make_method("adaptsim", TOY, without).memory == "iteration"
+    chosen = make_method("adaptsim", TOY, without)
+    assert isinstance(chosen, QPolicy)
+    assert chosen.memory == "iteration"
     with pytest.raises(CheckpointError, match="holds no prospects: make one with `adaptsim pretrain --task toy`"):
         make_method("adaptsim-belief", TOY, without)
     with pytest.raises(CheckpointError, match="there is none"):

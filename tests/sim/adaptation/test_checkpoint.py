@@ -6,9 +6,12 @@ from toy_learning import trained
 from toy_task import TOY
 
 from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
+from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.methods import make_method
+from sim.adaptation.methods.q_policy import QPolicy
+from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
+from sim.solvers.emulator.solver import EmulatorSolver
 from sim.tasks import get_task
 from sim.types import Dimension, Space
 
@@ -16,8 +19,17 @@ from sim.types import Dimension, Space
 @pytest.fixture
 def stored(tmp_path):
     emulator, _ = trained()
-    networks = {"iteration": new_policy(TOY, "iteration", 5), "history": new_policy(TOY, "history", 6)}
+    networks: dict[MemoryName, QNetwork] = {
+        "iteration": new_policy(TOY, "iteration", 5),
+        "history": new_policy(TOY, "history", 6),
+    }
     return save_checkpoint(TOY, tmp_path / "mine", emulator, networks, {"seed": 7, "method": "adaptsim-history"})
+
+
+def chosen(name, checkpoint):
+    method = make_method(name, TOY, checkpoint)
+    assert isinstance(method, QPolicy)
+    return method
 
 
 def test_it_comes_back_as_it_was(stored):
@@ -25,12 +37,13 @@ def test_it_comes_back_as_it_was(stored):
     emulator, _ = trained()
     rng = np.random.default_rng(0)
     draws = TOY.margin.sample(rng, 5), TOY.action.sample(rng, 5), TOY.nuisance.sample(rng, 5)
+    assert isinstance(checkpoint.solver, EmulatorSolver)
     assert np.array_equal(checkpoint.solver.emulator.predict(*draws).success, emulator.predict(*draws).success)
     original = new_policy(TOY, "iteration", 5)
     states = rng.random((8, original.inputs))
     assert np.array_equal(checkpoint.networks["iteration"].directions(states), original.directions(states))
-    assert make_method("adaptsim", TOY, checkpoint).memory == "history"
-    assert make_method("adaptsim-iteration", TOY, checkpoint).network is checkpoint.networks["iteration"]
+    assert chosen("adaptsim", checkpoint).memory == "history"
+    assert chosen("adaptsim-iteration", checkpoint).network is checkpoint.networks["iteration"]
     assert checkpoint.card["seed"] == 7
     assert checkpoint.card["interface"]["parameters"][0]["name"] == "mu"
     assert {"torch", "drake", "numpy"} <= checkpoint.card["versions"].keys()
@@ -39,7 +52,7 @@ def test_it_comes_back_as_it_was(stored):
 
 def test_a_card_that_names_no_adaptsim_is_refused(tmp_path):
     emulator, _ = trained()
-    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     folder = save_checkpoint(TOY, tmp_path / "odd", emulator, networks, {"method": "adaptsim"})
     with pytest.raises(CheckpointError, match="method is 'adaptsim', not one of adaptsim-iteration"):
         load_checkpoint(TOY, str(folder))

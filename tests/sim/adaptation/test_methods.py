@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -212,7 +213,7 @@ def test_more_trials_narrow_the_interval_and_shrink_less():
 def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
     emulator, _ = trained()
     rng = np.random.default_rng(0)
-    own, other = [], []
+    own, other = list[Any](), list[Any]()
     for parameters in PARAMETERS.sample(rng, 20):
         context, action = TOY.context.sample(rng, 1)[0], TOY.action.sample(rng, 1)[0]
         for values, effects in ((own, None), (other, Unmodelled(wind_m=0.15))):

@@ -1,7 +1,8 @@
 """Sessions of a benchmark on the pendulum, whose rollouts are exact and cheap."""
 
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_every_method_meets_the_same_chance():
     checkpoint, seen = load_checkpoint(PENDULUM), []
     for name in ("random", "adaptsim-belief", "learn-in-target"):
         place = Recorded()
-        run_session(checkpoint.solver, make_method(name, PENDULUM, checkpoint), place, CONDITIONS, seed=3)
+        run_session(checkpoint.solver, make_method(name, PENDULUM, checkpoint), place, CONDITIONS, seed=3)  # type: ignore[arg-type]
         seen.append(place.draws)
     assert seen[0] == seen[1] == seen[2]
     assert len(set(seen[0])) == 4
@@ -112,9 +113,9 @@ def test_other_conditions_need_another_folder(tmp_path):
 def test_what_a_job_raises_ends_the_benchmark_and_keeps_the_rest(tmp_path, monkeypatch):
     jobs = [job("udr"), job("random")]
 
-    class Failing:
-        def submit(self, call, asked):
-            future = Future()
+    class Failing(Executor):
+        def submit(self, call, asked):  # type: ignore[override]
+            future: Future[Any] = Future()
             if asked.method == "udr":
                 future.set_result(call(asked))
             else:

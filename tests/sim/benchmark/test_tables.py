@@ -1,6 +1,7 @@
 """World tables, made of the toy task's rollouts in its own worlds."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ class _InWorld:
         return simulate(self.world.parameters, context, action, self.world.nuisance, self.world.unmodelled)
 
 
-counted: list = []
+counted: list[Any] = []
 
 
 def solver():

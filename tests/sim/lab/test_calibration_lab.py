@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -34,8 +35,8 @@ CELL = cell_as_shipped(get_task("scooping").require_hardware(), "panda").holding
 NEAR_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
 
 
-def world(**sensing: float) -> World:
-    return replace(load_world("wd", get_task("scooping")), sensing=replace(Sensing(), **sensing))
+def world(**sensing: Any) -> World:
+    return replace(load_world("wd", get_task("scooping")), sensing=Sensing(**sensing))
 
 
 @lru_cache
@@ -59,7 +60,7 @@ def frame() -> Frame:
         return bench.camera.snapshot()
 
 
-def expected_px(ids: Array, camera: Intrinsics, X_BC: Array, zeros_rad: Array | float = 0.0) -> Array:
+def expected_px(ids: np.ndarray, camera: Intrinsics, X_BC: Array, zeros_rad: Array | float = 0.0) -> Array:
     X = np.linalg.inv(X_BC) @ forward(q_rad() + zeros_rad) @ HELD.X_FM
     p = BOARD.p_MK_m[ids] @ X[:3, :3].T + X[:3, 3]
     return cv2.projectPoints(p, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from lab_runs import CELL, XY_M, run, shove, world
 from slider import HOME_RAD, TASK
-from test_lab import CELL, XY_M, run, shove, world
 
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from hw.joint_limits import LIMITS
@@ -68,7 +68,7 @@ def test_a_fault_is_the_same_after_a_restart() -> None:
             with pytest.raises(ArmFault):
                 lab.arm.execute(path)
             ends.append(lab.arm.state().q_rad)
-    np.testing.assert_array_equal(*ends)
+    np.testing.assert_array_equal(ends[0], ends[1])
 
 
 def test_placing_the_object_anew_finds_the_arm_at_home() -> None:

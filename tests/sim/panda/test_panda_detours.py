@@ -46,7 +46,7 @@ def blocked(rng: np.random.Generator) -> tuple[Array, Array, tuple[KeepOut, ...]
     while True:
         boxes = scene(rng)
         ends = [q for q in rng.uniform(LOW, HIGH, (12, 7)) if clear(q, boxes)][:2]
-        if len(ends) == 2 and not among(boxes).check(move_path(*ends, LIMITS["panda"], 0.25)).ok:
+        if len(ends) == 2 and not among(boxes).check(move_path(ends[0], ends[1], LIMITS["panda"], 0.25)).ok:
             return ends[0], ends[1], boxes
 
 

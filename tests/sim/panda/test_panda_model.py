@@ -53,7 +53,7 @@ def test_meshes_are_closed_and_point_outward() -> None:
         a, b, c = (vertices[triangles[:, k]] for k in range(3))
         volume = np.einsum("ij,ij->i", a - vertices.mean(axis=0), np.cross(b - a, c - a)).sum() / 6.0
         if primitive.kind == "box":
-            expected = np.prod(primitive.size)
+            expected = float(np.prod(primitive.size))
         elif primitive.kind == "cylinder":
             expected = np.pi * primitive.size[0] ** 2 * primitive.size[1]
         else:

@@ -27,7 +27,7 @@ LOW, HIGH = np.r_[TASK.context.low, TASK.action.low], np.r_[TASK.context.high, T
 
 @pytest.mark.parametrize("corner", [(0, 1, 1, 1, 1), (1, 0, 1, 1, 0), (1, 1, 0, 0, 0)])
 def test_extreme_scoops_are_executable(corner: tuple[int, ...]) -> None:
-    value = np.where(corner, HIGH, LOW)
+    value = np.choose(corner, (LOW, HIGH))
     check(tuple(value[:2]), tuple(value[2:]), "panda")
 
 

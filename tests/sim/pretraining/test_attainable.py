@@ -9,9 +9,11 @@ from toy_learning import roll, trained
 from toy_task import PARAMETERS, TOY
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
+from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.methods import make_method
+from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.prospects import ProspectSettings, look_ahead
+from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
 from sim.pretraining.attainable import attainable_threshold, learning_gate, repair
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -24,7 +26,7 @@ def prospects():
 
 @pytest.fixture
 def stored(tmp_path):
-    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     facts = {"seed": 7, "method": "adaptsim-iteration", "simulations": 99}
     folder = save_checkpoint(TOY, tmp_path / "as-pretrained", trained()[0], networks, facts, prospects())
     return load_checkpoint(TOY, str(folder))
@@ -59,6 +61,7 @@ def test_a_repaired_copy_holds_the_policy_and_its_gate_and_everything_else_as_be
     path, gate = repair(stored, tmp_path / "repaired", 3, 64, lambda *step: told.append(step))
     again = load_checkpoint(TOY, str(path))
     method = make_method("adaptsim-attainable", TOY, again)
+    assert isinstance(method, QPolicy)
     assert method.memory == "iteration"
     assert method.network is again.attainable
     assert again.card["attainable"]["gate"]["policy"] == gate.policy
@@ -94,7 +97,7 @@ def test_the_gate_passes_who_moves_by_what_it_sees_and_stops_who_drifts():
         return step
 
     gates = {
-        name: learning_gate(solver, Choosing(rule), roll, 0, count=16)
+        name: learning_gate(solver, Choosing(rule), roll, 0, count=16)  # type: ignore[arg-type]
         for name, rule in (
             ("informed", informed),
             ("drifting", lambda state: np.tile([1, 0, 0, -1], (len(state), 1))),

@@ -1,4 +1,5 @@
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from toy_task import PARAMETERS, TOY, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.memory import new_policy
+from sim.adaptation.method import Method
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
@@ -30,7 +32,7 @@ TINY = PretrainBudget(
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
-calls = []
+calls: list[Any] = []
 
 
 def counting(parameters, context, action, nuisance, unmodelled=None):
@@ -98,7 +100,7 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
     assert curve.epsilon[-1] == pytest.approx(0.1)
     horizon = TOY.adaptation.horizon
     assert episodes.directions.shape == (4, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
-    moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0], TOY.adaptation.delta)
+    moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0].astype(int), TOY.adaptation.delta)
     assert np.allclose(moved, episodes.means[:, :, 1])
 
 
@@ -129,7 +131,10 @@ def _returns(episodes):
 
 def test_the_evaluation_orders_oracle_and_udr():
     emulator, _ = trained()
-    methods = {"adaptsim": QPolicy(TOY, new_policy(TOY, "iteration", 0)), "random": RandomSearch(TOY)}
+    methods: dict[str, Method] = {
+        "adaptsim": QPolicy(TOY, new_policy(TOY, "iteration", 0)),
+        "random": RandomSearch(TOY),
+    }
     settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
     report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
     assert report.oracle > report.udr + 0.1

@@ -4,6 +4,7 @@ import math
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ BUDGET = PretrainBudget(
     further_updates=30,
 )
 FEW = VerificationSettings(PairSettings(environments=8, targets=2, actions=32, rollouts=12), episodes=11)
-calls = []
+calls: list[Any] = []
 
 
 def counting(parameters, context, action, nuisance, unmodelled=None):

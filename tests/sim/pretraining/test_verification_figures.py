@@ -6,7 +6,8 @@ from toy_learning import roll, trained
 from toy_task import TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
+from sim.adaptation.memory import MemoryName, new_policy
+from sim.adaptation.q_network import QNetwork
 from sim.pretraining.evaluation import EvaluationSettings
 from sim.pretraining.verification.figures import Figure, verify_figures
 from sim.rollouts import run_many, serial_executor
@@ -18,7 +19,7 @@ EVALUATION = {"targets": 200, "udr": 0.57, "emulator_bias": 0.0}
 
 def checkpoint_of(folder, evaluation=EVALUATION, **emulated):
     emulator, report = trained()
-    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     facts = {"emulator": {**dataclasses.asdict(report), **emulated}, "evaluation": evaluation}
     save_checkpoint(TOY, folder, emulator, networks, facts)
     return load_checkpoint(TOY, str(folder))
@@ -71,7 +72,7 @@ def test_a_figure_that_the_card_lacks_is_left_out(tmp_path):
 
 def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
     solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY), 1.0)
-    networks = {"iteration": new_policy(TOY, "iteration", 5)}
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     facts = naf_facts(solver) | {"evaluation": {**EVALUATION, "udr": 0.99}}
     save_checkpoint(TOY, tmp_path, None, networks, facts)
     figures, _ = judge(load_checkpoint(TOY, str(tmp_path)))

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 from distributed import LocalCluster
-from test_rollouts_run import equal
-from toy_task import TOY
+from toy_task import TOY, equal_rollouts
 
 from sim.errors import ClusterUnavailable
 from sim.rollouts import executors, run_many, serial_executor
@@ -38,12 +37,12 @@ def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(cluster: LocalCl
             killed.append(next(iter(cluster.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    with dask_cluster(cluster.scheduler_address) as executor:
-        found = run_many(TOY, requests, executor, progress)
+    with dask_cluster(cluster.scheduler_address) as dask:
+        found = run_many(TOY, requests, dask, progress)
     assert killed
     assert counts == sorted(counts)
     assert counts[-1] == 800
-    assert equal(found, expected)
+    assert equal_rollouts(found, expected)
 
 
 def test_a_lost_scheduler_says_so() -> None:

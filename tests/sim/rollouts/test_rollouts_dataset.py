@@ -1,5 +1,6 @@
 import dataclasses
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from sim.rollouts.draws import cover, sobol
 from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 
-calls = []
+calls: list[Any] = []
 
 
 def counting(parameters, context, action, nuisance, unmodelled=None):

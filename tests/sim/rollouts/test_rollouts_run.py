@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from toy_task import TOY, simulate
+from toy_task import TOY, equal_rollouts, simulate
 
 from perception.types import Outcome
 from sim.errors import RolloutError
@@ -27,13 +27,6 @@ def dying(parameters, context, action, nuisance, unmodelled=None):
     os._exit(3)
 
 
-def equal(one, two):
-    return all(
-        np.array_equal(getattr(one, f.name), getattr(two, f.name), equal_nan=f.name == "end_state")
-        for f in dataclasses.fields(one)
-    )
-
-
 def test_each_row_is_the_rollout_of_its_request():
     requests = dataset_requests(TOY, 0, 21)
     with serial_executor() as executor:
@@ -50,8 +43,8 @@ def test_same_numbers_for_threads_processes_and_one_after_the_other():
     requests = dataset_requests(TOY, 1, 50)
     with serial_executor() as one, ThreadPoolExecutor(3) as threads, process_pool(2) as processes:
         first = run_many(TOY, requests, one)
-        assert equal(first, run_many(TOY, requests, threads))
-        assert equal(first, run_many(TOY, requests, processes))
+        assert equal_rollouts(first, run_many(TOY, requests, threads))
+        assert equal_rollouts(first, run_many(TOY, requests, processes))
 
 
 def test_progress_counts_up_to_all():

@@ -1,4 +1,5 @@
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,11 +50,11 @@ def test_the_winners_lie_apart_and_the_first_is_the_emulators_own():
 
 def test_a_confirmed_policy_is_no_worse_and_knows_what_it_earns():
     means = TOY.parameters.sample(np.random.default_rng(3), 20)
-    plain, sure, said = [], [], []
+    plain, sure, said = list[float](), list[float](), list[Any]()
     for mean in means:
         policy = confirmed(mean=mean)
         for rewards, action in ((plain, policy.policy(CONTEXT)), (sure, policy(CONTEXT))):
-            rewards.append(np.linalg.norm(TOY.action.normalise(action) - best_action(mean)))
+            rewards.append(float(np.linalg.norm(TOY.action.normalise(action) - best_action(mean))))
         said.append(policy.predict(CONTEXT))
     assert np.mean(sure) <= np.mean(plain) + 0.01
     assert all(0.0 <= low <= reward <= high <= 1.0 for reward, low, high in said)

@@ -14,7 +14,7 @@ from sim.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.misfit import misfit
 from sim.solvers.naf.memory import RECORD, NafMemory
-from sim.solvers.naf.policy import naf_training, train_together
+from sim.solvers.naf.policy import NafPolicy, naf_training, train_together
 from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, restore_naf, rules_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
@@ -140,6 +140,7 @@ def test_policies_in_a_folder_survive_the_program(tmp_path):
     found = [policy_for(solver_with(QUICK, folder=parted), m[None], seed=i) for i, m in enumerate((MEAN, NEAR, FAR))]
     for one, two in zip(wanted, found, strict=True):
         assert np.array_equal(one.actions(contexts), two.actions(contexts))
+        assert isinstance(one, NafPolicy) and isinstance(two, NafPolicy)
         assert one.value_error == two.value_error
     known = solver_with(QUICK, roll=lambda requests: pytest.fail("trained again"), folder=parted)
     again = policy_for(known, NEAR[None], seed=1)

@@ -102,7 +102,7 @@ def test_every_effect_of_a_world_changes_what_happens(effects, pushed):
 
 
 def test_a_solver_that_gives_up_is_an_outcome_with_a_reason(monkeypatch):
-    class Stuck(direct.Simulator):
+    class Stuck(direct.Simulator):  # type: ignore[misc, name-defined]
         def AdvanceTo(self, boundary_time):
             if boundary_time > 0.4:
                 raise RuntimeError("did not converge")

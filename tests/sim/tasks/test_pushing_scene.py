@@ -1,5 +1,7 @@
 """The scene's frictions, masses and springs, each measured by what it does to the bottle."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -37,7 +39,8 @@ class Bench:
         """Start upright at `xy_m`; afterwards the pose and the spatial velocity."""
         z_m = 0.05 - sink_m(BOTTLE_MASS_KG, self.e_Pa)
         self.plant.SetFreeBodyPose(self.state, self.bottle, RigidTransform([*xy_m, z_m]))
-        start = SpatialVelocity(w=np.zeros(3), v=[*velocity_m_s, 0.0])
+        velocity: Any = np.array([*velocity_m_s, 0.0])
+        start = SpatialVelocity(w=np.zeros_like(velocity), v=velocity)
         self.plant.SetFreeBodySpatialVelocity(context=self.state, body=self.bottle, V_JpJc=start)
         self.simulator.AdvanceTo(duration_s)
         return self.bottle.EvalPoseInWorld(self.state), self.bottle.EvalSpatialVelocityInWorld(self.state)
@@ -85,7 +88,8 @@ def test_the_plate_rubs_with_its_own_friction():
     """
     turned_rad, tilt_rad, duration_s = np.deg2rad(60.0), 0.2, 0.15
     out = RollPitchYaw(0.0, 0.0, turned_rad).ToRotationMatrix()  # X out of the plate
-    X_WT = RigidTransform(out, [0.5, -0.3, 0.005])
+    corner_m: Any = np.array([0.5, -0.3, 0.005])
+    X_WT = RigidTransform(out, corner_m)
     bench = Bench(np.array([1e-4, 1e6, 0.3, 0.2]), Unmodelled(table_tilt_rad=(0.0, -tilt_rad)), X_WT)
     start = X_WT @ np.array([0.03, 0.02, 0.0])
     _, V = bench.slide(start[:2], (0.0, 0.0), duration_s)

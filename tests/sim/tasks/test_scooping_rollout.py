@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from perception.types import REST_M_S, REST_S, Outcome
@@ -79,7 +78,7 @@ def test_a_blade_held_like_a_wall_lifts_nothing():
 
 
 def test_a_solver_that_gives_up_is_an_outcome_with_a_reason(monkeypatch):
-    class Stuck(direct.Simulator):
+    class Stuck(direct.Simulator):  # type: ignore[misc, name-defined]
         def AdvanceTo(self, boundary_time):
             if boundary_time > 0.3:
                 raise RuntimeError("did not converge")
@@ -122,7 +121,7 @@ def test_scene_has_tool_piece_and_pictures_of_both():
 
     scene = SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene)
-    bodies = HARDWARE.build_scene(plant, plant.world_frame(), RigidTransform().GetAsMatrix4(), CYLINDER, RADIUS, None)
+    bodies = HARDWARE.build_scene(plant, plant.world_frame(), np.eye(4), CYLINDER, RADIUS, None)
     plant.Finalize()
     seen = {visual.body for visual in bodies.visuals}
     assert {bodies.object, bodies.tool, "world"} <= seen

@@ -1,0 +1,119 @@
+"""The reference of files, from the models that read and write them."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator
+
+from pages.file_fields import FILES, SAID
+from pages.shared import cell
+
+FILES_HEAD = """# Files, field by field
+
+Written by `make docs` from the models that read and write these files. Unknown keys are an error, in every file. Each file
+is written whole or not at all. A field without a default must be given. [A session on disk](sessions.md) tells where each file of
+a session lies and when it is written; [calibrate](../guide/calibrate.md#views-from-elsewhere) has examples of views.
+
+Conventions: the end of a name is its unit (`_m`, `_rad`, `_s`, `_N`); `X_AB` is the pose of B in A, four rows of four; B is the arm's
+base, F the flange, T the tool, C the colour camera, D the depth camera, M the board, H what holds the board. Times are ISO 8601.
+"""
+
+
+def files() -> str:
+    """One section a file, one table a part."""
+    parts = [FILES_HEAD]
+    for title, text, tables in FILES:
+        parts.append(f"## {title}\n\n{text}\n")
+        for heading, module, name in tables:
+            if heading:
+                parts.append(f"`{heading}`\n" if heading[0] == "[" and heading[-1] == "]" else f"{heading}:\n")
+            parts += ["| field | type | default | meaning |", "|---|---|---|---|"]
+            parts += [f"| `{f}` | {cell(t)} | {d} | {cell(m)} |" for f, t, d, m in fields(module, name)]
+            parts.append("")
+    return "\n".join(parts)
+
+
+def fields(module: str, name: str) -> Iterator[tuple[str, str, str, str]]:
+    """(field, type, default, meaning) of a model or dataclass, its meaning from comment, docstring or description."""
+    source = textwrap.dedent(inspect.getsource(getattr(importlib.import_module(module), name)))
+    lines = source.splitlines()
+    body = ast.parse(source).body[0].body  # type: ignore[attr-defined]
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
+            continue
+        field = node.target.id
+        meaning, unit = _described(node)
+        if not meaning and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            meaning = str(after.value.value)
+        if not meaning and "  # " in (last := lines[(node.end_lineno or 1) - 1]):
+            meaning = last.split("  # ", 1)[1].removeprefix("noqa").strip()
+        if meaning in ("", "fmt: skip", "ISO 8601"):
+            meaning = SAID.get(field, "")
+        if not meaning:
+            raise SystemExit(f"{module}.{name}.{field} says nowhere what it means: add a comment beside it")
+        yield field, _type(node.annotation), _default(node.value), meaning + (f" ({unit})" if unit else "")
+
+
+def _described(node: ast.AnnAssign) -> tuple[str, str]:
+    """Description and unit of a pydantic field, as they stand in the source, or of its dataclass in `Annotated`."""
+    text = unit = ""
+    for call in ast.walk(node):
+        if not isinstance(call, ast.Call):
+            continue
+        for keyword in call.keywords:
+            if keyword.arg == "description" and isinstance(keyword.value, ast.Constant):
+                text = str(keyword.value.value)
+            if keyword.arg == "json_schema_extra" and isinstance(keyword.value, ast.Dict):
+                unit = str(ast.literal_eval(keyword.value)["unit"])
+        if isinstance(call.func, ast.Name) and call.func.id == "_touched":
+            _, what, unit = (ast.literal_eval(a) for a in call.args)
+            text = f"{what}, from the touch-off"
+    return text, unit
+
+
+def _type(node: ast.expr) -> str:
+    if isinstance(node, ast.Subscript) and ast.unparse(node.value) == "Annotated" and isinstance(node.slice, ast.Tuple):
+        node = node.slice.elts[0]
+    text = ast.unparse(node)
+    for old, new in (
+        ("tuple[Samples, ...]", "list of lists of vectors"),
+        ("tuple[Row, ...]", "list of vectors"),
+        ("dict[str, Any]", "table"),
+        ("Numbers", "list of float"),
+        ("Row", "vector"),
+        ("Matrix", "rows"),
+        ("str | None", "str"),
+        (" | None", ""),
+    ):
+        text = text.replace(old, new)
+    text = re.sub(r"\bHardware\b", "Literal['fake', 'panda', 'fr3']", text)
+    text = re.sub(r"\bSide\b", "Literal['left', 'right', 'front', 'back']", text)
+    text = re.sub(r"\b\w+(Part|Record|Collision)\b|\bCollision\b", "table", text)
+    text = re.sub(r"tuple\[(\w+), \.\.\.\]", r"list of \1", text)
+    text = re.sub(r"tuple\[(Three|Four)(, \1)+\]", lambda m: f"{m[1].lower()} rows of {m[1].lower()}", text)
+    text = re.sub(r"tuple\[(float|int)(?:, \1)+\]", lambda m: f"{m[0].count(m[1])} {m[1]}", text)
+    text = re.sub(r"tuple\[(\d \w+), \.\.\.\]", r"list of \1", text)
+    for word, number in (("Range", 2), ("Three", 3), ("Six", 6), ("Seven", 7)):
+        text = re.sub(rf"\b{word}\b", f"{number} float", text)
+    text = re.sub(r"Literal\[(.*)\]", lambda m: " or ".join(m[1].split(", ")), text)
+    return re.sub(r"dict\[str, (.*)\]", r"table of \1", text).replace("'", "`")
+
+
+def _default(node: ast.expr | None) -> str:
+    """The default as it stands in the source; a dash where the field must be given."""
+    if node is None:
+        return "–"
+    if ast.unparse(node).startswith(("_", "tuple(")):
+        return "the maker's"
+    if isinstance(node, ast.Call):
+        if any(k.arg == "default_factory" for k in node.keywords):
+            return "all defaults"
+        return f"`{ast.unparse(node.args[0])}`" if node.args else "–"
+    text = ast.unparse(node)
+    if text in ("()", "{}", "''", "None"):
+        return "left out"
+    return "`1`" if text == "FORMAT" else f"`{text}`"

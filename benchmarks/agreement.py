@@ -109,7 +109,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
     rng = np.random.default_rng((seed, number, 1))
     wanted = task.context.denormalise(INNER * rng.random(len(task.context)) + (1.0 - INNER) / 2.0)
     policy = _policy(task, actions, checkpoint, rng)
-    facts = {
+    facts: dict[str, Any] = {
         "number": number,
         "parameters": dict(zip(task.parameters.names, world.parameters.round(6).tolist(), strict=True)),
         "effects": effects_of(task, world),
@@ -182,7 +182,7 @@ def _keep(folder: Path, name: str, images: Mapping[str, bytes]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     order = ("start", "contact", "lift", "middle", "end", "rest")
     shown = [images[f"moment-{label}.jpg"] for label in order if f"moment-{label}.jpg" in images]
-    strip = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for content in shown]
+    strip: list[Any] = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for content in shown]
     cv2.imwrite(str(folder / f"{name}.jpg"), np.hstack(strip))
 
 

@@ -3,6 +3,8 @@
 The arm is franky-sim's (MuJoCo), in a process of its own, at 1 kHz and without waiting for late commands; the pedal is
 a real serial line (a pseudo-terminal). Without a real-time kernel late cycles are those of this computer and its other
 work; tracking is that of franky-sim's controller, not of an arm. What they show is that the driver adds nothing.
+
+    PYTHONPATH=tests/support python benchmarks/arm_tracking.py --releases 4
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ import argparse
 import json
 import os
 import pty
-import sys
 import threading
 import time
 import tty
@@ -19,8 +20,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from fr3_process import RELAXED, Fr3Process, arm_at, fr3
 
 from hw.collision import Tool

@@ -18,7 +18,9 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +86,11 @@ class Row:
     untouched: tuple[bool, float]  # moved?, px
     shifted: tuple[bool, float]
     turned: tuple[bool, float]
+
+
+def made(seed: int, case: Case) -> dict[str, Any]:
+    """A row as it is kept."""
+    return asdict(one(seed, case))
 
 
 def one(seed: int, case: Case) -> Row:
@@ -278,7 +285,7 @@ def main() -> int:
         rows = []
         for seed in seeds:
             try:
-                rows.append(Row(**kept.row(case.name, seed, lambda s=seed, c=case: asdict(one(s, c)))))
+                rows.append(Row(**kept.row(case.name, seed, partial(made, seed, case))))
             except CalibrationError as error:
                 print(f"{case.name}, seed {seed}: {error}", file=sys.stderr)
         found = summary(case, rows)

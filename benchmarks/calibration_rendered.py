@@ -17,7 +17,9 @@ import json
 import tempfile
 import time
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from kept import Kept
@@ -28,10 +30,11 @@ from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import CalibrationStore
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.wiring.calibration import BOARD_HOME_RAD, camera_box, ways
+from adaptsim_cli.wiring.calibration import BOARD_HOME_RAD, ways
 from calib.errors import CalibrationRejected
 from calib.geometry import angle_deg, distance_mm
 from calib.saved import SavedCalibration
+from hw.collision import camera_box
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
@@ -79,7 +82,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
     board = Board()
     print_of = HeldBoard(draw(board, 112), board.size_m)
     rough, home_rad = nominal_of(world, seed).X_BC, np.array(BOARD_HOME_RAD)
-    cell = replace(cell_as_shipped(HARDWARE, "panda").holding(print_of.tool()), keep_out=camera_box(rough))
+    cell = replace(cell_as_shipped(HARDWARE, "panda").holding(print_of.tool()), keep_out=(camera_box(rough),))
     with CalibrationLab(TASK, world, seed, print_of, cell, home_q_rad=home_rad) as lab:
         rig = CalibrationRig(
             "fake", "lab", "lab", lab.arm, lab.camera, board, print_of.X_FM, rough,
@@ -131,6 +134,11 @@ def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
     return float(np.mean(off)) if off else float("nan")
 
 
+def made(case: str, seed: int) -> dict[str, Any]:
+    """A row as it is kept."""
+    return asdict(one(case, seed))
+
+
 def one(case: str, seed: int) -> Row:
     world, started = replace(load_world("wd", TASK), sensing=CASES[case]), time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
@@ -168,7 +176,7 @@ def main() -> None:
     kept = Kept(args.keep)
     rows = []
     for seed in range(args.first, args.first + args.seeds):
-        row = Row(**kept.row(args.case, seed, lambda s=seed: asdict(one(args.case, s))))
+        row = Row(**kept.row(args.case, seed, partial(made, args.case, seed)))
         rows.append(row)
         print(f"seed {seed}: {told(row)}", flush=True)
     p95 = {name: float(np.percentile([getattr(r, name) for r in rows], 95)) for name in ("mm", "deg", "held_out_px")}

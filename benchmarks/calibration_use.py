@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ import numpy as np
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
 from simulated_views import Quality, Truth, random_poses, seen
-from tracked.pushing import GONE, HARDWARE, TASK, DepthEye, Push, Result, judged
+from tracked.pushing import GONE, DepthEye, Push, Result, judged
 
 from adaptsim_cli.devices.trackers import tracker_of
 from calib.solve import solve
@@ -46,6 +47,7 @@ from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
+from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.params import START_M
 
 SENSING = Sensing(
@@ -134,7 +136,7 @@ def main() -> None:
     kept = Kept(args.keep)
     rows: dict[str, list[Row]] = {"before": [], "after": []}
     for seed in range(args.first, args.first + args.seeds):
-        made = kept.row("use", seed, lambda s=seed: one(s))
+        made = kept.row("use", seed, partial(one, seed))
         for name, all_rows in rows.items():
             all_rows += [Row(**values) for values in made[name]]
         print(f"seed {seed}: {told(made['before'])}  ->  {told(made['after'])}", flush=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -57,7 +58,7 @@ def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Arr
     track = task.simulate(parameters, task.reference_context, action, nuisance)
     shown = (*visuals(), *bodies.visuals)
     names = {v.body for v in shown} - {"world"}
-    made = {}
+    made: dict[tuple[str, str], Any] = {}
     for view, from_m in VIEWS.items():
         renderer = Renderer(kinect_model("kinect"), looking(from_m, LOOK_AT_M), shown)
         for moment, share in (("start", 0.0), ("middle", 0.5), ("end", 1.0)):

@@ -75,7 +75,7 @@ def earned(solver: Solver, means: Array, target: Array) -> Array:
 
 
 def _mean_tried(solver: Solver, tried: Sequence[Sequence[Array]], target: Array) -> Array:
-    return earned(solver, np.concatenate(tried), target).reshape(len(tried), -1).mean(axis=1)
+    return np.asarray(earned(solver, np.concatenate(tried), target).reshape(len(tried), -1).mean(axis=1))
 
 
 def oracle(solver: Solver, target: Array) -> float:

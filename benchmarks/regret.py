@@ -127,6 +127,7 @@ def searched(
 
 def confirm(task: Task, world: Environment, contexts: Array, actions: Array, count: int) -> float:
     """Mean reward of a policy (actions (G, a) at contexts (G, c)) in a world, with noise that no table has seen."""
+    assert world.nuisance is not None, "the worlds of tables have one"
     rng, earned = np.random.default_rng(1), []
     for k in range(count):
         context, action = contexts[k % len(contexts)], actions[k % len(contexts)]

@@ -13,6 +13,7 @@ import argparse
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import HalfSpace
@@ -25,6 +26,7 @@ from hw.types import Array
 from perception.types import REST_M_S
 from sim.rollouts import process_pool
 from sim.tasks.scooping import TASK, rollout, scene
+from sim.tasks.scooping.handle import NECK_SIZE_M
 from sim.tasks.scooping.params import Unmodelled
 from sim.tasks.shared.contact import rigid, set_contact
 
@@ -37,7 +39,7 @@ LAWS = {
 MODULI_PA = (1e4, 5e4, 2e5)
 GRAVITY_M_S2 = 9.81
 READ_S, LONGEST_S = 0.02, 3.0
-NECK_M, NO_NECK_M = scene.NECK_SIZE_M, (1e-3, 1e-3, 1e-3)
+NECK_M, NO_NECK_M = NECK_SIZE_M, (1e-3, 1e-3, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ def rolls_m(e_Pa: float, contact: str, relaxation_s: float) -> float:
     simulator = Simulator(robot.Build())
     state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     plant.SetFreeBodyPose(state, body, RigidTransform([0.0, 0.0, RADIUS_M]))
-    rolling = SpatialVelocity(np.array([0.0, SPEED_M_S / RADIUS_M, 0.0]), np.array([SPEED_M_S, 0.0, 0.0]))
+    turning: Any = np.array([0.0, SPEED_M_S / RADIUS_M, 0.0])
+    forward: Any = np.array([SPEED_M_S, 0.0, 0.0])
+    rolling = SpatialVelocity(turning, forward)
     plant.SetFreeBodySpatialVelocity(state, body, rolling)
     for t_s in np.arange(READ_S, LONGEST_S, READ_S):
         simulator.AdvanceTo(t_s)
@@ -110,7 +114,7 @@ def scoops(case: Case, count: int, seed: int, executor: Executor) -> Array:
 
 def scoop(case: Case, drawn: tuple[Array, Array, Array, Array]) -> tuple[float, bool, bool]:
     """In a worker, which is this benchmark's alone: the scene is changed there."""
-    scene.NECK_SIZE_M = NECK_M if case.neck else NO_NECK_M
+    vars(scene)["NECK_SIZE_M"] = NECK_M if case.neck else NO_NECK_M
     rollout.LATEST_S = case.judged_s
     track = TASK.simulate(*drawn, Unmodelled(contact="sap" if case.contact == "sap" else "lagged"))
     succeeded = TASK.succeeded(track)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.devices.trackers import BOTTLE_AREA, tracker_of
@@ -161,16 +162,18 @@ class DepthEye:
             frames.append(Frame(float(t_s), self._colour, self._shot(moving, noise, rng)))
         return before, *frames
 
-    def _shot(self, moving: list[tuple[Body, Array]], noise: SensorNoise, rng: np.random.Generator) -> Array:
+    def _shot(
+        self, moving: list[tuple[Body, Array]], noise: SensorNoise, rng: np.random.Generator
+    ) -> NDArray[np.uint16]:
         return sense_depth(*self._view.render(moving), noise, rng)
 
 
 def _link(poses: Array, name: str) -> Array:
     if name != HAND_NAME:
-        return poses[int(name.removeprefix("panda_link"))]
+        return np.asarray(poses[int(name.removeprefix("panda_link"))])
     turned = np.eye(4)
     turned[:3, :3] = Rotation.from_rotvec([0, 0, -np.pi / 4]).as_matrix()
-    return poses[FLANGE] @ turned
+    return np.asarray(poses[FLANGE] @ turned)
 
 
 def hand(push: Push, rng: np.random.Generator) -> Callable[[float], Array]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.kinematics import forward
 from hw.types import Array, CameraModel, Execution, Frame
@@ -100,7 +101,7 @@ def judged(
     X_BC: Array,
     execution: Execution,
     truth: dict[str, list[float]],
-    mesh: tuple[Array, Array],
+    mesh: tuple[Array, NDArray[np.integer]],
 ) -> Result:
     duration_s = float(execution.t_s[-1])
     X_BO = np.array(truth["X_BO"])

@@ -69,7 +69,7 @@ def messages() -> str:
     return "\n".join(parts) + "\n"
 
 
-def error_classes() -> Iterator[type[Exception]]:
+def error_classes() -> Iterator[type[BaseException]]:
     documented = app.documented_errors()
     for package in PACKAGES:
         for value in vars(importlib.import_module(f"{package}.errors")).values():
@@ -77,7 +77,7 @@ def error_classes() -> Iterator[type[Exception]]:
                 yield value
 
 
-def _first(kind: type[Exception]) -> str:
+def _first(kind: type[BaseException]) -> str:
     return (inspect.getdoc(kind) or "").split("\n\n")[0].replace("\n", " ")
 
 
@@ -95,7 +95,7 @@ def _template(node: ast.expr) -> str:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
-        return "".join(v.value if isinstance(v, ast.Constant) else "…" for v in node.values)
+        return "".join(str(v.value) if isinstance(v, ast.Constant) else "…" for v in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return (_template(node.left) or "…") + (_template(node.right) or "…")
     return ""

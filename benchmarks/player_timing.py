@@ -19,9 +19,8 @@ import time
 
 import numpy as np
 
-from hw.franka.messages import ALIVE, PEDAL
 from hw.franka.playback import Playback, motion_of
-from hw.franka.player import Listener
+from hw.listening import ALIVE, PEDAL, Listener
 from hw.types import Array, JointPath
 from hw.workcell import Workcell
 from sim.panda.tool import cell_as_shipped

@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
@@ -97,6 +98,7 @@ class PersonBeside:
     mounted: MountedTask
     screen: Screen
     scales: Scales | None
+    watch: ToolWatch | None  # None: no hand holds the tool
 
     def recover(self) -> None:
         """See `Attendant`."""
@@ -113,7 +115,12 @@ class PersonBeside:
         """See `Attendant`."""
         said = self.camera.facts() if isinstance(self.camera, _Telling) else None
         return (self.scales.facts if self.scales else RigFacts()).model_copy(
-            update={"camera": said, "pedal": self.arm.pedal}
+            update={
+                "camera": said,
+                "pedal": self.arm.pedal,
+                "tool": "waived" if self.watch is None else "held",
+                "tool_width_m": None if self.watch is None else self.watch.width_m,
+            }
         )
 
     def _home(self) -> None:

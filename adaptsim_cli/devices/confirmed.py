@@ -1,10 +1,10 @@
-"""A real arm that asks before it moves: typed once a command, and for the pedal before every motion."""
+"""A real arm and its hand that ask before they move: typed once a command, and for the pedal before every motion."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.devices.drivers import RealArm
 from adaptsim_cli.errors import StoppedByOperator
@@ -12,8 +12,8 @@ from adaptsim_cli.screen.console import Screen
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused
-from hw.ports import Pedal
-from hw.types import Contact, Execution, Guard, JointPath
+from hw.ports import Hand, Pedal
+from hw.types import Contact, Execution, Guard, HandState, JointPath
 
 if TYPE_CHECKING:
     from hw.franka.settings import Payload
@@ -34,10 +34,13 @@ class ConfirmedArm(AroundArm[RealArm]):
         pedal: Pedal | None,
         *,
         table: str = "nothing on the table but the object",
+        before: Callable[[], None] = lambda: None,
         now_s: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
+        """`before` is called before every motion, with the pedal held; it raises where none may begin."""
         super().__init__(arm)
+        self._before = before
         self._where, self._screen, self._pedal, self._table = where, screen, pedal, table
         self._now_s, self._pause = now_s, pause
         self._confirmed = False
@@ -51,12 +54,14 @@ class ConfirmedArm(AroundArm[RealArm]):
         """Raises StoppedByOperator where it is not confirmed, MotionRefused where the pedal is not held in time."""
         self.confirm()
         self.await_pedal()
+        self._before()
         return self._arm.execute(path)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """Raises as `execute`, and what a guarded motion raises."""
         self.confirm()
         self.await_pedal()
+        self._before()
         return self._arm.execute_until_contact(path, guard)
 
     def carry(self, tool: Tool, payload: Payload) -> None:
@@ -77,11 +82,11 @@ class ConfirmedArm(AroundArm[RealArm]):
                 raise StoppedByOperator("stopped by the operator; nothing has moved")
         self._confirmed = True
 
-    def await_pedal(self) -> None:
+    def await_pedal(self, what: str = "arm") -> None:
         """Returns when the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
         if self._pedal is None or self._pedal.enabled():
             return
-        self._screen.note(f"  Hold the pedal to let the arm move: {self._pedal.why_not()}")
+        self._screen.note(f"  Hold the pedal to let the {what} move: {self._pedal.why_not()}")
         until_s = self._now_s() + PATIENCE_S
         while not self._pedal.enabled():
             if self._now_s() > until_s:
@@ -90,3 +95,41 @@ class ConfirmedArm(AroundArm[RealArm]):
                     "motion did not start. Hold the pedal and run the same command again"
                 )
             self._pause(_LOOK_S)
+
+
+class ConfirmedHand:
+    """`hw.ports.Hand` beside a confirmed arm: its fingers move after the same word, and wait for the same pedal."""
+
+    def __init__(self, hand: Hand, arm: ConfirmedArm) -> None:
+        self._hand, self._arm = hand, arm
+
+    def __enter__(self) -> Self:
+        self._hand.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._hand.__exit__(*exc)
+
+    def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
+        return self._hand.state()
+
+    def home(self) -> None:
+        """See `hw.ports.Hand`."""
+        self._may()
+        self._hand.home()
+
+    def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._may()
+        self._hand.move(width_m)
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._may()
+        self._hand.grasp(width_m, force_N)
+
+    def _may(self) -> None:
+        """Raises StoppedByOperator, MotionRefused."""
+        self._arm.confirm()
+        self._arm.await_pedal("hand")

@@ -39,6 +39,14 @@ class OpenCamera(Protocol):
         ...
 
 
+class OpenHand(Protocol):
+    """Makes the hand of an arm of this model at `host`, not connected; with a pedal it moves while that is held."""
+
+    def __call__(self, model: str, host: str, *, pedal: Pedal | None) -> Hand:
+        """The hand, not connected."""
+        ...
+
+
 @dataclass(frozen=True)
 class Drivers:
     """One function a device."""
@@ -47,14 +55,14 @@ class Drivers:
     camera: OpenCamera
     pedal: Callable[[str], Pedal]
     balance: Callable[[BalancePart], Balance]
-    hand: Callable[[str, str], Hand]  # of the model, at the arm's address
+    hand: OpenHand
 
 
 def makers_drivers() -> Drivers:
     """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names what is missing."""
     from hw.camera.k4a import open_kinect
     from hw.franka.arm import open_franka
-    from hw.franka.hand import SDKS, FrankaHand
+    from hw.franka.hand_process import HandProcess
     from hw.serial import balance, enable_pedal
 
     return Drivers(
@@ -62,5 +70,5 @@ def makers_drivers() -> Drivers:
         camera=lambda part, *, infrared: open_kinect(part.serial or None, part.settings(), infrared=infrared),
         pedal=enable_pedal.EnablePedal,
         balance=lambda part: balance.SerialBalance(part.port, part.protocol),
-        hand=lambda model, address: FrankaHand(address, SDKS[model]),
+        hand=HandProcess,
     )

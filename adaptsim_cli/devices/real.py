@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
-from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
 from adaptsim_cli.devices.drivers import Drivers
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.devices.tool_watch import ToolWatch
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.rig import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
 from hw.franka.settings import Payload
-from hw.ports import Camera
+from hw.ports import Camera, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
 from sim.tasks.task import Task
@@ -47,12 +50,23 @@ class RealLab:
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
-        arm = self._arm(there.cell, self._task.name, "nothing on the table but the object")
+        watch = self._watch()
+        arm = self._arm(there.cell, self._task.name, "nothing on the table but the object", watch)
         camera, scales = self._camera(infrared=False), self._scales()
         self._stack.enter_context(arm)
-        beside = PersonBeside(arm, camera, there, self._screen, scales)
+        beside = PersonBeside(arm, camera, there, self._screen, scales, watch)
         return Rig(
-            self.rig.arm.model, self.title, arm, camera, Person(), hand_eye, days, beside, time.sleep, arm.await_pedal
+            self.rig.arm.model,
+            self.title,
+            arm,
+            camera,
+            Person(),
+            hand_eye,
+            days,
+            beside,
+            time.sleep,
+            arm.await_pedal,
+            () if watch is None else (watch.check,),
         )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
@@ -63,8 +77,13 @@ class RealLab:
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
+        if self.rig.without_hand:
+            raise UsageError(
+                "the rig file says without_hand, and a touch-off has the hand close on the table and take the tool: "
+                "remove it, or write height, pitch and roll of the tool into [tools] of the rig file"
+            )
         arm = self._arm(cell, self._task.name, "nothing on the table")
-        hand = self._stack.enter_context(self._drivers.hand(self.rig.arm.model, self.rig.arm.address))
+        hand = ConfirmedHand(self._hand(), arm)
 
         def tool_there(there: bool) -> None:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
@@ -72,13 +91,31 @@ class RealLab:
         self._connect(arm)
         return TouchDevices(arm, hand, tool_there, arm.confirm)
 
-    def _arm(self, cell: Workcell, tool: str, on_table: str) -> ConfirmedArm:
-        """To be connected last; the pedal of the rig, connected. The confirmation asks for what is `on_table`."""
-        part = self.rig.pedal
-        pedal = None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
+    def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
+        """To be connected last. The confirmation asks for what is `on_table`; `watch` is asked before every motion."""
+        pedal = self._pedal
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
-        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table)
+        before = (lambda: None) if watch is None else watch.require
+        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table, before=before)
+
+    @cached_property
+    def _pedal(self) -> Pedal | None:
+        """Of the rig, connected."""
+        part = self.rig.pedal
+        return None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
+
+    def _hand(self) -> Hand:
+        """Of the arm, connected."""
+        made = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, pedal=self._pedal)
+        return self._stack.enter_context(made)
+
+    def _watch(self) -> ToolWatch | None:
+        """None where no hand holds the tool."""
+        if self.rig.without_hand:
+            return None
+        task = self._task.name
+        return ToolWatch(self._hand(), f"{task} tool", f"adaptsim touch-off --task {task} --hw {self.rig.arm.model}")
 
     def _camera(self, *, infrared: bool) -> Camera:
         return self._stack.enter_context(self._drivers.camera(self.rig.camera, infrared=infrared))

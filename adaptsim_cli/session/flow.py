@@ -33,7 +33,7 @@ from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, 
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Ready, TrialEvidence
-from hw.errors import ArmFault, HardwareError
+from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
@@ -236,7 +236,7 @@ def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
     return Judged(track.outcome, task.score(track, context), track.flags, possible)
 
 
-def _motion_record(made: Proposal, started: str, stopped: ArmFault | None, executed_s: float) -> MotionRecord:
+def _motion_record(made: Proposal, started: str, stopped: HardwareError | None, executed_s: float) -> MotionRecord:
     return MotionRecord(
         drawn_context=as_row(made.drawn),
         context=as_row(made.context),

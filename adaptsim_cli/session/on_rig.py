@@ -149,9 +149,10 @@ class RigPlan:
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
     def execute(self) -> RigTrial:
-        """Approach, record the motion, go back. Of an arm that stopped, what was recorded until then is kept."""
+        """Approach, record the motion, go back. Where the arm stops or loses its tool, what was recorded is kept."""
         approach, motion, back = self.paths
         target, after = self.found.target, None
+        stopped: HardwareError | None
         arm = target.rig.arm
         arm.execute(approach)
         played, frames, stopped = self._film(motion)
@@ -159,7 +160,7 @@ class RigPlan:
             try:
                 arm.execute(back)
                 after = target.in_time(target.rig.camera.snapshot()) if target.hardware.carries else None
-            except ArmFault as fault:
+            except HardwareError as fault:
                 stopped = fault
         return RigTrial(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
 
@@ -187,7 +188,7 @@ class RigTrial:
     found: RigReady
     played: Execution | None  # None: the arm stopped during the motion
     frames: tuple[Frame, ...]
-    stopped: ArmFault | None
+    stopped: HardwareError | None
     after: Frame | None  # with the arm at home again, of a task that carries its object
 
     def files(self) -> Mapping[str, bytes]:

@@ -25,7 +25,8 @@ def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> t
 
 def rig_checks(rig: Rig) -> tuple[Readiness, ...]:
     """Calibration, arm and camera."""
-    return (calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC)), _arm(rig), _camera(rig))
+    calibration = calibration_check(rig.hand_eye, rig.calibration_days, datetime.now(UTC))
+    return (calibration, _arm(rig), *(check() for check in rig.more_checks), _camera(rig))
 
 
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Readiness:

@@ -179,6 +179,8 @@ class RigFacts(Record):
     object_mass_kg: float | None = None
     weighed: str | None = None  # ISO 8601
     pedal: Literal["held", "waived"] | None = None  # "waived": the rig file says without_pedal
+    tool: Literal["held", "waived"] | None = None  # by the hand before every motion; "waived": without_hand
+    tool_width_m: float | None = None  # between the fingers that hold it, at the command's first look
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
 
 

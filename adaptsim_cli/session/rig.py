@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.records import RigFacts
 from calib.types import HandEye
 from hw.ports import Arm, Bench, Camera
@@ -111,6 +112,8 @@ class Rig:
     """Lets so many seconds pass. A simulated lab's motion returns with the object at rest, so nothing is waited for."""
     await_enabled: Callable[[], None] = lambda: None
     """Returns when a person lets the arm move, so that no recording runs while it waits. Raises MotionRefused."""
+    more_checks: tuple[Callable[[], Readiness], ...] = ()
+    """What else must be ready before a session."""
 
     @property
     def is_real(self) -> bool:

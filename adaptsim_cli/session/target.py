@@ -15,7 +15,7 @@ from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import KeyMoment
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from hw.errors import ArmFault
+from hw.errors import HardwareError
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
@@ -33,7 +33,7 @@ class Executed(Protocol):
     """A motion that is over and not stored yet."""
 
     @property
-    def stopped(self) -> ArmFault | None:
+    def stopped(self) -> HardwareError | None:
         """Why it did not come to its end; what was recorded until then is worth a look, but is no trial."""
         ...
 

@@ -14,10 +14,13 @@ WIDEST_M, STRONGEST_N = 0.08, 70.0
 class FakeHand:
     """Closes at once on what `between_m` says is between its fingers (None: nothing). `commands` remembers all."""
 
-    def __init__(self, between_m: float | None = None) -> None:
+    def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:
+        """`holds`: it has grasped what is between its fingers before the program came."""
         self.between_m = between_m
         self.commands: list[str] = []
-        self._width_m, self._holds, self._homed, self._connected = WIDEST_M, False, False, False
+        self._width_m, self._holds, self._homed, self._connected = WIDEST_M, holds, False, False
+        if holds:
+            self._width_m = between_m or 0.0
 
     def __enter__(self) -> Self:
         self._connected = True

@@ -16,7 +16,7 @@ from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.checks import PathCheck, back_from, until
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
-from hw.franka.messages import ALIVE, PEDAL, REQUESTED, Timing
+from hw.franka.messages import Timing
 from hw.franka.parts import Player
 from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
 from hw.franka.process import PlayerProcess
@@ -24,6 +24,7 @@ from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
+from hw.listening import ALIVE, PEDAL, REQUESTED
 from hw.ports import Pedal
 from hw.refusal import refuse_while_stopped
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from hw.franka.driver import Failure
 from hw.franka.playback import PlayableMotion, Played
 from hw.franka.settings import FrankaSettings, Payload
+from hw.listening import SILENCE_S
 from hw.types import Guard
-
-ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
-WHY = {PEDAL: "pedal", REQUESTED: "request"}
-SILENT, ORPHANED = "silence", "orphaned"
 
 
 @dataclass(frozen=True)
@@ -19,7 +16,7 @@ class Timing:
     """How strict the player is with time. Everything but tests uses the defaults."""
 
     realtime: bool = True  # demand a real-time kernel and priority
-    silence_s: float = 0.06  # longest silence of the program during a motion, as of the pedal
+    silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
     overrun_s: float = 5.0  # how long after its end a motion may still be unanswered
 
 

@@ -9,7 +9,6 @@ a stop too: a program that hangs or was killed lets go of the arm.
 from __future__ import annotations
 
 import gc
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -21,40 +20,14 @@ from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import ORPHANED, SILENT, WHY, Carry, Connect, Play, PlayOutcome, Recover, Request
+from hw.franka.messages import Carry, Connect, Play, PlayOutcome, Recover, Request
 from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
+from hw.listening import Listener
 from hw.types import Guard
 
 REST_READINGS = 2000
 
 DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
-
-
-class Listener:
-    """The pipe from the program, read once a cycle without waiting."""
-
-    def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = time.monotonic) -> None:
-        os.set_blocking(pipe, False)
-        self._pipe, self._silence_s, self._clock = pipe, silence_s, clock
-        self.orphaned = False
-        self._heard_s = clock()
-
-    def begin(self) -> None:
-        """Forget what was said before this motion: a program that still wants a stop says so again."""
-        self.wanted()
-        self._heard_s = self._clock()
-
-    def wanted(self) -> str:
-        """Why the motion shall stop, or an empty string."""
-        try:
-            said = os.read(self._pipe, 4096)
-        except BlockingIOError:
-            return SILENT if self._clock() - self._heard_s > self._silence_s else ""
-        if not said:
-            self.orphaned = True
-            return ORPHANED
-        self._heard_s = self._clock()
-        return next((why for letter, why in WHY.items() if letter in said), "")
 
 
 def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guard | None = None) -> PlayOutcome:

@@ -17,7 +17,8 @@ from sink import Sink
 from hw.collision import BARE_HAND, HAND_MASS
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
-from hw.franka import FrankaArm, FrankaSettings
+from hw.franka.arm import FrankaArm
+from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward, jacobian
 from hw.mass import Mass
 from hw.types import Array, JointPath

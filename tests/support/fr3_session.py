@@ -24,8 +24,9 @@ from pathlib import Path
 from typing import Any
 
 from fr3_process import Fr3Process, own_host
+from gripper_server import GripperServer
 from lab_session import WORLD, environment
-from real_lab import calibration
+from real_lab import HANDLE_M, calibration
 
 from adaptsim_cli import config
 from adaptsim_cli.wiring import calibration as wiring_calibration
@@ -139,6 +140,7 @@ class Drill:
     pedal: Pedal
     home_rad: Array  # (7,)
     server: Fr3Process | None = None
+    hand: GripperServer | None = None  # that holds the tool
 
     @property
     def arm(self) -> Fr3Process:
@@ -148,11 +150,15 @@ class Drill:
     def switch_on(self) -> None:
         """The arm at home, where trials begin."""
         self.server = Fr3Process(self.host, self.home_rad, pace="hurried")
+        self.hand = GripperServer(self.host, HANDLE_M, width_m=HANDLE_M, is_grasped=True)
 
     def switch_off(self) -> None:
         if self.server is not None:
             self.server.end()
             self.server = None
+        if self.hand is not None:
+            self.hand.end()
+            self.hand = None
 
     def run(
         self,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from hw.franka import connection, player
 from hw.franka.driver import Reading
-from hw.franka.messages import WHY, PlayOutcome
+from hw.franka.messages import PlayOutcome
 from hw.franka.playback import PlayableMotion
 from hw.franka.settings import Payload
+from hw.listening import WHY
 from hw.types import Guard
 
 

@@ -50,6 +50,7 @@ mass_kg = 0.12
 READY_RAD = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 _PINHOLE = Intrinsics(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1.0]]))
 MODEL = CameraModel("000123", _PINHOLE, _PINHOLE, np.eye(4))
+HANDLE_M = 0.012
 DARK = Frame(0.0, np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 900, np.uint16))
 
 
@@ -166,7 +167,7 @@ class ToyDevices:
     lacking: str = ""  # of this device the driver is not installed
     opened: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     plane: Table | None = None  # where the arm truly meets the table; None: nowhere
-    hand: FakeHand = field(default_factory=FakeHand)
+    hand: FakeHand = field(default_factory=lambda: FakeHand(HANDLE_M, holds=True))
     arm: FakeArm | None = None
     feeling: FakeGuardedArm | None = None  # the one around it
 
@@ -190,8 +191,8 @@ class ToyDevices:
         self.feeling = FakeGuardedArm(self.arm, self.plane)
         return self.feeling
 
-    def _hand(self, model: str, address: str) -> FakeHand:
-        self._open("hand", model=model, address=address)
+    def _hand(self, model: str, host: str, *, pedal: Any) -> FakeHand:
+        self._open("hand", model=model, host=host, pedal=pedal)
         return self.hand
 
     def _camera(self, part: Any, *, infrared: bool) -> FakeCamera:

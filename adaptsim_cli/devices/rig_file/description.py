@@ -275,6 +275,10 @@ class RigDescription:
     without_pedal: Annotated[
         bool, Field(description="true: the arm moves without a pedal, and every trial records that")
     ] = False
+    without_hand: Annotated[
+        bool,
+        Field(description="true: the tool is screwed on and no hand watched, and every trial records that"),
+    ] = False
     balance: Annotated[BalancePart | None, Field(description="the balance")] = None
     tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
     person: Annotated[

@@ -14,6 +14,7 @@ import pytest
 from cells import cell
 from in_process import InProcess
 from real_lab import (
+    HANDLE_M,
     READY_RAD,
     RIG,
     ToyBalance,
@@ -39,20 +40,23 @@ from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session.attended import Attended
-from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.on_rig import OnRig, RigTrial
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
+from hw.around import AroundArm
 from hw.collision import LEVEL
-from hw.errors import MotionRefused
+from hw.errors import HandError, MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
-from hw.franka import FrankaArm, FrankaSettings
+from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
 from hw.franka.player import DRIVES
-from hw.types import JointPath
+from hw.franka.settings import FrankaSettings
+from hw.ports import Arm
+from hw.types import Execution, JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.errors import NotExecutable
@@ -131,7 +135,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
     devices = ToyDevices()
     with opened(place, devices) as real:
         arm, camera = devices.opened["arm"], devices.opened["camera"]
-        assert list(devices.opened) == ["pedal", "arm", "camera", "balance"]
+        assert list(devices.opened) == ["pedal", "hand", "arm", "camera", "balance"]
         assert arm["settings"].host == "172.16.0.2"
         assert arm["settings"].payload.mass_kg == 0.12
         assert arm["pedal"] is devices.pedal
@@ -281,11 +285,58 @@ def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pyt
     text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
     with pytest.raises(UsageError, match="names no enabling pedal, so nothing has moved"), opened(place, devices, text):
         pass
-    with opened(place, devices, "without_pedal = true\n" + text) as real:
+    with opened(place, devices, "without_pedal = true\nwithout_hand = true\n" + text) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
         assert beside(real).scales is None
-        assert beside(real).facts() == RigFacts(pedal="waived")
+        assert beside(real).facts() == RigFacts(pedal="waived", tool="waived")
+
+
+def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    devices = ToyDevices()
+    typing(monkeypatch, "panda")
+    with opened(place, devices) as real:
+        assert all(check.ok for check in real.checks())
+        real.rig.arm.execute(STILL)
+        assert beside(real).facts().tool_width_m == HANDLE_M
+        for width_m, holds, why in (
+            (HANDLE_M - 0.0012, True, "has slipped: the fingers stand 10.8 mm apart, 12.0 mm at first"),
+            (
+                0.0,
+                False,
+                "does not hold the scooping tool .*clear it away.* adaptsim touch-off --task scooping --hw panda",
+            ),
+        ):
+            devices.hand._width_m, devices.hand._holds = width_m, holds
+            with pytest.raises(HandError, match=why):
+                real.rig.arm.execute(STILL)
+            assert [check.name for check in real.checks() if not check.ok] == ["tool"]
+        assert devices.arm is not None
+        assert len(devices.arm.executed) == 1
+        devices.hand._width_m, devices.hand._holds = HANDLE_M, True
+        real.rig.arm.execute(STILL)
+
+
+def test_a_tool_lost_during_the_motion_keeps_its_recording() -> None:
+    lab = ToyLab(0)
+    target, moved = toy_parts(lab).target, list[JointPath]()
+    assert isinstance(target, OnRig)
+
+    class Watched(AroundArm[Arm]):
+        def execute(self, path: JointPath) -> Execution:
+            moved.append(path)
+            if len(moved) == 3:
+                raise HandError("the hand does not hold the tool")
+            return self._arm.execute(path)
+
+    rig = replace(target.rig, arm=Watched(target.rig.arm))
+    trial = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended()).plan(np.array([0.5])).execute()
+    assert isinstance(trial, RigTrial)
+    assert isinstance(trial.stopped, HandError)
+    assert trial.played is not None
+    assert "recording.mcap" in trial.files()
 
 
 def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

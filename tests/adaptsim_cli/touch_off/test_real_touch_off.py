@@ -42,7 +42,7 @@ from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
 from hw.errors import ArmFault
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm, FakeHand
-from hw.franka import Payload
+from hw.franka.settings import Payload
 from sim.errors import NotExecutable, UnknownName
 from sim.tasks import get_task
 
@@ -80,11 +80,11 @@ class HandingOver(HumanAssistant):
 
 
 def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "panda", *[""] * 4)
     with opened(there, devices) as rig:
         assert list(devices.opened) == ["pedal", "arm", "hand"]
-        assert devices.opened["hand"] == {"model": "panda", "address": "172.16.0.2"}
+        assert devices.opened["hand"] == {"model": "panda", "host": "172.16.0.2", "pedal": devices.pedal}
         assert [box.name for box in devices.opened["arm"]["cell"].keep_out] == [
             "the camera",
             "the person's side (left)",
@@ -129,7 +129,7 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
 
 
 def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    there, devices, screen = resolved(place), ToyDevices(plane=TRUE), quiet()
+    there, devices, screen = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "no", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator):
         touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
@@ -140,7 +140,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
     asked = "nobody within reach? THE REAL ROBOT then touches the table with"
     assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop:") == 2
 
-    devices, screen = ToyDevices(plane=TRUE), quiet()
+    devices, screen = ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "", "", "q")
     with opened(there, devices) as rig:
         with pytest.raises(StoppedByOperator):
@@ -151,7 +151,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
 
 
 def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
-    there, devices = resolved(place), ToyDevices()
+    there, devices = resolved(place), ToyDevices(hand=FakeHand())
     zeros_rad = (0.0, 1e-3, 0.0, -2e-3, 0.0, 0.0, 0.0)
     offsets = OffsetsRecord(
         adopted=True, reason="", offsets_rad=zeros_rad, suspected_rad=zeros_rad, sigma_rad=(None,) * 7
@@ -164,7 +164,7 @@ def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
 
 
 def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "clear", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
         touch_off(rig, HumanAssistant(quiet()), quiet())
@@ -174,7 +174,7 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
 
 
 def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    there, devices = resolved(place), ToyDevices(plane=TRUE)
+    there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     faulty = devices.drivers_of_a_stopped_arm()
     calibrated(there)
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
@@ -208,7 +208,7 @@ def test_the_command_refuses_yes_and_names_a_missing_driver(
     assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
     assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
     for lacking in ("arm", "hand", "pedal"):
-        devices = ToyDevices(lacking=lacking)
+        devices = ToyDevices(hand=FakeHand(), lacking=lacking)
         monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err

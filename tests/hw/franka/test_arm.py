@@ -8,8 +8,9 @@ from cells import cell
 from sink import READY, Sink
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
-from hw.franka import CollisionThresholds, FrankaArm, FrankaSettings, open_franka
+from hw.franka.arm import FrankaArm, open_franka
 from hw.franka.driver import UNAVAILABLE, Failure
+from hw.franka.settings import CollisionThresholds, FrankaSettings
 from hw.types import ContactWindow, JointPath
 
 

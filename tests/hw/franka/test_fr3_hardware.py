@@ -17,7 +17,8 @@ import pytest
 from cells import cell
 
 from hw.errors import NoContact
-from hw.franka import FrankaArm, FrankaSettings, open_franka
+from hw.franka.arm import FrankaArm, open_franka
+from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
 from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, empty_hand

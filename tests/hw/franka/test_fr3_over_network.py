@@ -17,9 +17,9 @@ from cells import cell
 from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
-from hw.franka import FrankaArm, FrankaSettings, Payload, open_franka
-from hw.franka.arm import franka
+from hw.franka.arm import FrankaArm, franka, open_franka
 from hw.franka.process import PlayerProcess
+from hw.franka.settings import FrankaSettings, Payload
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import Array, JointPath
 

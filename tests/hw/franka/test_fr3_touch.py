@@ -12,7 +12,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 
 from hw.contact import began, predicted_force_N
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
-from hw.franka import FrankaArm
+from hw.franka.arm import FrankaArm
 from hw.joint_limits import LIMITS, derivatives
 from hw.kinematics import forward
 from hw.types import Array, Guard

@@ -10,7 +10,7 @@ import pytest
 from fr3_process import Fr3Process, arm_at, fr3
 
 from hw.collision import Tool
-from hw.franka import FrankaArm
+from hw.franka.arm import FrankaArm
 from hw.kinematics import forward
 from hw.types import Array, Execution, JointPath
 from sim.panda.planning import home, trial_paths

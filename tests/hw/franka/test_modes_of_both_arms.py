@@ -17,11 +17,11 @@ from in_process import InProcess
 from sdk_fake import FakeRobot, FakeSdk
 
 from hw.errors import ArmFault, DeviceUnavailable
-from hw.franka import FrankaArm, FrankaSettings
-from hw.franka.arm import franka
+from hw.franka.arm import FrankaArm, franka
 from hw.franka.connection import Connection
 from hw.franka.driver import UNMOVED, Failure
 from hw.franka.player import DRIVES
+from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 
 BY_HAND_MODES = ("UserStopped", "Guiding")

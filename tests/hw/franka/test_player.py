@@ -12,22 +12,11 @@ import pytest
 from cells import cell
 
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
-from hw.franka.messages import (
-    ALIVE,
-    ORPHANED,
-    PEDAL,
-    REQUESTED,
-    SILENT,
-    Connect,
-    Play,
-    PlayOutcome,
-    Read,
-    Recover,
-    Timing,
-)
+from hw.franka.messages import Connect, Play, PlayOutcome, Read, Recover, Timing
 from hw.franka.playback import PlayableMotion, motion_of
-from hw.franka.player import Listener, serve
+from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
+from hw.listening import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Listener
 from hw.types import JointPath
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.franka import CollisionThresholds, FrankaSettings, Payload
+from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.limits import CONTACT_FORCE_N
 
 

@@ -15,8 +15,10 @@ from sdk_fake import FakeSdk
 
 from hw.contact import began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.franka import FrankaArm, FrankaSettings, Payload, fr3, panda
+from hw.franka import fr3, panda
+from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
+from hw.franka.settings import FrankaSettings, Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
 

@@ -1,0 +1,49 @@
+"""Whether the hand still holds the tool, asked before every motion of a trial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from adaptsim_cli.screen.checks import Readiness
+from hw.errors import DeviceUnavailable, HandError
+from hw.ports import Hand
+
+SLIPPED_M = 0.001
+"""Fingers that stand so much closer or wider than at first hold the tool otherwise, or another one."""
+
+
+@dataclass
+class ToolWatch:
+    """Fingers as they stand at the first look count as holding the tool. Nothing moves."""
+
+    hand: Hand
+    tool: str  # what it is called
+    remedy: str  # the command that has the hand take it again
+    width_m: float | None = field(default=None, init=False)  # at the first look
+
+    def check(self) -> Readiness:
+        """A line of the checklist before a session; a hand that is lost says so."""
+        try:
+            self.require()
+        except (HandError, DeviceUnavailable) as error:
+            return Readiness("tool", False, str(error))
+        assert self.width_m is not None
+        return Readiness("tool", True, f"held, the fingers stand {1e3 * self.width_m:.1f} mm apart")
+
+    def require(self) -> None:
+        """Raises HandError where the tool is lost or has slipped, DeviceUnavailable where the hand does not answer."""
+        now = self.hand.state()
+        stands = f"the fingers stand {1e3 * now.width_m:.1f} mm apart"
+        if not now.holds:
+            raise HandError(
+                f"the hand does not hold the {self.tool} ({stands}). Look where it lies and clear it away, then have "
+                f"the hand take it again: {self.remedy}"
+            )
+        if self.width_m is None:
+            self.width_m = now.width_m
+        if abs(now.width_m - self.width_m) > SLIPPED_M:
+            raise HandError(
+                f"the {self.tool} has slipped: {stands}, {1e3 * self.width_m:.1f} mm at first (at most "
+                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is not known any more; have the hand take it again: "
+                f"{self.remedy}"
+            )

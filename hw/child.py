@@ -1,0 +1,97 @@
+"""The program's end of a process of its own for one device: asked over a connection, told over a pipe meanwhile.
+
+The process is started anew, never forked. It has a session of its own: Ctrl-C on the terminal reaches the program, and
+not the process. It learns of the program's end from its pipes (`hw.listening`).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+END_S = 3.0
+"""How long a process may take to end by itself: longer than the longest stop along a path."""
+
+
+class ChildGone(Exception):
+    """The process has ended; the message says how."""
+
+
+class Child:
+    """A running `python -m module CONNECTION PIPE arguments`, the first two file descriptors."""
+
+    def __init__(self, module: str, *arguments: str, end_s: float = END_S) -> None:
+        self._end_s = end_s
+        ours, theirs = socket.socketpair()
+        listen, self._say = os.pipe()
+        os.set_blocking(self._say, False)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module, str(theirs.fileno()), str(listen), *arguments],
+            pass_fds=(theirs.fileno(), listen),
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        theirs.close()
+        os.close(listen)
+        self.connection = Connection(ours.detach())
+
+    @property
+    def pid(self) -> int:
+        """The process number."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self._process.poll() is None
+
+    def send(self, request: object) -> None:
+        """Raises ChildGone."""
+        try:
+            self.connection.send(request)
+        except OSError as error:
+            raise self._gone() from error
+
+    def answers(self, within_s: float) -> bool:
+        """Whether an answer, or the end of the process, comes in time."""
+        return self.connection.poll(within_s)
+
+    def receive(self) -> Any:
+        """The next answer, waited for. Raises ChildGone."""
+        try:
+            return self.connection.recv()
+        except (EOFError, OSError) as error:
+            raise self._gone() from error
+
+    def tell(self, word: bytes) -> None:
+        """Say a word on the pipe; never waits."""
+        with suppress(BlockingIOError, BrokenPipeError):  # full: it knows already; broken: the answer will say so
+            os.write(self._say, word)
+
+    def close(self) -> None:
+        """End the process: the end of its pipes tells it to. One that does not end is killed."""
+        self.connection.close()
+        os.close(self._say)
+        try:
+            self._process.wait(self._end_s)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.wait()
+
+    def _gone(self) -> ChildGone:
+        try:
+            code = self._process.wait(self._end_s)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return ChildGone("hanging and has been killed")
+        return ChildGone(f"killed by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}")

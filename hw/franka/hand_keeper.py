@@ -1,0 +1,161 @@
+"""The process that keeps watch over the hand: `python -m hw.franka.hand_keeper`, started by the program.
+
+It has a worker do what moves the fingers, since an SDK may block its process until they stand. Meanwhile it hears the
+program, and stops the hand over a connection of its own (`Gripper.stop`): when the program says so, is silent for
+60 ms, or is gone. A worker whose command does not end by that is killed with its connection.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+from hw.child import Child, ChildGone
+from hw.franka.hand import SDKS
+from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State, Stopped
+from hw.listening import WORD_EVERY_S, Listener
+
+WORKER_S = 0.5
+"""How long a stopped worker has for its last word."""
+OPEN_S = 30.0
+"""libfranka takes its time where nobody answers."""
+READ_S = 3.0
+"""The longest wait for a state."""
+
+
+class Worker(Protocol):
+    """What is asked of the worker's process (`hw.child.Child`)."""
+
+    def send(self, request: object) -> None:
+        """See `hw.child.Child`."""
+        ...
+
+    def answers(self, within_s: float) -> bool:
+        """See `hw.child.Child`."""
+        ...
+
+    def receive(self) -> Any:
+        """See `hw.child.Child`."""
+        ...
+
+    def kill(self) -> None:
+        """See `hw.child.Child`."""
+        ...
+
+
+class Keeper:
+    """One hand: its worker, and the connection that stops it."""
+
+    def __init__(self, opened: Open, listener: Listener, worker: Worker, stop: Callable[[], object]) -> None:
+        self._opened, self._listener, self._worker, self._stop = opened, listener, worker, stop
+        self._ended = False
+
+    def ask(self, request: Request) -> Answer:
+        """Do it, and stop it where the program wants that. A worker that ended is not begun again."""
+        if self._ended:
+            return NotDone("the hand was stopped in the middle of a command: connect again, and home it", lost=True)
+        try:
+            self._worker.send(request)
+            return self._wait(READ_S) if isinstance(request, State) else self._watch()
+        except ChildGone as how:
+            self._ended = True
+            with suppress(Exception):  # what moved is to stop, whatever the SDK says
+                self._stop()
+            return NotDone(f"the process that moves the hand was {how}; a stop was sent to the hand", lost=True)
+
+    def _wait(self, within_s: float) -> Answer:
+        if self._worker.answers(within_s):
+            return _known(self._worker.receive())
+        self._end()
+        return NotDone(f"the hand at {self._opened.host} does not answer within {within_s:g} s", lost=True)
+
+    def _watch(self) -> Answer:
+        self._listener.begin()
+        while not self._worker.answers(WORD_EVERY_S):
+            if why := self._listener.wanted():
+                return self._halt(why)
+        return _known(self._worker.receive())
+
+    def _halt(self, why: str) -> Answer:
+        began_s = time.monotonic()
+        try:
+            self._stop()
+        except Exception as error:  # noqa: BLE001 each SDK has its own, and the worker must end in any case
+            self._end()
+            return NotDone(f"the hand could not be stopped ({error}); its connection was closed", lost=True)
+        after_s = time.monotonic() - began_s
+        if self._worker.answers(WORKER_S):
+            with suppress(ChildGone):
+                self._worker.receive()
+                return Stopped(why, after_s)
+        self._end()
+        return Stopped(why, after_s)
+
+    def _end(self) -> None:
+        self._ended = True
+        self._worker.kill()
+
+
+def serve(program: Connection, listener: Listener) -> None:
+    """Answer requests until the program is gone. One that goes in the middle of a command has the hand stopped."""
+    keeper: Keeper | None = None
+    while not listener.orphaned:
+        try:
+            request: Request = program.recv()
+        except (EOFError, OSError):
+            return
+        if isinstance(request, Open):
+            keeper, answer = opened(request, listener)
+        elif keeper is None:
+            answer = NotDone("the hand is not connected", lost=True)
+        else:
+            answer = keeper.ask(request)
+        with suppress(OSError):  # nobody is there any more
+            program.send(answer)
+
+
+def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
+    """The worker's connection, and a second one to stop it through."""
+    worker = Child("hw.franka.hand_worker", str(os.getpid()))
+    try:
+        worker.send(request)
+        if not worker.answers(OPEN_S):
+            worker.kill()
+            return None, NotDone(f"the hand at {request.host} does not answer within {OPEN_S:g} s", lost=True)
+        answer = _known(worker.receive())
+    except ChildGone as how:
+        return None, NotDone(f"the process that moves the hand was {how}", lost=True)
+    if not isinstance(answer, Done):
+        return None, answer
+    sdk = SDKS[request.model]()
+    try:
+        gripper = sdk.Gripper(request.host)
+    except (RuntimeError, getattr(sdk, "FrankaException", RuntimeError)) as error:
+        worker.kill()
+        return None, NotDone(
+            f"the hand at {request.host} takes no second connection ({error}), and without one nothing could stop it: "
+            "end other programs that use it",
+            lost=True,
+        )
+    return Keeper(request, listener, worker, gripper.stop), answer
+
+
+def _known(answer: Any) -> Answer:
+    if isinstance(answer, Done | NotDone | Stopped):
+        return answer
+    return NotDone(f"the hand's worker answered {type(answer).__name__}", lost=True)
+
+
+def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:
+    """Serve one program until it hangs up; the arguments are file descriptors and a time in seconds."""
+    with Connection(int(connection_fd)) as program:
+        serve(program, Listener(int(pipe_fd), float(silence_s)))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

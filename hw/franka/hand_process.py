@@ -1,0 +1,137 @@
+"""The Franka Hand behind `hw.ports.Hand`, in processes of its own: nothing in here waits for its SDK."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Self
+
+from hw.child import Child, ChildGone
+from hw.errors import DeviceUnavailable, HandError
+from hw.franka.hand_keeper import OPEN_S, READ_S
+from hw.franka.hand_messages import Command, Done, Grasp, Home, Move, NotDone, Open, Request, State, Stopped
+from hw.listening import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
+from hw.ports import Pedal
+from hw.types import HandState
+
+LONGEST_S = 30.0
+"""Of a command: the fingers need three seconds for their whole travel."""
+_STOPPED_S = 2.0
+"""How long the hand's process may take to say that the hand was stopped."""
+_WHY = {
+    "pedal": "the enabling pedal was released",
+    "request": "a stop was requested",
+    "silence": "the program said nothing for a moment",
+    "orphaned": "the program was gone",
+}
+_THEN = "look at it, then run the command again: it homes the hand again"
+
+
+class HandProcess:
+    """Entering connects. With a pedal the fingers move only while it is held.
+
+    A released pedal, Ctrl-C, a program that hangs and one that was killed stop the hand (`Gripper.stop`) within 80 ms.
+    After a stop it is not connected any more: it is entered again, and homed.
+    """
+
+    def __init__(self, model: str, host: str, *, pedal: Pedal | None = None, silence_s: float = SILENCE_S) -> None:
+        """`model` is the arm's, "panda" or "fr3"; `host` its address."""
+        self._model, self._host, self._pedal, self._silence_s = model, host, pedal, silence_s
+        self._child: Child | None = None
+        self.stopped_after_s: float | None = None
+        """From the word to stop to the hand's answer to it, of the last command that was stopped."""
+
+    def __enter__(self) -> Self:
+        """Raises DeviceUnavailable."""
+        self._child = Child("hw.franka.hand_keeper", str(self._silence_s))
+        try:
+            self._ask(Open(self._model, self._host), OPEN_S + READ_S)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._child is not None:
+            self._child.close()
+            self._child = None
+
+    def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
+        return self._ask(State(), 2.0 * READ_S)
+
+    def home(self) -> None:
+        """See `hw.ports.Hand`."""
+        self._do(Home())
+
+    def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._do(Move(width_m))
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._do(Grasp(width_m, force_N))
+
+    def _ask(self, request: Request, within_s: float) -> HandState:
+        """Raises HandError, DeviceUnavailable."""
+        child = self._connected()
+        try:
+            child.send(request)
+            if not child.answers(within_s):
+                self.__exit__()
+                raise DeviceUnavailable(f"the hand at {self._host} does not answer within {within_s:g} s")
+            return self._told(child.receive())
+        except ChildGone as how:
+            raise self._gone(how) from how
+
+    def _do(self, command: Command) -> None:
+        """Raises HandError, also where it was stopped, and DeviceUnavailable."""
+        child = self._connected()
+        if self._pedal is not None and not self._pedal.enabled():
+            raise HandError(f"{self._pedal.why_not()}; the hand has not moved, hold the pedal and try again")
+        try:
+            child.send(command)
+            until_s = time.monotonic() + LONGEST_S
+            while not child.answers(WORD_EVERY_S):
+                late = time.monotonic() > until_s
+                child.tell(REQUESTED if late else self._word())
+                if late and not child.answers(_STOPPED_S):
+                    raise self._lost(f"the hand did not end its command within {LONGEST_S:g} s, nor answer a stop")
+            self._told(child.receive())
+        except ChildGone as how:
+            raise self._gone(how) from how
+        except BaseException as error:  # Ctrl-C: the hand's process is told, and stops the hand
+            if not isinstance(error, HandError | DeviceUnavailable):
+                self._interrupted(child)
+            raise
+
+    def _word(self) -> bytes:
+        return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
+
+    def _interrupted(self, child: Child) -> None:
+        child.tell(REQUESTED)
+        child.answers(_STOPPED_S)
+        self.__exit__()
+
+    def _told(self, answer: Any) -> HandState:
+        if isinstance(answer, Done):
+            return answer.state
+        if isinstance(answer, Stopped):
+            self.stopped_after_s = answer.after_s
+            self.__exit__()
+            raise HandError(f"the hand was stopped: {_WHY.get(answer.why, answer.why)}; {_THEN}")
+        text = answer.text if isinstance(answer, NotDone) else f"it answered {type(answer).__name__}"
+        if isinstance(answer, NotDone) and not answer.lost:
+            raise HandError(text)
+        raise self._lost(text)
+
+    def _lost(self, text: str) -> DeviceUnavailable:
+        self.__exit__()
+        return DeviceUnavailable(text)
+
+    def _gone(self, how: ChildGone) -> DeviceUnavailable:
+        return self._lost(f"the process that keeps watch over the hand was {how}; look at the hand, then run again")
+
+    def _connected(self) -> Child:
+        if self._child is None:
+            raise DeviceUnavailable("the hand is not connected: use it inside a `with` block")
+        return self._child

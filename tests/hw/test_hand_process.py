@@ -1,0 +1,136 @@
+"""The hand in processes of its own: both SDKs over the maker's protocol, and everything that must stop it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from fr3_process import HandPedal
+from gripper_server import GripperServer, gripper
+
+from hw.errors import DeviceUnavailable, HandError
+from hw.franka.hand_process import HandProcess
+
+PROGRAM = Path(__file__).parents[1] / "support" / "hand_program.py"
+PATIENT_S = 2.0
+"""A silence that a busy machine does not make by itself."""
+
+
+def until(holds: Callable[[], bool], within_s: float = 20.0) -> None:
+    began_s = time.monotonic()
+    while not holds():
+        assert time.monotonic() - began_s < within_s, "it never came to hold"
+        threading.Event().wait(0.002)
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_both_sdks_move_hold_and_say_what_is_lost(model: str) -> None:
+    with gripper(slower=0.1) as server, HandProcess(model, server.host, silence_s=PATIENT_S) as hand:
+        with pytest.raises(HandError, match="home it first"):
+            hand.move(0.05)
+        hand.home()
+        server.between_m = 0.012
+        hand.grasp(0.012, 40.0)
+        held = hand.state()
+        assert (held.holds, held.homed, held.width_m) == (True, True, pytest.approx(0.012))
+        server.between_m, server.width_m, server.is_grasped = None, 0.0, False
+        until(lambda: not hand.state().holds)
+        with pytest.raises(HandError, match="did not find anything 12"):
+            hand.grasp(0.012, 40.0)
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_released_pedal_stops_fingers_that_move(deaf: bool) -> None:
+    pedal = HandPedal()
+    with gripper(slower=0.1, deaf=deaf) as server:
+        with HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
+            hand.home()
+            server.slower, before = 20.0, len(server.begun_s)
+
+            def let_go() -> None:
+                until(lambda: len(server.begun_s) > before)
+                pedal.release()
+
+            release = threading.Thread(target=let_go)
+            release.start()
+            with pytest.raises(HandError, match="pedal was released; look at it, then run the command again"):
+                hand.move(0.01)
+            release.join()
+            assert hand.stopped_after_s is not None
+            with pytest.raises(DeviceUnavailable, match="not connected"):
+                hand.state()
+        assert len(server.stops_s) == 1
+        assert not server.moves
+        assert server.width_m > 0.02
+        assert server.stops_s[0] - pedal.released_s < PATIENT_S
+
+
+def test_nothing_begins_without_the_pedal() -> None:
+    pedal = HandPedal(held=False)
+    with gripper() as server, HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
+        with pytest.raises(HandError, match="pedal is released; the hand has not moved"):
+            hand.home()
+        assert server.begun_s == []
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGSTOP])
+def test_a_program_that_is_killed_interrupted_or_hangs_stops_the_hand(how: signal.Signals) -> None:
+    with gripper(slower=0.1) as server:
+        program = subprocess.Popen(
+            [sys.executable, str(PROGRAM), "fr3", server.host],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert program.stdout is not None
+            assert program.stdout.readline() == "homed\n"
+            server.slower = 50.0
+            until(lambda: len(server.begun_s) == 2)
+            program.send_signal(how)
+            until(lambda: len(server.stops_s) >= 1)
+            assert server.width_m > 0.02
+            until(lambda: not server.moves)
+        finally:
+            program.send_signal(signal.SIGCONT)
+            if how is signal.SIGSTOP:
+                assert program.stdout.readline() == (
+                    "the hand was stopped: the program said nothing for a moment; look at it, then run the command "
+                    "again: it homes the hand again\n"
+                )
+            program.kill()
+            program.communicate()
+
+
+def test_no_process_is_left_behind() -> None:
+    with gripper(slower=0.1) as server, HandProcess("fr3", server.host, silence_s=PATIENT_S) as hand:
+        assert hand._child is not None
+        keeper = hand._child.pid
+        (worker,) = children(keeper)
+        os.kill(keeper, signal.SIGKILL)
+        until(lambda: not Path(f"/proc/{worker}").exists())
+        with pytest.raises(DeviceUnavailable, match="killed by SIGKILL; look at the hand"):
+            hand.home()
+
+
+def test_a_hand_that_takes_one_connection_is_refused() -> None:
+    with gripper(most_clients=1) as server, pytest.raises(DeviceUnavailable, match="takes no second connection"):
+        HandProcess("fr3", server.host).__enter__()
+
+
+def test_a_hand_that_is_not_there_is_said() -> None:
+    server = GripperServer()
+    server.end()
+    with pytest.raises(DeviceUnavailable, match="does not answer"):
+        HandProcess("fr3", server.host).__enter__()
+
+
+def children(pid: int) -> list[int]:
+    return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]

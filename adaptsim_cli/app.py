@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,6 +18,7 @@ from adaptsim_cli.commands import (
     benchmark,
     calibrate,
     checkpoints,
+    compare,
     config,
     doctor,
     lab,
@@ -52,6 +55,7 @@ app.command("rollout")(rollout.rollout)
 app.command("preview")(preview.preview)
 app.command("touch-off")(touch_off.touch_off)
 app.command("report")(report.report)
+app.command("compare")(compare.compare)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(retrack.retrack)
 app.add_typer(calibrate.app, name="calibrate")
@@ -97,7 +101,25 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """The console script."""
+    if foreign := foreign_packages():
+        _say(foreign)
+        sys.exit(2)
     sys.exit(run())
+
+
+def foreign_packages() -> str:
+    """Why the packages of this program cannot be used: another project's of the same name comes first; "" if fine."""
+    own = Path(__file__).parents[1]
+    for name in ("sim", "perception", "hw", "calib"):
+        found = find_spec(name)
+        origin = Path(found.origin).parent if found is not None and found.origin else None
+        if origin is None or origin.resolve() != (own / name).resolve():
+            return (
+                f"the package {name!r} is {'missing' if origin is None else f'another one, in {origin}'}; that of "
+                f"adaptsim lies in {own / name}. Run from another folder, take that one out of PYTHONPATH, or install "
+                "adaptsim in an environment of its own"
+            )
+    return ""
 
 
 def documented_errors() -> tuple[type[BaseException], ...]:

@@ -13,20 +13,20 @@ def report(
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Where the page lies, as JSON on stdout.")] = False,
 ) -> None:
-    """Write one self-contained HTML page of a session: rewards, parameters, trajectories, camera frames.
+    """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
 
     Example: adaptsim report scooping-ood-1-adaptsim-seed0
     """
     from adaptsim_cli import config
-    from adaptsim_cli.report import page
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import store
+    from adaptsim_cli.wiring.hindsight import Reports
 
     root = config.load().places.sessions
     opened = store.SessionStore.open(root, session or store.newest(root))
     screen = console.Screen(as_json=as_json)
     with screen.busy("Drawing the report"):
-        path = page.write(opened, out)
+        path = Reports().draw(opened, out)
     if as_json:
         screen.data({"session": opened.facts.name, "report": str(path)})
     else:

@@ -29,12 +29,12 @@ def run_iteration(
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
     from adaptsim_cli import config
-    from adaptsim_cli.report import page
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring
+    from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     resolved = config.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     request = conduct.SessionRequest(session, given, iterations, yes, as_json)
-    conduct.conduct(resolved, request, wiring.open_parts, page.write)
+    conduct.conduct(resolved, request, wiring.open_parts, Reports().draw)

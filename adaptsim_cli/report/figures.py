@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from adaptsim_cli.report.svg import Canvas, Scale, plain
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
-from hw.types import Array
+from sim.adaptation.posterior import Posterior
+
+WIDE, NARROW = 760.0, 400.0
+"""Of figures, in pixels of theirs: a page shows one or the other, as its own width allows."""
+
+LEVELS = (0.05, 0.25, 0.75, 0.95)
+"""Quantiles of a posterior: the ends of the pale and of the strong band."""
 
 
-def rewards(trials: Sequence[TrialRecord], iterations: int, particles: int, per_particle: int) -> str:
+def rewards(
+    trials: Sequence[TrialRecord], iterations: int, particles: int, per_particle: int, width: float = WIDE
+) -> str:
     """Reward of every trial, grouped by iteration; a bar is what was expected, a line the mean of the iteration."""
-    canvas = Canvas(760, 250, "Reward of every trial")
-    left, right, top, bottom = 38.0, 752.0, 12.0, 212.0
+    canvas = Canvas(width, 250, "Reward of every trial")
+    left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
     y = Scale(0.0, 1.0, bottom, top)
     for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
         canvas.line(left, y(tick), right, y(tick), "grid")
@@ -22,6 +31,7 @@ def rewards(trials: Sequence[TrialRecord], iterations: int, particles: int, per_
     band = (right - left) / iterations
     slots = particles * per_particle
     step = min(band / (slots + 1), 46.0)
+    half = min(7.0, 0.4 * step)
     means = []
     for iteration in range(iterations):
         middle = left + band * (iteration + 0.5)
@@ -39,33 +49,44 @@ def rewards(trials: Sequence[TrialRecord], iterations: int, particles: int, per_
             slot = trial.particle * per_particle + trial.trial
             x = middle + step * (slot - (slots - 1) / 2)
             low, high = y(trial.predicted_low), y(trial.predicted_high)
-            canvas.rect(x - 7, high, 14, max(low - high, 1.5), f"expected c{trial.particle}", 3)
-            canvas.line(
-                x - 7, y(trial.predicted_reward), x + 7, y(trial.predicted_reward), f"mean-expected c{trial.particle}"
-            )
+            canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle}", 3)
+            mean = y(trial.predicted_reward)
+            canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle}")
             told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
             css = "dot" if trial.reward > 0 else "dot open"
-            canvas.dot(x, y(trial.reward), 5, f"{css} c{trial.particle}", told)
+            canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle}", told)
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
     return canvas.svg()
 
 
-def parameter(dimension: DimensionRecord, paths: Sequence[Sequence[float]]) -> str:
-    """One parameter: its mean for every particle against iterations, inside its range."""
+def parameter(
+    dimension: DimensionRecord,
+    paths: Sequence[Sequence[float]],
+    posteriors: Sequence[Posterior] = (),
+    index: int = 0,
+) -> str:
+    """One parameter: its mean for every particle against iterations, inside its range.
+
+    Bands are where the trajectories known at that time say that it lies; of a whole number, circles as large as each
+    value is likely. `index` is the parameter's place in the posteriors.
+    """
     canvas = Canvas(360, 190, f"{dimension.name} over the iterations")
     left, right, top, bottom = 52.0, 350.0, 12.0, 158.0
-    y = Scale(dimension.low, dimension.high, bottom - 8, top + 8, log=dimension.scale == "log")
+    low, high = _seen(dimension, posteriors, index)
+    y = Scale(low, high, bottom - 8, top + 8, log=dimension.scale == "log")
     canvas.rect(left, y(dimension.high), right - left, y(dimension.low) - y(dimension.high), "range", 4)
     whole = dimension.scale == "integer"
-    for tick in range(round(dimension.low), round(dimension.high) + 1) if whole else y.ticks(4):
+    for tick in range(round(low), round(high) + 1) if whole else y.ticks(4):
         canvas.line(left, y(tick), right, y(tick), "grid")
         canvas.text(left - 6, y(tick) + 4, plain(tick), anchor="end")
-    count = max(len(path) for path in paths)
-    x = Scale(0.0, max(count - 1.0, 1.0), left + 16, right - 16)
-    for index in range(count):
-        last = index == count - 1 and count > 1
-        canvas.text(x(index), bottom + 18, "next" if last else str(index + 1), anchor="middle")
+    count = max(*(len(path) for path in paths), len(posteriors))
+    x = Scale(0.0, max(count - 1.0, 1.0), left + 22, right - 22)
+    for i, known in enumerate(posteriors):
+        _belief(canvas, known, index, x(i), y, whole=whole)
+    for i in range(count):
+        last = i == count - 1 and count > 1
+        canvas.text(x(i), bottom + 18, "next" if last else str(i + 1), anchor="middle")
     for particle, path in enumerate(paths):
         nudge = 2.0 * (particle - (len(paths) - 1) / 2)  # particles at the same value stay visible
         points = [(x(i), y(value) + nudge) for i, value in enumerate(path)]
@@ -75,64 +96,93 @@ def parameter(dimension: DimensionRecord, paths: Sequence[Sequence[float]]) -> s
     return canvas.svg()
 
 
-def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], newest: int) -> str:
-    """Tracked paths seen from above, and the goals: X to the right, Y up. Older iterations are faint."""
-    paths = [np.array(t.track.state)[:, :2] for t in trials]
-    goals = [t.goal_m for t in trials if t.goal_m is not None]
-    corners = np.array([[d.low, d.high] for d in area[:2]]).T if len(area) >= 2 and not goals else np.zeros((0, 2))
-    points = np.concatenate([*paths, corners, np.array(goals).reshape(-1, 2)])
-    low, high = points.min(axis=0) - 0.015, points.max(axis=0) + 0.015
-    width = 760.0
-    left, right, top = 48.0, 752.0, 12.0
-    per_m = min((right - left) / (high[0] - low[0]), 340.0 / (high[1] - low[1]))
-    right = left + per_m * (high[0] - low[0])
-    bottom = top + per_m * (high[1] - low[1])
-    canvas = Canvas(min(width, right + 8), bottom + 44, "Tracked paths on the table, seen from above")
-    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
-    canvas.rect(left, top, right - left, bottom - top, "table", 6)
-    canvas.grid(x, y)
-    canvas.text(
-        (left + right) / 2,
-        bottom + 36,
-        "x in metres, away from the robot; y upwards, to the robot's left",
-        anchor="middle",
+def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: int) -> tuple[float, float]:
+    """The range with whatever of a posterior's bands lies beyond it."""
+    ends = [p.quantiles((LEVELS[0], LEVELS[-1]))[:, index] for p in posteriors]
+    return (
+        float(min([dimension.low, *(low for low, _ in ends)])),
+        float(max([dimension.high, *(high for _, high in ends)])),
     )
-    if len(corners):
-        canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
-        canvas.text(x(corners[0, 0]), y(corners[0, 1]) + 16, "where the object is placed")
-    for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].number):
-        css = f"c{trial.particle}" + ("" if trial.iteration == newest else " faint")
-        told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
-        pixels = [(x(px), y(py)) for px, py in path]
-        if trial.goal_m is not None:
-            gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
-            canvas.line(*pixels[-1], gx, gy, f"miss {css}")
-            for rise in (-5.0, 5.0):
-                canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
-        canvas.curve(pixels, f"track {css}", told)
-        canvas.dot(*pixels[0], 3, f"dot open {css}", told)
-        canvas.dot(*pixels[-1], 4.5, f"dot {css}" if trial.reward > 0 else f"dot open {css}", told)
+
+
+def _belief(canvas: Canvas, known: Posterior, index: int, x: float, y: Scale, *, whole: bool) -> None:
+    if whole:
+        for value in np.unique(known.samples[:, index]):
+            share = float(known.weights[known.samples[:, index] == value].sum())
+            if share > 0.005 and y.low <= value <= y.high:
+                canvas.dot(x, y(value), 16.0 * share**0.5, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
+        return
+    low, lower, upper, high = (float(v) for v in known.quantiles(LEVELS)[:, index])
+    told = f"90 % between {plain(float(f'{low:.3g}'))} and {plain(float(f'{high:.3g}'))}"
+    for bottom, top in ((low, high), (lower, upper)):
+        canvas.rect(x - 14, y(top), 28, max(y(bottom) - y(top), 2.0), "likely", 4, told)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One row of a comparison: a reward with its interval."""
+
+    label: str
+    short: str  # beside the label where there is little room
+    detail: str  # below it elsewhere: what it rests on
+    mean: float
+    low: float
+    high: float
+    colour: str  # "c0", "c1", ...
+    is_open: bool = False  # an open dot on a dotted line
+
+
+def levels(rows: Sequence[Level], width: float = WIDE) -> str:
+    """Rewards with their intervals, one below the other, on one scale from 0 to 1."""
+    canvas = Canvas(width, 34.0 + 44.0 * len(rows), "Rewards compared")
+    wide = width > NARROW
+    left, right, bottom = 300.0 if wide else 8.0, width - 46.0, 8.0 + 44.0 * len(rows)
+    x = Scale(0.0, 1.0, left, right)
+    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+        canvas.line(x(tick), 4.0, x(tick), bottom, "grid")
+        canvas.text(x(tick), bottom + 18, f"{tick:g}", anchor="middle")
+    for index, row in enumerate(rows):
+        y, css = 8.0 + 44.0 * index + (22.0 if wide else 30.0), f"{'simulated ' if row.is_open else ''}{row.colour}"
+        name = row.label if wide else f"{row.label}, {row.short}"
+        canvas.text(0.0 if wide else left, y - (4.0 if wide else 14.0), name, "row")
+        if wide:
+            canvas.text(0.0, y + 11.0, row.detail)
+        canvas.line(x(row.low), y, x(row.high), y, f"interval {css}")
+        told = f"{row.label}: {row.mean:.2f}, {row.low:.2f} to {row.high:.2f}, {row.detail}"
+        canvas.dot(x(row.mean), y, 5.5, f"dot {'open ' if row.is_open else ''}{css}", told)
+        canvas.text(right + 10, y + 4, f"{row.mean:.2f}", "row")
     return canvas.svg()
 
 
-def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> str:
-    """One quantity of every track against time. Older iterations are faint; a dashed line is a trial that failed."""
-    paths = [(np.array(t.track.t_s), np.array(t.track.state)[:, column]) for t in trials]
-    canvas = Canvas(760, 240, f"{label} over time")
-    left, right, top, bottom = 48.0, 752.0, 12.0, 196.0
-    everything = np.concatenate([values for _, values in paths])
-    pad = 0.05 * max(float(np.ptp(everything)), 1e-6)
-    x = Scale(0.0, max(float(t_s[-1]) for t_s, _ in paths), left, right)
-    y = Scale(float(everything.min()) - pad, float(everything.max()) + pad, bottom, top)
-    canvas.grid(x, y)
-    canvas.text((left + right) / 2, bottom + 36, "time in s", anchor="middle")
-    for trial, (t_s, values) in zip(trials, paths, strict=True):
-        css = f"track c{trial.particle}" + ("" if trial.iteration == newest else " faint")
-        css += "" if trial.reward > 0 else " failed"
-        told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
-        canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
+@dataclass(frozen=True)
+class Line:
+    """One session of a comparison: its mean reward in each iteration."""
+
+    label: str
+    means: Sequence[float]
+    intervals: Sequence[tuple[float, float]]
+    colour: str
+
+
+def lines(sessions: Sequence[Line], width: float = WIDE) -> str:
+    """Mean reward against iterations, one line a session; a bar is the 95 % interval of a mean."""
+    canvas = Canvas(width, 280, "Mean reward of every iteration")
+    left, right, top, bottom = 38.0, width - 12.0, 12.0, 236.0
+    y = Scale(0.0, 1.0, bottom, top)
+    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+        canvas.line(left, y(tick), right, y(tick), "grid")
+        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    count = max(len(session.means) for session in sessions)
+    x = Scale(0.0, max(count - 1.0, 1.0), left + 30, right - 30)
+    for index in range(count):
+        canvas.text(x(index), bottom + 18, str(index + 1), anchor="middle")
+    canvas.text((left + right) / 2, bottom + 38, "iteration", anchor="middle")
+    for place, session in enumerate(sessions):
+        nudge = 5.0 * (place - (len(sessions) - 1) / 2) if len(sessions) < 9 else 0.0  # intervals stay apart
+        points = [(x(i) + nudge, y(mean)) for i, mean in enumerate(session.means)]
+        for (px, _), (low, high) in zip(points, session.intervals, strict=True):
+            canvas.line(px, y(low), px, y(high), f"interval thin {session.colour}")
+        canvas.curve(points, f"curve {session.colour}", session.label)
+        for (px, py), mean in zip(points, session.means, strict=True):
+            canvas.dot(px, py, 4.5, f"dot {session.colour}", f"{session.label}: {mean:.2f}")
     return canvas.svg()
-
-
-def _size(x: Scale, y: Scale, corners: Array) -> tuple[float, float]:
-    return x(corners[1, 0]) - x(corners[0, 0]), y(corners[0, 1]) - y(corners[1, 1])

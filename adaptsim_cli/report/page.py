@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from math import dist
@@ -11,7 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptsim_cli.report import figures
+from adaptsim_cli.report import figures, path_figures
+from adaptsim_cli.report.figures import NARROW, WIDE, Level
+from adaptsim_cli.report.hindsight import Judgement
+from adaptsim_cli.report.measured import Measured, mean_of, trial_std
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.records import (
     DimensionRecord,
@@ -30,6 +33,7 @@ from sim.tasks import TASKS, get_task
 from sim.types import Dimension
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
+_FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
 MEASURED = ("rollouts", "tracking", "adaptation", "training")
 
 
@@ -51,6 +55,7 @@ class TrialView:
     overlay: str  # data URL, "" where there is none
     context: str
     action: str
+    prediction: str = ""  # the figure, "" where the simulator can say nothing
 
     @property
     def outcome(self) -> str:
@@ -71,7 +76,7 @@ class IterationView:
 
     number: int  # from 1
     particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
-    trials: tuple[TrialView, ...]
+    trials: tuple[TrialView, ...]  # the newest first
     rejected: tuple[str, ...]
     result: ResultRecord | None
 
@@ -90,57 +95,135 @@ class IterationView:
         return {kind: spent[kind] for kind in MEASURED} | {"storing": storing_s, "total": spent["total"]}
 
 
-def write(store: SessionStore, out: Path | None = None) -> Path:
-    """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError."""
+@dataclass(frozen=True)
+class Reference:
+    """A session of uniform domain randomisation in the same world."""
+
+    session: str
+    rewards: tuple[float, ...]
+
+
+def write(
+    store: SessionStore,
+    out: Path | None = None,
+    judgement: Judgement | str = "",
+    reference: Reference | None = None,
+) -> Path:
+    """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
+
+    `judgement` is what the simulator says in hindsight, or why it can say nothing.
+    """
     path = out if out is not None else store.folder / "report.html"
     durable.make_folder(path.absolute().parent)
-    durable.replace_file(path.absolute(), render(store).encode())
+    durable.replace_file(path.absolute(), render(store, judgement, reference).encode())
     return path
 
 
-def render(store: SessionStore) -> str:
+def render(store: SessionStore, judgement: Judgement | str = "", reference: Reference | None = None) -> str:
     """The page as HTML. Raises SessionError when a record is corrupt."""
-    from jinja2 import Environment, StrictUndefined
-
-    facts = store.facts
-    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i)).trials)
-    trials = [t.record for view in views for t in view.trials]
+    facts, known = store.facts, None if isinstance(judgement, str) else judgement
+    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
+    trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.number)
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 0
     curves = facts.curves.items() if trials else ()
-    folder = resources.files("adaptsim_cli.report")
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["plain"] = plain
-    template = environment.from_string((folder / "page.html.j2").read_text(encoding="utf-8"))
-    return template.render(
+    rows = levels(facts, trials, results, known, reference)
+    return fill(
+        "page.html.j2",
         facts=facts,
         title=facts.title[:1].upper() + facts.title[1:],
-        style=(folder / "style.css").read_text(encoding="utf-8"),
         iterations=views,
         trials=trials,
         latest=results[-1] if results else None,
         best=_named(facts, results[-1].best.params) if results else "",
         successes=sum(t.reward > 0 for t in trials),
-        figure_rewards=figures.rewards(trials, len(views), facts.particles, facts.trials) if trials else "",
+        figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
+        figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.particles, facts.trials, w))
+        if trials
+        else "",
         figure_parameters=[
-            (d, figures.parameter(record, paths))
-            for d, record, paths in zip(
-                _described(facts, facts.parameters), facts.parameters, _paths(store, results), strict=True
+            (d, figures.parameter(record, paths, known.posteriors if known else (), index))
+            for index, (d, record, paths) in enumerate(
+                zip(_described(facts, facts.parameters), facts.parameters, _paths(store, results), strict=True)
             )
         ],
+        known=known,
+        measured_udr=reference is not None,
+        unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
             (title, space)
-            for title, records in (("Context", facts.context), ("Action", facts.action))
+            for title, records in (
+                ("Simulation parameters", facts.parameters),
+                ("Context: what the policy sees before a trial", facts.context),
+                ("Action: what it chooses", facts.action),
+            )
             if (space := _described(facts, records))
         ],
         goals=any(trial.goal_m is not None for trial in trials),
-        figure_table=figures.table_view(trials, facts.context, newest) if trials and not facts.curves else "",
-        figure_curves=[(label, figures.curve_view(trials, label, column, newest)) for label, column in curves],
+        figure_table=both(lambda w: path_figures.table_view(trials, facts.context, newest, w))
+        if trials and not facts.curves
+        else "",
+        figure_curves=[(label, both(_curve(trials, label, column, newest))) for label, column in curves],
         kinds=(*MEASURED, "storing", "total"),
     )
 
 
-def _iteration(store: SessionStore, iteration: int) -> IterationView:
+def fill(template: str, **values: object) -> str:
+    """A template of this package with the page's style and script."""
+    from jinja2 import Environment, StrictUndefined
+
+    folder = resources.files("adaptsim_cli.report")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["plain"] = plain
+    text = environment.from_string((folder / template).read_text(encoding="utf-8"))
+    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
+    return text.render(style=style, script=script, **values)
+
+
+def both(draw: Callable[[float], str]) -> str:
+    """A figure for wide and for narrow pages; the style shows the one that fits."""
+    return f'<div class="wide">{draw(WIDE)}</div><div class="narrow">{draw(NARROW)}</div>'
+
+
+def levels(
+    facts: Facts,
+    trials: Sequence[TrialRecord],
+    results: Sequence[ResultRecord],
+    known: Judgement | None,
+    reference: Reference | None,
+) -> tuple[Level, ...]:
+    """First policy, adapted policy and uniform domain randomisation: as measured, and as the simulator expects."""
+    if not trials:
+        return ()
+    std = trial_std(facts.task)
+    first = mean_of([t.reward for t in trials if t.iteration == 0], std)
+    rows = [_measured("First policy", first, "in iteration 1", _FIRST)]
+    if results:
+        best = results[-1].best
+        pooled = Measured(best.mean_reward, *best.ci95, best.trials)
+        rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
+    if reference is not None:
+        of_udr = mean_of(reference.rewards, std)
+        rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
+    if known is not None:
+        expected = (("First policy", known.first, _FIRST), ("Adapted policy", known.adapted, _ADAPTED))
+        for label, earned, colour in (*expected, ("UDR", known.udr, _UDR)):
+            if earned is not None:
+                told = "expected in the simulator"
+                rows.append(Level(label, "expected", told, earned.mean, earned.low, earned.high, colour, is_open=True))
+    return tuple(rows)
+
+
+def _measured(label: str, found: Measured, detail: str, colour: str) -> Level:
+    told = f"{found.trials} trial{'s' * (found.trials != 1)} {detail}"
+    return Level(label, "measured", told, found.mean, found.low, found.high, colour)
+
+
+def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> Callable[[float], str]:
+    return lambda width: path_figures.curve_view(trials, label, column, newest, width)
+
+
+def _iteration(store: SessionStore, iteration: int, known: Judgement | None) -> IterationView:
     parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
     now = _particles(store, iteration)
     then = result.next_particles if result else ()
@@ -148,17 +231,19 @@ def _iteration(store: SessionStore, iteration: int) -> IterationView:
         (_quantities(parameters, _mean(p)), _quantities(parameters, _mean(then[i])) if then else "")
         for i, p in enumerate(now)
     )
-    trials = tuple(_trial(store, record) for record in store.trials(iteration))
+    trials = tuple(_trial(store, record, known) for record in reversed(store.trials(iteration)))
     return IterationView(iteration + 1, pairs, trials, _rejected(store, iteration), result)
 
 
-def _trial(store: SessionStore, record: TrialRecord) -> TrialView:
+def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) -> TrialView:
     folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
     strip = tuple(Still(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
     overlay = _image(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
     context = _quantities(_described(facts, facts.context), record.context)
-    return TrialView(record, strip, overlay, context, _quantities(_described(facts, facts.action), record.action))
+    action = _quantities(_described(facts, facts.action), record.action)
+    drawn = path_figures.prediction(record, known.predictions[record.number], tuple(facts.curves)) if known else ""
+    return TrialView(record, strip, overlay, context, action, drawn)
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:

@@ -51,11 +51,12 @@ class Canvas:
         """A straight line between two points, in pixels."""
         self._parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{css}"/>')
 
-    def rect(self, x: float, y: float, width: float, height: float, css: str, radius: float = 0) -> None:
-        """A rectangle from its top left corner, in pixels."""
-        self._parts.append(
-            f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="{radius}" class="{css}"/>'
-        )
+    def rect(
+        self, x: float, y: float, width: float, height: float, css: str, radius: float = 0, title: str = ""
+    ) -> None:
+        """A rectangle from its top left corner, in pixels; `title` is shown when the pointer rests on it."""
+        size = f'x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" rx="{radius}" class="{css}"'
+        self._parts.append(f"<rect {size}><title>{escape(title)}</title></rect>" if title else f"<rect {size}/>")
 
     def dot(self, x: float, y: float, radius: float, css: str, title: str = "") -> None:
         """A filled circle; `title` is shown when the pointer rests on it."""
@@ -74,10 +75,10 @@ class Canvas:
 
     def grid(self, x: Scale, y: Scale) -> None:
         """Lines with their values, across the ranges of both scales; `y` starts at the bottom."""
-        for tick in x.ticks(7):
+        for tick in x.ticks(_most(x, 55.0, 7)):
             self.line(x(tick), y.end, x(tick), y.start, "grid")
             self.text(x(tick), y.start + 16, plain(round(tick, 4)), anchor="middle")
-        for tick in y.ticks(5):
+        for tick in y.ticks(_most(y, 24.0, 5)):
             self.line(x.start, y(tick), x.end, y(tick), "grid")
             self.text(x.start - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
 
@@ -88,6 +89,11 @@ class Canvas:
             + "".join(self._parts)
             + "</svg>"
         )
+
+
+def _most(scale: Scale, each: float, most: int) -> int:
+    """How many labels that need `each` pixels fit along a scale; at most `most`, at least 2."""
+    return max(2, min(most, int(abs(scale.end - scale.start) / each)))
 
 
 def plain(value: float) -> str:

@@ -45,7 +45,11 @@ class SessionRequest:
 
 
 def conduct(
-    resolved: Resolved, request: SessionRequest, open_parts: OpenParts, draw: Callable[[SessionStore], Path]
+    resolved: Resolved,
+    request: SessionRequest,
+    open_parts: OpenParts,
+    draw: Callable[[SessionStore], Path],
+    screen: Screen | None = None,
 ) -> Path:
     """Run the iterations and return the path of the report that `draw` makes after each.
 
@@ -59,7 +63,7 @@ def conduct(
     config = _continued(asked, known, request) if known else asked
     if not request.yes:
         console.require_terminal()
-    screen = Screen(as_json=request.as_json)
+    screen = screen or Screen(as_json=request.as_json)
     unattended = request.yes and config.is_simulated
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):

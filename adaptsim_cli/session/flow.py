@@ -18,6 +18,7 @@ import numpy as np
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import shows, trial
+from adaptsim_cli.session.history import history_of, particles_of
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.records import (
@@ -37,7 +38,7 @@ from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.adaptation.method import Particle
 from sim.errors import NotExecutable
 from sim.tasks.solver import SolvedPolicy
 
@@ -161,7 +162,7 @@ def adapt(session: Session, stage: Adapt) -> None:
     """Move the particles, train their task policies and store the result."""
     store, learner = session.store, session.parts.learner
     began = time.perf_counter()
-    history = _history(store, stage.iteration)
+    history = history_of(store, stage.iteration)
     with session.screen.busy("Adapting the simulation parameters"):
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         best, verdict = learner.judge(history, generator(session.seed, Draw.JUDGE, stage.iteration))
@@ -205,17 +206,6 @@ def show(session: Session, stage: Show) -> dict[str, Any]:
         before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
         screen.show(shows.adapted(session.parts.task, before, after, result, screen.width))
     return store.summary(stage.iteration)
-
-
-def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
-    """The particles that an iteration's trials were (or will be) made with."""
-    stored: tuple[Samples, ...] = store.start.particles
-    if iteration > 0:
-        result = store.result(iteration - 1)
-        if result is None:
-            raise ValueError(f"iteration {iteration - 1} has no result yet")
-        stored = result.next_particles
-    return tuple(Particle(np.array(samples)) for samples in stored)
 
 
 def _set_up(session: Session, stage: RunTrial) -> Ready:
@@ -294,19 +284,8 @@ def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
 
 def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}"):
-        before = _history(session.store, iteration - 1)
+        before = history_of(session.store, iteration - 1)
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
-
-
-def _history(store: SessionStore, last: int) -> tuple[Iteration, ...]:
-    def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
-        chosen = (r for r in store.trials(iteration) if r.particle == particle)
-        return tuple(Trial(np.array(r.context), np.array(r.action), np.array(r.observation), r.reward) for r in chosen)
-
-    return tuple(
-        tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))
-        for i in range(last + 1)
-    )
 
 
 def _reject(session: Session, stage: RunTrial, reason: str) -> None:

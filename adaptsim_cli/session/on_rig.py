@@ -251,7 +251,7 @@ class RigReplay:
         seen_m = np.array([[*self.detection.xy_m, 0.0], *track.state[:, :3]])
         fallen = track.outcome is Outcome.TIPPED
         kept, images = moments.key_frames(
-            stored.frames, stored.model, stored.X_BC, seen_m, played.t_start_s, wanted, fallen=fallen
+            stored.frames, stored.model, stored.X_BC, seen_m, played.t_start_s, wanted, fallen=fallen, track=track
         )
         path = recording.encode_object(track, played.t_start_s)
         return TrialEvidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)

@@ -15,11 +15,13 @@ PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ROW = re.compile(r"^\| `adaptsim ([^`]*)--json` \| (.*) \|$", re.MULTILINE)
 
 
-def test_the_example_of_the_python_page_runs() -> None:
-    (code,) = PYTHON.findall((DOCS / "reference/python.md").read_text(encoding="utf-8"))
+def test_the_examples_of_the_python_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     names: dict[str, object] = {}
-    exec(code, names)
+    for code in PYTHON.findall((DOCS / "reference/python.md").read_text(encoding="utf-8")):
+        exec(code, names)
     assert "track" in names
+    assert (tmp_path / "data/sessions/study/report.html").is_file()
 
 
 def printed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> object:

@@ -1,0 +1,239 @@
+"""adaptsim from Python: what the commands do, as functions and values.
+
+    from adaptsim_cli import api
+
+    session = api.begin("pendulum", world="wd", name="study")
+    session.run_iteration()
+    session.posterior().mean
+
+Everything runs in the simulated lab without questions. The motion of a real arm is confirmed at a terminal, so it is
+run by `adaptsim run-iteration`; its session can be opened, read and asked here all the same. What a session stores and
+which numbers it draws are those of the command line: both may continue the same session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptsim_cli import config
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.session import recording, store, table
+from adaptsim_cli.session.recording import Recording
+from adaptsim_cli.session.records import BestRecord, Facts, TrialRecord
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.table import Row
+
+if TYPE_CHECKING:
+    from adaptsim_cli.wiring.hindsight import Hindsight
+    from hw.types import Array
+    from sim.adaptation.posterior import Posterior
+    from sim.tasks.solver import SolvedPolicy
+
+__all__ = [
+    "BestRecord",
+    "Facts",
+    "Iteration",
+    "Recording",
+    "Row",
+    "Session",
+    "TrialRecord",
+    "begin",
+    "open_session",
+    "read_recording",
+    "sessions",
+]
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What one iteration led to."""
+
+    number: int  # from 1
+    mean_reward: float  # of its trials
+    best: BestRecord  # the parameters to go with, and their expected reward with its 95 % interval
+    verdict: str
+    next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
+
+
+@dataclass(frozen=True)
+class Session:
+    """A stored session. It is read anew by every call, so it always shows what lies on the disk."""
+
+    name: str
+    root: Path  # the folder of all sessions
+
+    @property
+    def folder(self) -> Path:
+        return self._stored.folder
+
+    @property
+    def facts(self) -> Facts:
+        """What it was begun with. Raises SessionError where the session is gone or corrupt."""
+        return self._stored.facts
+
+    @property
+    def trials(self) -> tuple[TrialRecord, ...]:
+        """Every completed trial that counts, in order. Raises SessionError."""
+        return table.trials_of(self._stored)
+
+    @property
+    def iterations(self) -> tuple[Iteration, ...]:
+        """Those that are complete, in order. Raises SessionError."""
+        stored = self._stored
+        return tuple(
+            _iteration(stored, number) for number in range(stored.iterations()) if stored.result(number) is not None
+        )
+
+    def rows(self) -> list[Row]:
+        """One flat row for each trial, as `adaptsim sessions export --format csv` writes it. Raises SessionError."""
+        return table.rows(self._stored)
+
+    def run_iteration(self) -> Iteration:
+        """Run what is missing of the present iteration in the simulated lab and store it.
+
+        Raises UsageError for a session on a real arm, and whatever stops `adaptsim run-iteration`: what completed is
+        kept, and another call continues.
+        """
+        from adaptsim_cli.session import conduct
+        from adaptsim_cli.wiring import session as wiring
+        from adaptsim_cli.wiring.hindsight import Reports
+
+        stored = self._stored
+        if not config.is_simulated(stored.facts.hw):
+            raise UsageError(
+                f"session {self.name!r} moves a real arm, and its motions are confirmed at a terminal: "
+                f"adaptsim run-iteration --session {self.name}"
+            )
+        request = conduct.SessionRequest(self.name, frozenset(), yes=True)
+        conduct.conduct(config.load(), request, wiring.open_parts, Reports().draw, screen=_silent())
+        return self.iterations[-1]
+
+    def recording(self, trial: int) -> Recording:
+        """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
+        record = self._trial(trial)
+        folder = self._stored.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+        return recording.read(folder / recording.FILE)
+
+    def hindsight(self) -> Hindsight:
+        """The session's checkpoint, to ask it what the trajectories say. Raises CheckpointError."""
+        from adaptsim_cli.wiring.hindsight import Hindsight
+
+        return Hindsight.of(self._stored)
+
+    def posterior(self, iterations: int | None = None) -> Posterior:
+        """How likely each set of parameters is, after so many iterations; by default after all trials.
+
+        Raises CheckpointError where the session's checkpoint is gone or holds nothing to infer with, SessionError.
+        """
+        return self.hindsight().posterior(self._stored, iterations)
+
+    def best_policy(self) -> SolvedPolicy:
+        """The task policy for the best parameters so far: context (c,) in units -> action (a,) in units.
+
+        It is the simulator's; the limits of an arm are not asked. Raises CheckpointError, SessionError.
+        """
+        from sim.solvers.solver import policy_for
+
+        if not self.iterations:
+            raise SessionError(f"session {self.name} has no complete iteration yet, so no best policy")
+        checkpoint, best = self.hindsight().checkpoint, self.iterations[-1].best
+        parameters = np.array([[best.params[name] for name in checkpoint.solver.task.parameters.names]])
+        return policy_for(checkpoint.solver, parameters)
+
+    def report(self, out: Path | None = None) -> Path:
+        """Write the session's page and return its path. Raises SessionError."""
+        from adaptsim_cli.wiring.hindsight import Reports
+
+        return Reports().draw(self._stored, out)
+
+    @property
+    def _stored(self) -> store.SessionStore:
+        return store.SessionStore.open(self.root, self.name)
+
+    def _trial(self, number: int) -> TrialRecord:
+        trials = {trial.number: trial for trial in self.trials}
+        if number not in trials:
+            known = ", ".join(map(str, trials)) or "none"
+            raise UsageError(f"trial {number} of {self.name} is not completed; completed are {known}")
+        return trials[number]
+
+
+def sessions() -> tuple[str, ...]:
+    """Names of all stored sessions, damaged ones too, newest last."""
+    return store.names(config.load().places.sessions)
+
+
+def open_session(name: str) -> Session:
+    """A stored session. Raises SessionError where it is missing or corrupt, UsageError on a name that is none."""
+    root = config.load().places.sessions
+    store.SessionStore.open(root, name)
+    return Session(name, root)
+
+
+def begin(
+    task: str,
+    *,
+    world: str = "wd",
+    method: str = "adaptsim",
+    seed: int = 0,
+    particles: int = 2,
+    name: str | None = None,
+    checkpoint: str = "",
+) -> Session:
+    """Begin a session in the simulated lab; nothing is executed yet.
+
+    Without a name it gets that of `adaptsim run-iteration`. Raises UsageError where a session of this name exists, and
+    UnknownName, WorldError, CheckpointError.
+    """
+    from dataclasses import replace
+
+    from adaptsim_cli.session import conduct
+    from adaptsim_cli.wiring import session as wiring
+
+    flags: dict[str, Any] = {
+        "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
+        "hw": config.SIMULATED,
+    }  # fmt: skip
+    resolved = config.load(flags)
+    settings = replace(resolved.config, world=conduct.absolute(resolved.config.world))
+    root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
+    if store.folder_of(root, chosen).is_dir():
+        raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
+    with wiring.open_parts(settings, store.folder_of(root, chosen) / "naf") as parts:
+        conduct.begin(root, chosen, settings, parts)
+    return Session(chosen, root)
+
+
+def read_recording(path: Path | str) -> Recording:
+    """The frames, joints and camera of a `recording.mcap`, of any version. Raises SessionError naming the file."""
+    return recording.read(Path(path))
+
+
+def _iteration(stored: store.SessionStore, number: int) -> Iteration:
+    result = stored.result(number)
+    if result is None:
+        raise SessionError(f"iteration {number + 1} of {stored.facts.name} has no result yet")
+    names = [dimension.name for dimension in stored.facts.parameters]
+    means: list[Array] = [np.mean(samples, axis=0) for samples in result.next_particles]
+    return Iteration(
+        number=number + 1,
+        mean_reward=float(np.mean([trial.reward for trial in stored.trials(number)])),
+        best=result.best,
+        verdict=result.verdict,
+        next_parameters=tuple(dict(zip(names, map(float, mean), strict=True)) for mean in means),
+    )
+
+
+def _silent() -> Any:
+    import io
+
+    from rich.console import Console
+
+    from adaptsim_cli.screen.console import Screen
+
+    return Screen(console=Console(file=io.StringIO()))

@@ -1,0 +1,204 @@
+"""Several sessions of one task -> one page and two tables: by session, by method, trial by trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.report import figures
+from adaptsim_cli.report.figures import Level, Line
+from adaptsim_cli.report.measured import Measured, mean_of, trial_std
+from adaptsim_cli.report.page import both, fill
+from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.table import Row, as_csv, rows, trials_of
+from adaptsim_cli.storage import durable
+
+PAGE, SESSIONS, TRIALS = "comparison.html", "sessions.csv", "trials.csv"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One session of a comparison."""
+
+    facts: Facts
+    trials: tuple[TrialRecord, ...]  # that count, in order
+    result: ResultRecord | None  # of the last complete iteration
+    iterations: tuple[Measured, ...]  # mean reward of each
+    table: tuple[Row, ...]
+
+    @property
+    def place(self) -> str:
+        """Where its trials happened, for a person."""
+        world = self.facts.world.split("/")[-1].removesuffix(".toml")
+        return f"world {world}" if self.facts.world else f"real robot {self.facts.hw}"
+
+    @property
+    def day(self) -> str:
+        return self.facts.created[:10]
+
+    @property
+    def title(self) -> str:
+        return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
+
+    @property
+    def pair(self) -> tuple[str, str, int]:
+        """Sessions of different methods are compared where this is the same."""
+        return self.facts.hw, self.facts.world_sha256, self.facts.seed
+
+    def as_row(self) -> Row:
+        """A row of `sessions.csv`."""
+        facts, first, last, best = self.facts, self.iterations[0], self.iterations[-1], self.result
+        return {
+            "session": facts.name,
+            "task": facts.task,
+            "hw": facts.hw,
+            "world": facts.world,
+            "method": facts.method,
+            "seed": facts.seed,
+            "day": self.day,
+            "iterations": len(self.iterations),
+            "trials": len(self.trials),
+            "first_reward": first.mean,
+            "first_low": first.low,
+            "first_high": first.high,
+            "last_reward": last.mean,
+            "last_low": last.low,
+            "last_high": last.high,
+            "best_reward": best.best.mean_reward if best else "",
+            "best_low": best.best.ci95[0] if best else "",
+            "best_high": best.best.ci95[1] if best else "",
+            "verdict": best.verdict if best else "",
+        }
+
+
+@dataclass(frozen=True)
+class MethodRow:
+    """What the sessions of one method say together."""
+
+    method: str
+    sessions: int
+    last: tuple[float, float, float] | None  # mean reward of the last iteration with its 95 % interval; None: one only
+    mean: float
+    above: tuple[int, float, float, float] | None
+    """Pairs with the first method, mean difference and its 95 % interval; None: fewer than two pairs."""
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "method": self.method,
+            "sessions": self.sessions,
+            "last_reward": self.mean,
+            "last_ci95": None if self.last is None else list(self.last[1:]),
+            "pairs": 0 if self.above is None else self.above[0],
+            "difference": None if self.above is None else self.above[1],
+            "difference_ci95": None if self.above is None else list(self.above[2:]),
+        }
+
+
+def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
+    """Raises UsageError unless they are two or more of one task, each with a trial; SessionError on damage."""
+    if len(stores) < 2:
+        raise UsageError("compare needs two sessions or more: adaptsim sessions list names them")
+    tasks = {store.facts.task for store in stores}
+    if len(tasks) > 1:
+        raise UsageError(f"the sessions are of different tasks ({', '.join(sorted(tasks))}): compare those of one task")
+    return tuple(_compared(store) for store in stores)
+
+
+def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
+    """Each method's sessions together, and against the first method in the same world with the same seed."""
+    methods = tuple(dict.fromkeys(c.facts.method for c in found))
+    ends = {m: {c.pair: c.iterations[-1].mean for c in found if c.facts.method == m} for m in methods}
+    result = []
+    for method in methods:
+        values = [c.iterations[-1].mean for c in found if c.facts.method == method]
+        shared = [pair for pair in ends[method] if pair in ends[methods[0]]]
+        apart = [ends[method][pair] - ends[methods[0]][pair] for pair in shared] if method != methods[0] else []
+        above = _interval(apart)
+        result.append(
+            MethodRow(
+                method,
+                len(values),
+                _interval(values),
+                float(np.mean(values)),
+                None if above is None else (len(apart), *above),
+            )
+        )
+    return tuple(result)
+
+
+def write(found: Sequence[Compared], folder: Path) -> Path:
+    """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
+    durable.make_folder(folder)
+    durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in found]).encode())
+    durable.replace_file(folder / TRIALS, as_csv([row for c in found for row in c.table]).encode())
+    durable.replace_file(folder / PAGE, render(found).encode())
+    return folder / PAGE
+
+
+def render(found: Sequence[Compared]) -> str:
+    """The page as HTML."""
+    methods = by_method(found)
+    colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
+    bars = [level for c in found for level in _levels(c, colours[c.facts.method])]
+    lines = [_line(c, colours[c.facts.method]) for c in found]
+    title = found[0].facts.title
+    return fill(
+        "comparison.html.j2",
+        found=found,
+        title=title[:1].upper() + title[1:],
+        methods=methods,
+        colours=colours,
+        worlds=sorted({c.place for c in found}),
+        days=sorted({c.day for c in found}),
+        figure_levels=both(lambda width: figures.levels(bars, width)),
+        figure_lines=both(lambda width: figures.lines(lines, width)),
+        sessions_csv=SESSIONS,
+        trials_csv=TRIALS,
+    )
+
+
+def _compared(store: SessionStore) -> Compared:
+    trials = trials_of(store)
+    if not trials:
+        raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
+    std = trial_std(store.facts.task)
+    iterations = sorted({t.iteration for t in trials})
+    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    return Compared(
+        facts=store.facts,
+        trials=trials,
+        result=results[-1] if results else None,
+        iterations=tuple(mean_of([t.reward for t in trials if t.iteration == i], std) for i in iterations),
+        table=tuple(rows(store)),
+    )
+
+
+def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
+    first, count = c.iterations[0], c.iterations[0].trials
+    told = f"first policy, {count} trial{'s' * (count != 1)}"
+    rows = [Level(c.title, "first", told, first.mean, first.low, first.high, colour, is_open=True)]
+    if c.result is not None:
+        best = c.result.best
+        told = f"adapted policy, {best.trials} trial{'s' * (best.trials != 1)}"
+        rows.append(Level(c.title, "adapted", told, best.mean_reward, *best.ci95, colour))
+    return tuple(rows)
+
+
+def _line(c: Compared, colour: str) -> Line:
+    return Line(c.facts.name, [m.mean for m in c.iterations], [(m.low, m.high) for m in c.iterations], colour)
+
+
+def _interval(values: Sequence[float]) -> tuple[float, float, float] | None:
+    """Mean with its 95 % interval (Student's t over sessions); None for fewer than two."""
+    if len(values) < 2:
+        return None
+    mean, error = float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(len(values)))
+    half = float(stats.t.ppf(0.975, len(values) - 1)) * error
+    return mean, mean - half, mean + half

@@ -1,0 +1,33 @@
+"""What a stored session has tried and seen, as learning takes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptsim_cli.session.records import Samples
+from adaptsim_cli.session.store import SessionStore
+from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+
+
+def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
+    """The particles that an iteration's trials were (or will be) made with."""
+    stored: tuple[Samples, ...] = store.start.particles
+    if iteration > 0:
+        result = store.result(iteration - 1)
+        if result is None:
+            raise ValueError(f"iteration {iteration - 1} has no result yet")
+        stored = result.next_particles
+    return tuple(Particle(np.array(samples)) for samples in stored)
+
+
+def history_of(store: SessionStore, last: int) -> tuple[Iteration, ...]:
+    """The trials that count of the iterations 0 to `last`, as learning sees them. Raises SessionError."""
+
+    def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
+        chosen = (r for r in store.trials(iteration) if r.particle == particle)
+        return tuple(Trial(np.array(r.context), np.array(r.action), np.array(r.observation), r.reward) for r in chosen)
+
+    return tuple(
+        tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))
+        for i in range(last + 1)
+    )

@@ -1,0 +1,85 @@
+"""The trials of a session as rows of a table: for CSV, Parquet and comparisons. Pure but for reading the session."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+
+from adaptsim_cli.session.history import particles_of
+from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.store import SessionStore
+
+Cell = str | int | float
+Row = dict[str, Cell]
+
+
+def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
+    """Every completed trial that counts, in order. Raises SessionError."""
+    return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
+
+
+def rows(store: SessionStore) -> list[Row]:
+    """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
+
+    A quantity's column is `parameter_`, `context_` or `action_` with its name, in the units of `units`. Raises
+    SessionError.
+    """
+    return [_row(store, trial) for trial in trials_of(store)]
+
+
+def units(store: SessionStore) -> dict[str, str]:
+    """Unit of every column that has one; rewards are from 0 to 1 and have none."""
+    facts = store.facts
+    found = {
+        f"{kind}_{d.name}": d.unit
+        for kind, space in (("parameter", facts.parameters), ("context", facts.context), ("action", facts.action))
+        for d in space
+    }
+    return {name: unit for name, unit in found.items() if unit} | {"duration_s": "s"}
+
+
+def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
+    """Rows as CSV; the first row's columns and whatever others add."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _columns(table), lineterminator="\n", restval="")
+    writer.writeheader()
+    writer.writerows(table)
+    return text.getvalue()
+
+
+def _columns(table: Iterable[Mapping[str, Cell]]) -> list[str]:
+    return list(dict.fromkeys(name for row in table for name in row))
+
+
+def _row(store: SessionStore, trial: TrialRecord) -> Row:
+    facts = store.facts
+    mean = particles_of(store, trial.iteration)[trial.particle].mean
+    quantities = (
+        ("parameter", facts.parameters, mean),
+        ("context", facts.context, trial.context),
+        ("action", facts.action, trial.action),
+    )
+    return {
+        "session": facts.name,
+        "task": facts.task,
+        "hw": facts.hw,
+        "world": facts.world,
+        "method": facts.method,
+        "seed": facts.seed,
+        "started": trial.started,
+        "iteration": trial.iteration + 1,
+        "trial": trial.number,
+        "attempt": trial.attempt + 1,
+        "particle": trial.particle + 1,
+        "outcome": trial.outcome.value,
+        "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
+        "reward": trial.reward,
+        "predicted_reward": trial.predicted_reward,
+        "duration_s": trial.track.t_s[-1],
+        **{
+            f"{kind}_{d.name}": float(value)
+            for kind, space, values in quantities
+            for d, value in zip(space, values, strict=True)
+        },
+    }

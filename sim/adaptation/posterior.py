@@ -1,0 +1,123 @@
+"""What the trajectories of a session say of the simulation parameters, and what policies would earn under that.
+
+For a person to look at: no method decides with it. It asks the simulator of a checkpoint, so it can be drawn again for
+any stored session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.udr import udr_policies
+from sim.solvers.solver import Expectations, SolvedPolicy, policy_for
+from sim.types import Space
+
+TARGETS, CONTEXTS = 128, 8
+"""Parameters drawn from a posterior, and contexts, over which the expectation of a policy is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Weighted parameters: how likely each is to be the true one, given trajectories.
+
+    `space` holds the parameters with the margin around their ranges in which truths are looked for.
+    """
+
+    space: Space
+    samples: Array  # (T, p) in units
+    weights: Array  # (T,) that sum to 1
+
+    def __post_init__(self) -> None:
+        samples = frozen_array(self.samples, (None, len(self.space)), "samples")
+        weights = frozen_array(self.weights, (len(samples),), "weights")
+        if (weights < 0.0).any() or not np.isclose(weights.sum(), 1.0):
+            raise ValueError("the weights of a posterior are not negative and sum to 1")
+        object.__setattr__(self, "samples", samples)
+        object.__setattr__(self, "weights", weights)
+
+    @property
+    def mean(self) -> Array:
+        """(p,) in units; of a parameter on a logarithmic scale the mean of its logarithms."""
+        return self.space.denormalise(self.space.normalise(self.samples).T @ self.weights)
+
+    @property
+    def effective(self) -> float:
+        """How many samples carry the weight: all of them know nothing, one knows everything (Kish)."""
+        return float(1.0 / np.sum(self.weights**2))
+
+    def quantiles(self, levels: Sequence[float]) -> Array:
+        """(len(levels), p) in units, parameter by parameter. Levels lie in [0, 1]."""
+        if not all(0.0 <= level <= 1.0 for level in levels):
+            raise ValueError(f"levels {list(levels)}: each lies in [0, 1]")
+        return np.stack([_quantiles(column, self.weights, levels) for column in self.samples.T], axis=-1)
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """(n, p) in units, drawn with these weights."""
+        return np.asarray(self.samples[rng.choice(len(self.samples), size=n, p=self.weights)])
+
+
+def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
+    """After all trials of `history`; without any, what is assumed before."""
+    return Posterior(belief.expectations.task.margin, belief.prospects.truths, belief.weights(history))
+
+
+def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
+    """(N, M, k) expected states, in units, of one trial for parameters (N, p), at the times of the task's observation.
+
+    Nuisance and error of the action are in the middle of their ranges; no camera noise.
+    """
+    task, n = expectations.task, len(parameters)
+    middle = task.nuisance.denormalise(np.full((n, len(task.nuisance)), 0.5))
+    there = expectations.trajectories(parameters, np.tile(action, (n, 1)), middle)
+    return task.observation.denormalise(task.relocate(there, np.tile(context, (n, 1))))
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What a policy is expected to earn where the true parameters follow a posterior."""
+
+    mean: float
+    low: float  # 95 % of the posterior earn at least this much and at most `high`
+    high: float
+
+
+def prospect(
+    checkpoint: Checkpoint, belief: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
+) -> Prospect:
+    """Of `policies` in turn, averaged, over contexts, nuisance and error of the action."""
+    solver = checkpoint.solver
+    targets, contexts = belief.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
+    drawn = int(rng.integers(2**31))
+    rewards = np.mean([_earned(solver, targets, contexts, policy, drawn) for policy in policies], axis=0)
+    low, high = np.quantile(rewards, (0.025, 0.975))
+    return Prospect(float(rewards.mean()), float(low), float(high))
+
+
+def policies_of(checkpoint: Checkpoint, particles: Sequence[Particle]) -> tuple[SolvedPolicy, ...]:
+    """The simulator's task policy of each particle."""
+    return tuple(policy_for(checkpoint.solver, particle.samples) for particle in particles)
+
+
+def policies_of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
+    """Policies for all of Omega, always the same ones."""
+    return udr_policies(checkpoint.solver, np.random.default_rng(0))
+
+
+def _earned(expectations: Expectations, targets: Array, contexts: Array, policy: SolvedPolicy, seed: int) -> Array:
+    actions = np.tile(policy.actions(contexts)[None], (len(targets), 1, 1))
+    return expectations.expected_rewards(targets, contexts, actions, np.random.default_rng(seed))
+
+
+def _quantiles(values: Array, weights: Array, levels: Sequence[float]) -> Array:
+    """The smallest value below which, itself included, the wanted share of the weight lies."""
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order])
+    at = np.searchsorted(reached, np.asarray(levels) * reached[-1] - 1e-12)
+    return np.asarray(values[order][np.minimum(at, len(values) - 1)])

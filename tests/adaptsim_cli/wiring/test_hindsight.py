@@ -1,0 +1,138 @@
+"""Posterior, predictions and comparisons of stored sessions: the pendulum in its simulated target."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli import app, config
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.report import comparison, page
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.wiring.hindsight import Hindsight, Reports, checkpoint_of_session, measured_udr
+from sim.errors import CheckpointError
+
+ADAPTED, UDR = "pendulum-wd-adaptsim-seed0", "pendulum-wd-udr-seed0"
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two sessions of two iterations, made by the program."""
+    home = tmp_path_factory.mktemp("hindsight")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ADAPTSIM_HOME", str(home))
+        for method in ("adaptsim", "udr"):
+            run = ["run-iteration", "--task", "pendulum", "--world", "wd", "--method", method, "-n", "2", "--yes"]
+            assert app.run(run) == 0
+    return home / "data" / "sessions"
+
+
+@pytest.fixture(autouse=True)
+def home(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(root.parents[1]))
+
+
+def test_the_posterior_narrows_with_every_iteration(root: Path) -> None:
+    store = SessionStore.open(root, ADAPTED)
+    found = Hindsight.of(store)
+    effective = [found.posterior(store, i).effective for i in range(3)]
+    assert effective[0] == pytest.approx(len(found.posterior(store, 0).samples))
+    assert effective[1] < 0.1 * effective[0]
+    assert found.posterior(store).weights.tolist() == found.posterior(store, 2).weights.tolist()
+
+
+def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root: Path) -> None:
+    judgement = Reports().judgement(SessionStore.open(root, ADAPTED))
+    assert not isinstance(judgement, str)
+    assert judgement.adapted is not None
+    assert judgement.adapted.mean > judgement.first.mean
+    assert sorted(judgement.predictions) == [1, 2, 3, 4]
+    assert judgement.predictions[1].likely.shape[1:] == judgement.predictions[1].guess.shape
+
+
+def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(root: Path) -> None:
+    html = Reports().draw(SessionStore.open(root, ADAPTED)).read_text()
+    for row in ("First policy", "Adapted policy", "UDR"):
+        assert f">{row}</text>" in html
+    assert f"session {UDR}" in html, "the session of UDR in the same world is measured against"
+    assert 'class="likely"' in html
+    assert html.count("Predicted and observed curves") == 4
+    numbers = [int(n) for n in re.findall(r"</i>Trial (\d+)", html)]
+    assert numbers == [4, 3, 2, 1], "newest first"
+
+
+def test_a_session_of_udr_is_not_its_own_reference(root: Path) -> None:
+    assert measured_udr(SessionStore.open(root, UDR)) is None
+    reference = measured_udr(SessionStore.open(root, ADAPTED))
+    assert reference is not None
+    assert (reference.session, len(reference.rewards)) == (UDR, 4)
+
+
+def test_a_checkpoint_that_is_gone_is_named_and_the_page_is_drawn_without_it(root: Path) -> None:
+    store = SessionStore.open(root, ADAPTED)
+    other = SessionStore(store.folder, store.facts.model_copy(update={"checkpoint_sha256": "f" * 64}), store.start)
+    with pytest.raises(CheckpointError, match=r"pendulum/default \(ffffffffffff\).*ADAPTSIM_CHECKPOINT"):
+        checkpoint_of_session(other)
+    judgement = Reports().judgement(other)
+    assert isinstance(judgement, str)
+    html = page.render(other, judgement)
+    assert "No posterior is drawn: session" in html
+    assert 'class="likely"' not in html
+
+
+def test_sessions_are_compared_by_session_method_and_trial(root: Path, tmp_path: Path) -> None:
+    found = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
+    path = comparison.write(found, tmp_path)
+    html = path.read_text()
+    assert html.count("<article") == 2
+    assert "http" not in html
+    sessions = list(csv.DictReader((tmp_path / comparison.SESSIONS).read_text().splitlines()))
+    assert [row["method"] for row in sessions] == ["adaptsim", "udr"]
+    assert float(sessions[0]["last_reward"]) > float(sessions[0]["first_reward"])
+    trials = list(csv.DictReader((tmp_path / comparison.TRIALS).read_text().splitlines()))
+    assert [(row["session"], row["iteration"], row["trial"]) for row in trials[:3]] == [
+        (ADAPTED, "1", "1"),
+        (ADAPTED, "1", "2"),
+        (ADAPTED, "2", "3"),
+    ]
+    stored = SessionStore.open(root, ADAPTED).trials(0)[0]
+    assert float(trials[0]["reward"]) == stored.reward
+    assert float(trials[0]["action_k11"]) == stored.action[0]
+
+
+def test_methods_are_paired_where_world_and_seed_agree(root: Path) -> None:
+    first, second = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
+
+    def seed(session: comparison.Compared, seed: int) -> comparison.Compared:
+        facts = session.facts.model_copy(update={"seed": seed})
+        return comparison.Compared(facts, session.trials, session.result, session.iterations, session.table)
+
+    rows = comparison.by_method([seed(s, n) for s in (first, second) for n in (0, 1)] + [seed(second, 7)])
+    assert [(row.method, row.sessions) for row in rows] == [("adaptsim", 2), ("udr", 3)]
+    assert rows[0].above is None
+    assert rows[1].above is not None
+    pairs, mean, low, high = rows[1].above
+    assert pairs == 2
+    assert mean == pytest.approx(second.iterations[-1].mean - first.iterations[-1].mean)
+    assert low <= mean <= high
+
+
+def test_what_cannot_be_compared_is_refused(root: Path) -> None:
+    store = SessionStore.open(root, ADAPTED)
+    with pytest.raises(UsageError, match="two sessions or more"):
+        comparison.compared([store])
+    other = SessionStore(store.folder, store.facts.model_copy(update={"task": "scooping"}), store.start)
+    with pytest.raises(UsageError, match="different tasks"):
+        comparison.compared([store, other])
+    with pytest.raises(SessionError, match="there is no session"):
+        SessionStore.open(config.load().places.sessions, "nothing")
+
+
+def test_compare_prints_where_the_page_lies(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["compare", ADAPTED, UDR]) == 0
+    said = capsys.readouterr().out
+    assert "comparison.html" in said
+    assert Path(said.split("Page: ")[1].strip()).is_file()

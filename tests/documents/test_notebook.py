@@ -1,0 +1,47 @@
+"""The notebook runs from its first cell to its last, and says what its text says."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NOTEBOOK = Path(__file__).parents[2] / "docs/guide/session-from-python.ipynb"
+
+
+def test_every_cell_runs_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    names: dict[str, Any] = {"__name__": "notebook"}
+    shown: list[Any] = []
+    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            shown.append(_run("".join(cell["source"]), names))
+    said = capsys.readouterr().out
+    assert shown[0] == "balance a double pendulum with a linear feedback"
+    assert "iteration 2: mean reward 0.99." in said
+    assert said.count(" settled ") == 4
+    assert "the weight lies on 2048 parameter sets before" in said
+    expected = float(said.split("expected reward ")[1].split()[0])
+    assert expected > 0.95
+    assert shown[-1] == tmp_path / "data/sessions/notebook/report.html"
+
+
+def test_it_is_a_notebook_without_outputs() -> None:
+    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    assert notebook["nbformat"] == 4
+    ids = [cell["id"] for cell in notebook["cells"]]
+    assert len(set(ids)) == len(ids)
+    assert not any(cell.get("outputs") for cell in notebook["cells"])
+
+
+def _run(source: str, names: dict[str, Any]) -> Any:
+    """Execute a cell; returns the value of its last line where that is an expression, as a notebook shows it."""
+    tree = ast.parse(source)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, NOTEBOOK.name, "exec"), names)
+    return None if last is None else eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names)  # noqa: S307 - the notebook of this repository

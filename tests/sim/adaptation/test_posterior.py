@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.method import Particle, ParticleTrials, Trial
+from sim.adaptation.methods.belief import create
+from sim.adaptation.posterior import Posterior, policies_of, policies_of_udr, posterior, predicted, prospect
+from sim.solvers.solver import policy_for
+from sim.tasks import get_task
+from sim.types import Dimension, Space
+
+TASK = get_task("pendulum")
+LINE = Space((Dimension("a", "m", 0.0, 4.0),))
+
+
+def line(*weights: float) -> Posterior:
+    return Posterior(LINE, np.arange(len(weights), dtype=float)[:, None], np.array(weights))
+
+
+def test_quantiles_and_mean_follow_the_weights() -> None:
+    known = line(0.0, 0.5, 0.25, 0.25, 0.0)
+    assert known.quantiles((0.0, 0.5, 0.51, 0.75, 1.0))[:, 0].tolist() == [0.0, 1.0, 2.0, 2.0, 3.0]
+    assert known.mean == pytest.approx([1.75])
+    assert known.effective == pytest.approx(1 / (0.25 + 2 * 0.0625))
+
+
+def test_a_draw_takes_nothing_that_is_impossible() -> None:
+    drawn = line(0.0, 0.5, 0.0, 0.5).draw(200, np.random.default_rng(0))
+    assert set(drawn[:, 0]) == {1.0, 3.0}
+
+
+@pytest.mark.parametrize("weights", [(0.5, 0.4), (1.5, -0.5)])
+def test_weights_that_are_none_are_refused(weights: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match="sum to 1"):
+        line(*weights)
+
+
+def test_a_level_outside_of_0_to_1_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"\[0, 1\]"):
+        line(1.0).quantiles((1.1,))
+
+
+def test_a_trajectory_tells_which_parameters_predict_it() -> None:
+    checkpoint = load_checkpoint(TASK)
+    belief = create(TASK, checkpoint)
+    truth = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.8))
+    middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
+    context, nuisance = TASK.reference_context, np.zeros(len(TASK.nuisance))
+    action = policy_for(checkpoint.solver, middle[None])(context)
+    track = TASK.simulate(truth, context, action, nuisance)
+    trial = Trial(context, action, TASK.observation(track), TASK.score(track, context))
+    before = posterior(belief, ())
+    after = posterior(belief, ((ParticleTrials(Particle(middle[None]), (trial,)),),))
+
+    seen = track.at(TASK.observation.times_s)[:, list(TASK.observation.columns)]
+
+    def off(known: Posterior) -> float:
+        drawn = known.draw(32, np.random.default_rng(0))
+        return float(np.abs(predicted(checkpoint.solver, drawn, context, action) - seen).mean())
+
+    assert before.effective == pytest.approx(len(before.samples))
+    assert after.effective < 20
+    assert off(after) < 0.2 * off(before)
+
+    states = predicted(checkpoint.solver, np.stack([truth, middle]), context, action)
+    assert states.shape == (2, *seen.shape)
+    assert np.abs(states[0] - seen).max() < 0.05 * np.abs(states[1] - seen).max()
+
+    udr = prospect(checkpoint, after, policies_of_udr(checkpoint), np.random.default_rng(0))
+    best = policies_of(checkpoint, [Particle(after.mean[None])])
+    adapted = prospect(checkpoint, after, best, np.random.default_rng(0))
+    assert 0.0 <= udr.low <= udr.mean <= udr.high <= 1.0
+    assert adapted.mean > udr.mean

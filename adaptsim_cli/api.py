@@ -69,6 +69,7 @@ class Session:
 
     @property
     def folder(self) -> Path:
+        """Where it lies."""
         return self._stored.folder
 
     @property

@@ -41,10 +41,12 @@ class Compared:
 
     @property
     def day(self) -> str:
+        """When it was begun, as an ISO date."""
         return self.facts.created[:10]
 
     @property
     def title(self) -> str:
+        """What tells it from the others."""
         return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
 
     @property
@@ -90,6 +92,7 @@ class MethodRow:
     """Pairs with the first method, mean difference and its 95 % interval; None: fewer than two pairs."""
 
     def as_json(self) -> dict[str, Any]:
+        """For `compare --json`."""
         return {
             "method": self.method,
             "sessions": self.sessions,

@@ -15,7 +15,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +84,8 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
     """(H, W) or (H, W, 3) of a PNG or JPEG, as `cv2.imdecode` with `flags`; 3 channels are BGR. Raises Unreadable."""
+    import cv2  # noqa: PLC0415 - tables are read without it, by every command
+
     width, height = _image_size(content)
     if width * height > IMAGE_PIXELS:
         raise Unreadable(f"claims to have {width} x {height} pixels, too many to be read")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,19 +20,12 @@ SOLVERS = ("emulator", "naf")
 def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[tuple[Policies, Expectations]]:
     """Task policies as `name` says (empty: as the checkpoint has them), on `workers` processes (0: one a core).
 
-    The winners of an emulator are simulated. NAF keeps rollouts and policies in `folder`, which is the session's alone;
-    its rules are those of the checkpoint, if that was made with NAF, and otherwise the paper's. Expectations are the
-    checkpoint's.
+    NAF alone simulates: it keeps rollouts and policies in `folder`, which is the session's alone; its rules are those
+    of the checkpoint, if that was made with NAF, and otherwise the paper's. Expectations are the checkpoint's.
 
     Raises UsageError on an unknown name and where the checkpoint lacks what is asked for, UnknownName where a task has
     no NAF, CheckpointError where `folder` holds something else.
     """
-    from sim.rollouts import process_pool, run_many
-    from sim.rollouts.cache import CachedRollouts
-    from sim.solvers.confirmation import ConfirmingPolicies
-    from sim.solvers.naf.memory import NafMemory
-    from sim.solvers.naf.solver import NafSolver, restore_naf, rules_of
-
     if name not in ("", *SOLVERS):
         raise UsageError(f"--solver {name}: it is one of {', '.join(SOLVERS)}")
     if name == "emulator" and checkpoint.naf:
@@ -42,13 +34,15 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
             "Leave --solver out, or choose another checkpoint"
         )
     own = checkpoint.solver
-    if name != "naf" and not checkpoint.naf and checkpoint.emulator is None:
+    if name != "naf" and not checkpoint.naf:
         yield own, own
         return
+    from sim.rollouts import process_pool
+    from sim.rollouts.cache import CachedRollouts
+    from sim.solvers.naf.memory import NafMemory
+    from sim.solvers.naf.solver import NafSolver, restore_naf, rules_of
+
     with process_pool(workers or None) as crew:
-        if name != "naf" and checkpoint.emulator is not None:
-            yield ConfirmingPolicies(checkpoint.emulator, partial(run_many, own.task, executor=crew)), own
-            return
         roll, kept = CachedRollouts(own.task, folder / "rollouts", crew), folder / "policies"
         if checkpoint.naf:
             solver = restore_naf(own.task, checkpoint.naf, roll, kept)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Self
 
@@ -13,6 +15,7 @@ from hw.types import Array, CameraModel, Frame
 from sim.lab.chance import camera_stream
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
 from sim.lab.room import Room
+from sim.render.poses import held_still
 
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # of an exposure
@@ -66,7 +69,9 @@ class LabCamera:
             if "camera_timeout" in room.faults_due:
                 room.faults_due.remove("camera_timeout")
                 raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
-            return tuple(self._frame(i) for i in self._numbers(since_s) if not self._dropped(i))
+            numbers = [i for i in self._numbers(since_s) if not self._dropped(i)]
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                return tuple(pool.map(self._frame, numbers, self._poses(numbers)))
         finally:
             room.recording_since_s, room.shots = None, []
 
@@ -80,13 +85,20 @@ class LabCamera:
     def _dropped(self, number: int) -> bool:
         return bool(self._room.chance.frame_stream(number).uniform() < self._room.world.sensing.frame_drop)
 
-    def _frame(self, number: int) -> Frame:
-        room = self._room
-        t_s = room.t_placed_s + (number + room.chance.frame_phase) / FRAME_RATE_HZ
-        slices_s = t_s + EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
-        poses = room.cell.poses(room.positions_at(slices_s))
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.frame_stream(number))
-        return Frame(self._stamped(t_s), colour, depth_mm)
+    def _time_s(self, number: int) -> float:
+        return self._room.t_placed_s + (number + self._room.chance.frame_phase) / FRAME_RATE_HZ
+
+    def _poses(self, numbers: Sequence[int]) -> list[Mapping[str, Array]]:
+        """Of each frame the poses (SLICES, 4, 4) of all that can be seen, over the exposure."""
+        slices_s = EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
+        times_s = np.add.outer([self._time_s(i) for i in numbers], slices_s).ravel()
+        poses = self._room.cell.poses(self._room.positions_at(times_s))
+        held = {name: held_still(X).reshape(len(numbers), SLICES, 4, 4) for name, X in poses.items()}
+        return [{name: X[i] for name, X in held.items()} for i in range(len(numbers))]
+
+    def _frame(self, number: int, poses: Mapping[str, Array]) -> Frame:
+        colour, depth_mm = self._renderer.render(poses, self._noise, self._room.chance.frame_stream(number))
+        return Frame(self._stamped(self._time_s(number)), colour, depth_mm)
 
     def _stamped(self, t_s: float) -> float:
         """What the camera's own clock says at a moment of the arm's."""

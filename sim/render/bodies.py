@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import open3d as o3d
@@ -18,11 +17,13 @@ from sim.types import Visual
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What a bundle of rays met; entries without a hit have `t` = inf."""
+    """What those m of a bundle of rays met that met anything."""
 
-    t: Array32  # (n,) along the rays: depth in metres where directions have z = 1
-    normal: Array32  # (n, 3) unit, in the body's frame, towards the ray's origin
-    albedo: Array32  # (n, 3) linear RGB
+    index: NDArray[np.intp]  # (m,) which rays, rising
+    t: Array32  # (m,) along the rays: depth in metres where directions have z = 1
+    along: Array32  # (m, 3) the rays, in the body's frame
+    normal: Array32  # (m, 3) unit, in the body's frame, towards the ray's origin
+    albedo: Array32  # (m, 3) linear RGB
 
 
 class Body:
@@ -30,7 +31,7 @@ class Body:
 
     def __init__(self, visuals: Sequence[Visual]) -> None:
         """`visuals` all belong to one body; at least one triangle in all."""
-        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered side by side
         albedo: list[Array32] = []
         for visual in visuals:
             self._scene.add_triangles(
@@ -47,19 +48,20 @@ class Body:
 
     def cast(self, X_body_ray: Array, directions: Array32) -> Hits:
         """Hits of rays from the origin of a frame along `directions` (n, 3) in it."""
-        answer = self._scene.cast_rays(_rays(X_body_ray, directions))
-        t = answer["t_hit"].numpy()
-        geometry = answer["geometry_ids"].numpy()
-        normal = answer["primitive_normals"].numpy()
-        along = directions @ X_body_ray[:3, :3].T.astype(np.float32)
-        away = np.einsum("ni,ni->n", normal, along) > 0
-        normal[away] *= -1
-        albedo = self._albedo[np.where(geometry < len(self._albedo), geometry, 0)]
-        for index, texture in self._textures.items():
-            on_it = geometry == index
+        rays = _rays(X_body_ray, directions)
+        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        t_hit = answer["t_hit"].numpy()
+        index = np.flatnonzero(np.isfinite(t_hit))
+        t, geometry = t_hit[index], answer["geometry_ids"].numpy()[index]
+        normal = answer["primitive_normals"].numpy()[index]
+        along = rays[index, 3:]
+        normal *= np.where(np.einsum("ni,ni->n", normal, along) > 0, np.float32(-1), np.float32(1))[:, None]
+        albedo = self._albedo[geometry]
+        for number, texture in self._textures.items():
+            on_it = geometry == number
             points = X_body_ray[:3, 3] + along[on_it].astype(np.float64) * t[on_it, None]
             albedo[on_it] = paint(texture, points, albedo[on_it])
-        return Hits(t, normal, albedo)
+        return Hits(index, t, along, normal, albedo)
 
     def occludes(self, points_m: Array32, direction: Array) -> NDArray[np.bool_]:
         """(n,) whether the body lies between `points_m` (n, 3) and a light far away along `direction` (3,)."""
@@ -70,8 +72,9 @@ class Body:
         return blocked
 
 
-def _rays(X_body_ray: Array, directions: Array32) -> Any:
+def _rays(X_body_ray: Array, directions: Array32) -> Array32:
+    """(n, 6) origins and directions in the body's frame."""
     rays = np.empty((len(directions), 6), dtype=np.float32)
     rays[:, :3] = X_body_ray[:3, 3]
-    np.matmul(directions, X_body_ray[:3, :3].T.astype(np.float32), out=rays[:, 3:])
-    return o3d.core.Tensor.from_numpy(rays)
+    rays[:, 3:] = directions @ X_body_ray[:3, :3].T.astype(np.float32)
+    return rays

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import cv2
@@ -14,6 +17,7 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render import shading
 from sim.render.bodies import Body
+from sim.render.layers import Latest, Layer
 from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
 from sim.render.rectangles import Rectangle, coarser, is_empty, union, within
 
@@ -49,15 +53,18 @@ class ColourView:
         centre_rays = pixel_rays(camera)
         self._fov = field_of_view(centre_rays)
         self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
-        self._still = [self._still_sample(world, rays) for rays in self._rays]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            self._still = list(pool.map(partial(self._still_sample, world), self._rays))
         mean: Array32 = np.mean([sample.rgb.astype(np.float32) for sample in self._still], axis=0, dtype=np.float32)
         self._still_srgb = shading.srgb(mean)
+        self._boxes: Latest[tuple[Rectangle, Rectangle]] = Latest()
+        self._layers: Latest[Layer] = Latest()
 
     def render(self, moving: Moving) -> NDArray[np.uint8]:
         """(H, W, 3) RGB of bodies at `SAMPLES` poses each."""
         image = self._still_srgb.copy()
-        seen = [self._rectangle(self._corners(body, X)) for body, X in moving]
-        shaded = [self._rectangle(_with_feet(self._corners(body, X))) for body, X in moving]
+        boxes = [self._boxes.get(body, X, partial(self._covered, body, X)) for body, X in moving]
+        seen, shaded = [box for box, _ in boxes], [box for _, box in boxes]
         region = union([*seen, *shaded])
         if region is None:
             return image
@@ -65,9 +72,11 @@ class ColourView:
         shadow = total[..., 0]
         for k, (still, rays) in enumerate(zip(self._still, self._rays, strict=True)):
             canvas = still.part(region).fresh()
+            corner = region[0].start, region[1].start
             for (body, X), box in zip(moving, seen, strict=True):
                 if not is_empty(box):
-                    self._paint(body, X[k], rays[box], canvas.part(within(box, region)))
+                    layer = self._layers.get((body, k), X[k], partial(self._layer, body, X[k], box, rays))
+                    layer.paint(canvas.t, (canvas.rgb, canvas.lit), corner)
             total += canvas.rgb
             if k == SAMPLES // 2:
                 shadow = self._shadow([(body, X[k]) for body, X in moving], shaded, region, canvas, rays[region])
@@ -78,23 +87,25 @@ class ColourView:
     def _still_sample(self, world: Body, rays: Array32) -> _Canvas:
         flat, shape = rays.reshape(-1, 3), rays.shape[:2]
         hits = world.cast(self._X_BC, flat)
-        met = np.isfinite(hits.t)
-        points = self._points(flat[met], hits.t[met])
-        top = (np.abs(points[:, 2]) < 2e-3)[:, None]
-        rgb = np.tile(shading.BACKGROUND_RGB, (len(flat), 1))
-        rgb[met] = shading.lambert(hits.albedo[met], hits.normal[met]) * np.where(top, shading.grain(points), 1)
-        lit = shading.lit_by_key(hits.normal)
-        return _Canvas(hits.t.reshape(shape), rgb.reshape(*shape, 3).astype(np.float16), lit.reshape(shape))
+        points = self._X_BC[:3, 3].astype(np.float32) + hits.along * hits.t[:, None]
+        radiance = shading.lambert(hits.albedo, hits.normal)
+        top = np.abs(points[:, 2]) < 2e-3
+        radiance[top] *= shading.grain(points[top])
+        t, lit = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.bool_)
+        rgb = np.tile(shading.BACKGROUND_RGB.astype(np.float16), (len(flat), 1))
+        t[hits.index], rgb[hits.index], lit[hits.index] = hits.t, radiance, shading.lit_by_key(hits.normal)
+        return _Canvas(t.reshape(shape), rgb.reshape(*shape, 3), lit.reshape(shape))
 
-    def _paint(self, body: Body, X_BO: Array, rays: Array32, canvas: _Canvas) -> None:
-        """Draw one body where it is nearer than what `canvas` holds."""
-        hits = body.cast(inverse(X_BO) @ self._X_BC, rays.reshape(-1, 3))
-        nearer = hits.t < canvas.t.reshape(-1)
-        mask = nearer.reshape(canvas.t.shape)
-        normal = hits.normal[nearer] @ X_BO[:3, :3].T.astype(np.float32)
-        canvas.t[mask] = hits.t[nearer]
-        canvas.rgb[mask] = shading.lambert(hits.albedo[nearer], normal)
-        canvas.lit[mask] = shading.lit_by_key(normal)
+    def _covered(self, body: Body, X_BO: Array) -> tuple[Rectangle, Rectangle]:
+        """Where a body at poses (samples, 4, 4) can be seen, and where it or its shadow can."""
+        corners = self._corners(body, X_BO)
+        return self._rectangle(corners), self._rectangle(_with_feet(corners))
+
+    def _layer(self, body: Body, X_BO: Array, box: Rectangle, rays: Array32) -> Layer:
+        """A body at a pose (4, 4), which can only be seen within `box`; `rays` are those of the whole image."""
+        hits = body.cast(inverse(X_BO) @ self._X_BC, rays[box].reshape(-1, 3))
+        normal = hits.normal @ X_BO[:3, :3].T.astype(np.float32)
+        return Layer.within(box, hits.index, hits.t, shading.lambert(hits.albedo, normal), shading.lit_by_key(normal))
 
     def _shadow(
         self,

@@ -44,13 +44,11 @@ class InfraredView:
     def _cast(body: Body, X_OD: Array, rays: Array32) -> tuple[Array32, Array32]:
         flat = rays.reshape(-1, 3)
         hits: Hits = body.cast(X_OD, flat)
-        length = np.linalg.norm(flat, axis=1)
-        along = flat @ X_OD[:3, :3].T.astype(np.float32)
-        cosine = np.abs(np.einsum("ni,ni->n", hits.normal, along)) / length
-        with np.errstate(invalid="ignore"):
-            light = hits.albedo.mean(axis=1) * cosine / (hits.t * length) ** 2
-        light = np.where(np.isfinite(hits.t), light, 0).astype(np.float32)
-        return hits.t.reshape(rays.shape[:2]), light.reshape(rays.shape[:2])
+        t, light = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.float32)
+        length = np.linalg.norm(hits.along, axis=1)
+        cosine = np.abs(np.einsum("ni,ni->n", hits.normal, hits.along)) / length
+        t[hits.index], light[hits.index] = hits.t, hits.albedo.mean(axis=1) * cosine / (hits.t * length) ** 2
+        return t.reshape(rays.shape[:2]), light.reshape(rays.shape[:2])
 
     def _rectangle(self, body: Body, X_BO: Array) -> tuple[slice, slice]:
         X_DO = inverse(self._X_BD) @ X_BO

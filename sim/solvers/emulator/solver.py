@@ -19,9 +19,6 @@ from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 
-APART = 0.1
-"""Distance, in fractions of the ranges, from which two actions are worth telling apart."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Near:
@@ -49,32 +46,17 @@ class EmulatorPolicy:
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best candidates can be executed."""
-        return frozen_array(self.shortlist(context, 1)[0][0])
-
-    def shortlist(self, context: Array, n: int) -> tuple[Array, Array]:
-        """At most `n` good actions (n, a) that lie apart and can be executed, with their emulated rewards (n,).
-
-        The best comes first. Raises NotExecutable when none of the best candidates can be executed.
-        """
         rewards = self._rewards(self.success, self.end_state, context)
         near = self._around(int(np.argmax(self._lower(rewards))))
         actions = np.concatenate([near.actions, self.candidates])
         rewards = np.concatenate([self._rewards(near.success, near.end_state, context), rewards], axis=1)
-        unit, chosen, attempts = self.task.action.normalise(actions), list[int](), 0
-        for i in np.argsort(-self._lower(rewards), kind="stable"):
-            if len(chosen) == n or attempts == self.settings.attempts:
-                break
-            if chosen and np.linalg.norm(unit[chosen] - unit[i], axis=1).min() < APART:
-                continue
-            attempts += 1
+        for i in np.argsort(-self._lower(rewards), kind="stable")[: self.settings.attempts]:
             if self.executable is None or self.executable(context, actions[i]):
-                chosen.append(int(i))
-        if not chosen:
-            raise NotExecutable(
-                f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
-                f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
-            )
-        return actions[chosen], rewards.mean(axis=0)[chosen]
+                return frozen_array(actions[i])
+        raise NotExecutable(
+            f"none of the {self.settings.attempts} best actions for context {np.round(context, 4)} lies within the "
+            f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
+        )
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check: for training in simulation."""

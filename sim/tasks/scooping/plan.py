@@ -17,7 +17,6 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
-from scipy.signal.windows import hann
 
 from hw.types import PATH_RATE_HZ, Array, ContactWindow
 from sim.tasks.scooping.params import CORNER_M, EDGE_M, NUISANCE, WRIST_IN_TOOL_M
@@ -33,7 +32,8 @@ _KNOTS_S = np.array([0.0, 0.25, 0.35, 0.60, 0.70, 1.00])
 _WRIST_VX_M_S = np.array([0.0, 0.6, 0.7, 0.2, 0.0, 0.0])
 _WRIST_VZ_M_S = np.array([0.0, -0.01, -0.01, 0.01, 0.0, 0.0])
 _PITCH_RATE_RAD_S = np.array([0.0, 0.0, -0.6, -0.6, 0.0, 0.0])  # the second one is the action's
-_LIFT_WINDOW = hann(2 * 90 + 1) / hann(2 * 90 + 1).sum()  # samples at 1 kHz
+_HANN = 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, 2 * 90 + 1))
+_LIFT_WINDOW = _HANN / _HANN.sum()  # samples at 1 kHz
 _RELEASE_S = 0.05
 """How long after its command the edge may still touch: the lag of the compliance, with reserve."""
 

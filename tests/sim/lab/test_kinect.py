@@ -11,7 +11,7 @@ import pytest
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
-from sim.render.poses import within_exposure
+from sim.render.poses import STILL, held_still, within_exposure
 from sim.render.rays import pixel_rays
 from sim.types import Visual
 
@@ -76,6 +76,25 @@ def test_rays_project_back_onto_their_pixels(which: str) -> None:
     uv, _ = cv2.projectPoints(some, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
     u, v = np.meshgrid(np.arange(0, camera.width, 23), np.arange(0, camera.height, 23))
     assert np.abs(uv.reshape(-1, 2) - np.stack([u, v], axis=-1).reshape(-1, 2)).max() < 0.003
+
+
+def test_a_body_that_hardly_moves_is_held_until_it_has_moved() -> None:
+    drifting = np.stack([at(0.7 + i * STILL / 4, 0.0, HALF_M) for i in range(12)])
+    held = held_still(drifting)
+    assert len(np.unique(held[:, 0, 3])) == 3
+    assert np.abs(held - drifting).max() <= STILL
+    moving = np.stack([at(0.7 + 2 * i * STILL, 0.0, HALF_M) for i in range(5)])
+    assert np.array_equal(held_still(moving), moving)
+
+
+def test_a_picture_does_not_depend_on_the_one_before() -> None:
+    here, there = ({"block": at(x, 0.01, HALF_M)[None]} for x in (0.68, 0.70))
+    one = Renderer(close_up(), default_X_BC(), [TABLE, BLOCK])
+    seen = [one.render(poses, SensorNoise(), RNG(3)) for poses in (here, here, there, here)]
+    for poses, (colour, depth_mm) in zip((here, here, there, here), seen, strict=True):
+        alone = Renderer(close_up(), default_X_BC(), [TABLE, BLOCK]).render(poses, SensorNoise(), RNG(3))
+        assert np.array_equal(colour, alone[0]) and np.array_equal(depth_mm, alone[1])
+    assert not np.array_equal(seen[0][0], seen[2][0])
 
 
 def test_the_camera_looks_down_at_the_work_area() -> None:

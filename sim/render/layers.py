@@ -1,0 +1,60 @@
+"""What one body shows of itself in one picture: painted over what lies behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from sim.render.rays import Array32
+from sim.render.rectangles import Rectangle
+
+Known = TypeVar("Known")
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """The pixels that show a body, and what they show."""
+
+    rows: NDArray[np.intp]  # (m,) in the whole image
+    columns: NDArray[np.intp]  # (m,)
+    t: Array32  # (m,) depth
+    values: tuple[NDArray[Any], ...]  # (m, ...) each: one for each picture that is painted
+
+    @classmethod
+    def within(cls, box: Rectangle, index: NDArray[np.intp], t: Array32, *values: NDArray[Any]) -> Layer:
+        """Of pixels that are counted row by row in `box`."""
+        rows, columns = np.divmod(index, box[1].stop - box[1].start)
+        return cls(rows + box[0].start, columns + box[1].start, t, values)
+
+    def paint(self, t: Array32, pictures: Sequence[NDArray[Any]], corner: tuple[int, int] = (0, 0)) -> None:
+        """Where the layer is nearer than `t` (h, w), it takes over there and in the `pictures` (h, w, ...).
+
+        These lie in one piece of memory each; `corner` is the row and column of the image where they begin.
+        """
+        flat = t.reshape(-1)
+        at = (self.rows - corner[0]) * t.shape[1] + self.columns - corner[1]
+        nearer = np.flatnonzero(self.t < flat[at])
+        at = at[nearer]
+        flat[at] = self.t[nearer]
+        for picture, value in zip(pictures, self.values, strict=True):
+            picture.reshape(-1, *picture.shape[2:])[at] = value[nearer]
+
+
+class Latest(Generic[Known]):
+    """Remembers of each thing what was made of it last: bodies at rest are not looked at again."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, tuple[bytes, Known]] = {}
+
+    def get(self, what: Hashable, X: Array, make: Callable[[], Known]) -> Known:
+        """What `make` gives for `what` at the poses X, unless that was asked for last."""
+        key, known = X.tobytes(), self._known.get(what)
+        if known is None or known[0] != key:
+            known = key, make()
+            self._known[what] = known
+        return known[1]

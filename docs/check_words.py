@@ -43,7 +43,7 @@ PHRASES: tuple[tuple[str, str], ...] = (
 _PATTERNS = tuple((re.compile(rf"\b(?:{pattern})", re.IGNORECASE), better) for pattern, better in PHRASES)
 _FENCE = re.compile(r"^( *)(```|~~~).*?^\1\2[ ]*$", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_SPLIT = re.compile(r"(?<=[.!?:;])[)*\"”]*\s+|\s[–—]\s|…")
+_SPLIT = re.compile(r"(?<=[.!?])[)*\"”]*\s+")
 
 
 def phrases(text: str) -> Iterator[tuple[int, str]]:
@@ -54,9 +54,9 @@ def phrases(text: str) -> Iterator[tuple[int, str]]:
 
 
 def long_sentences(text: str) -> Iterator[tuple[int, str]]:
-    """(offset, complaint) of every sentence of Markdown with more than `MOST_WORDS` words; tables are no sentences."""
-    for block in re.finditer(r"(?:^(?![|#>]).+\n?)+", text, re.MULTILINE):
-        items = re.split(r"^\s*(?:[*+-]|\d+[.)])\s+", block[0], flags=re.MULTILINE)
+    """(offset, complaint) of every sentence of Markdown with more than `MOST_WORDS` words, in cells of tables too."""
+    for block in re.finditer(r"(?:^(?![#>]).+\n?)+", text, re.MULTILINE):
+        items = re.split(r"^\s*(?:[*+-]|\d+[.)])\s+|\|", block[0], flags=re.MULTILINE)
         for sentence in (part for item in items for part in _SPLIT.split(item)):
             words = re.findall(r"[^\W\d_][\w'’-]*", re.sub(r"\]\([^)]*\)|`[^`]*`", " x ", sentence))
             if len(words) > MOST_WORDS:

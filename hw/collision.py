@@ -273,9 +273,11 @@ def persons_side(side: Side, from_m: float) -> KeepOut:
     Raises ValueError for a side that is none, or one that begins inside of the base.
     """
     if side not in get_args(Side):
-        raise ValueError(f"the person stands at {side!r}: one of {', '.join(get_args(Side))}")
+        raise ValueError(f"the person's side is {side!r}: it must be one of {', '.join(get_args(Side))}")
     if not _CLOSEST_M <= from_m < _FAR_M:
-        raise ValueError(f"the person's side begins {from_m:g} m from the base: {_CLOSEST_M:g} to {_FAR_M:g} m")
+        raise ValueError(
+            f"the person's side begins {from_m:g} m from the base: it must be {_CLOSEST_M:g} to {_FAR_M:g} m"
+        )
     low, high = np.array([-_FAR_M, -_FAR_M, _DEEP_M]), np.array([_FAR_M, _FAR_M, _TALL_M])
     axis = 0 if side in ("front", "back") else 1
     if side in ("front", "left"):

@@ -77,7 +77,7 @@ class ArmModel:
 def arm_model(name: str, zeros_rad: ArrayLike) -> ArmModel:
     """The arm "panda" or "fr3" with its joint zeros (7,). Raises ValueError for another name."""
     if name not in LIMITS:
-        raise ValueError(f"{name!r} is no arm that is known: it is one of {', '.join(LIMITS)}")
+        raise ValueError(f"arm {name!r} is not known: it must be one of {', '.join(LIMITS)}")
     return ArmModel(LIMITS[name], np.asarray(zeros_rad))
 
 

@@ -18,8 +18,8 @@ Written by `make docs` from the models that read and write these files. Unknown 
 is written whole or not at all. A field without a default must be given. [A session on disk](sessions.md) tells where each file of
 a session lies and when it is written; [calibrate](../guide/calibrate.md#views-from-elsewhere) has examples of views.
 
-Conventions: the end of a name is its unit (`_m`, `_rad`, `_s`, `_N`); `X_AB` is the pose of B in A, four rows of four; B is the arm's
-base, F the flange, T the tool, C the colour camera, D the depth camera, M the board, H what holds the board. Times are ISO 8601.
+Conventions: the end of a name is its unit (`_m`, `_rad`, `_s`, `_N`). `X_AB` is the pose of B in A, four rows of four. B is the arm's base, F the flange and T the tool; C is the colour camera, D the depth
+camera, M the board and H its holder. Times are ISO 8601.
 """
 
 

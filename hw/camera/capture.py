@@ -52,7 +52,10 @@ def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *,
         if colour is None or depth is None or (infrared and dark is None):
             return None
         if (kind := library.k4a_image_get_format(colour)) != COLOR_MJPG:
-            raise CameraError(f"the camera sends colour in format {kind}, expected MJPG ({COLOR_MJPG})")
+            raise CameraError(
+                f"the camera sends colour in format {kind} instead of MJPG ({COLOR_MJPG}): plug it in again and start "
+                "over"
+            )
         device_s = 1e-6 * library.k4a_image_get_device_timestamp_usec(colour)
         stamped_s = 1e-9 * library.k4a_image_get_system_timestamp_nsec(colour)
         return Captured(
@@ -96,11 +99,16 @@ def _content(library: K4aLibrary, image: ctypes.c_void_p) -> bytes:
 
 def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
     if (found := library.k4a_image_get_format(image)) != kind:
-        raise CameraError(f"the camera sends an image of format {found}, expected {kind} (16-bit grey)")
+        raise CameraError(
+            f"the camera sends an image of format {found} instead of {kind}, 16-bit grey: plug it in again and start "
+            "over"
+        )
     width, height = library.k4a_image_get_width_pixels(image), library.k4a_image_get_height_pixels(image)
     stride = library.k4a_image_get_stride_bytes(image)
     content = _content(library, image)
     if stride < 2 * width or len(content) < stride * height:
-        raise CameraError(f"a depth image of {width} x {height} has {len(content)} bytes, {stride} a row: too few")
+        raise CameraError(
+            f"a depth image of {width} x {height} has only {len(content)} bytes: check the camera's USB cable"
+        )
     rows = np.frombuffer(content, "<u2", count=stride * height // 2).reshape(height, -1)
     return np.ascontiguousarray(rows[:, :width], dtype=np.uint16)

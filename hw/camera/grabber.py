@@ -93,7 +93,10 @@ class Grabber:
                 kept, self._kept = self._kept, None
             clock = self._clock.map()
         if t_s - self._since_s > LONGEST_S:
-            raise CameraError(f"the recording took {t_s - self._since_s:.0f} s; at most {LONGEST_S:g} s are kept")
+            raise CameraError(
+                f"the recording took {t_s - self._since_s:.0f} s, and only {LONGEST_S:g} s are kept: record a shorter "
+                "motion"
+            )
         shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in kept]
         within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)
         dropped, gap_s = gaps([shot.t_s for shot in within], self._since_s, t_s, self._rate_hz)

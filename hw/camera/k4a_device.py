@@ -196,7 +196,10 @@ def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:
 
 def _intrinsics(camera: k4a.CalibrationCamera, what: str) -> Intrinsics:
     if camera.intrinsics.type not in (k4a.BROWN_CONRADY, k4a.RATIONAL_6KT):
-        raise CameraError(f"the {what} camera has lens model {camera.intrinsics.type}: only Brown-Conrady is known")
+        raise CameraError(
+            f"the {what} camera has lens model {camera.intrinsics.type}, and only Brown-Conrady is known: "
+            "use an Azure Kinect or a Femto Bolt"
+        )
     cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1, _ = camera.intrinsics.parameters
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     distortion = np.array([k1, k2, p1, p2, k3, k4, k5, k6])

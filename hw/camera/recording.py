@@ -108,7 +108,9 @@ def _rgb(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint8]]:
 def grey16(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint16]]:
     """(H, W) of a 16-bit grey image, in the byte order of this machine. Raises CameraError for any other."""
     if image.format.name not in _PIXELS:
-        raise CameraError(f"a depth or infrared track holds {image.format.name}, expected 16-bit grey")
+        raise CameraError(
+            f"a depth or infrared track holds {image.format.name} instead of 16-bit grey: record with k4arecorder"
+        )
     plane = image.planes[0]
     rows = np.frombuffer(plane, dtype=_PIXELS[image.format.name]).reshape(image.height, -1)  # type: ignore[call-overload]
     return np.ascontiguousarray(rows[:, : image.width], dtype=np.uint16)

@@ -59,7 +59,10 @@ class FakeHand:
             raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
         found_m = self.between_m or 0.0
         if not fits(found_m, width_m):
-            raise HandError(f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected")
+            raise HandError(
+                f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected: hold the tool's "
+                "handle between them, or correct the width"
+            )
         self.commands.append("grasp")
         self._width_m, self._holds = found_m, True
 

@@ -67,7 +67,9 @@ def _kg(value: str, unit: str) -> float:
     try:
         return float(value) * _KG[unit]
     except ValueError:
-        raise BalanceError(f"the balance answered {value!r} where a number belongs") from None
+        raise BalanceError(
+            f"the balance answered {value!r} where a number belongs: check its display and weigh again"
+        ) from None
 
 
 @dataclass(frozen=True)

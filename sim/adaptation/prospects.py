@@ -74,7 +74,7 @@ def restore_prospects(task: Task, tensors: Mapping[str, Tensor]) -> Prospects:
     try:
         found = Prospects(*(tensors[name].double().numpy() for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
-        raise CheckpointError(f"not prospects: {error} is missing; pretrain again") from error
+        raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
     parameters = len(task.parameters)
     if found.candidates.shape[1] != parameters or found.truths.shape[1] != parameters:
         raise CheckpointError(f"prospects of {found.truths.shape[1]} parameters do not fit {task.name}; pretrain again")

@@ -114,7 +114,7 @@ def load_world(name_or_path: str, task: Task) -> World:
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         path = Path(name_or_path).expanduser()
         if not path.is_file():
-            raise UnknownName(f"there is no world file {path}")
+            raise UnknownName(f"there is no world file {path}: check the path")
         return _parse(path.read_bytes(), path.stem, str(path), task)
     known = list_worlds(task)
     if name_or_path not in known:

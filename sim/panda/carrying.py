@@ -43,7 +43,10 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: Arm
     X_BT[:, :3, 3] = ends[0, :3, 3] + share[:, None] * (ends[1, :3, 3] - ends[0, :3, 3])
     q_rad = _nearest(q_from + share[:, None] * (q_to - q_from), X_BT @ np.linalg.inv(X_FT))
     if q_rad is None:
-        raise NotExecutable(f"{arm.name}: the straight way of the tool to the home posture leaves the arm's reach")
+        raise NotExecutable(
+            f"{arm.name}: the straight way of the tool to the home posture leaves the arm's reach; choose another "
+            "action"
+        )
     along = make_interp_spline(share, q_rad, k=5)
     distance_m = float(np.linalg.norm(ends[1, :3, 3] - ends[0, :3, 3]))
     duration_s = max(_SHORTEST_S, math.sqrt(PEAK_ACCELERATION * distance_m / GENTLE_M_S2))

@@ -69,7 +69,7 @@ def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
             break
         if true.check(still).ok:
             return frozen_array(cell.arm.reported_rad(q[i]))
-    raise NotExecutable(f"{cell.arm.name}: the tool cannot be held at any of {HOME_TOOL_M} m; mount it otherwise")
+    raise NotExecutable(f"{cell.arm.name}: the tool cannot be held at any of {HOME_TOOL_M} m; mount it differently")
 
 
 def trial_paths(
@@ -103,7 +103,7 @@ def trial_paths(
         if best[0] < (False, GOOD_ENOUGH):
             break
     if best is None:
-        raise refused or NotExecutable(f"{cell.arm.name}: no task path")
+        raise refused or NotExecutable(f"{cell.arm.name}: no task path; choose another action")
     there, task, back = (cell.arm.reported(path) for path in best[1])
     return there, task, back
 
@@ -135,7 +135,7 @@ def task_paths(
         p = motion.X_BT[0, :3, 3]
         raise NotExecutable(
             f"{model}: the tool motion from ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m is out of the arm's reach; "
-            "move it or mount the tool otherwise"
+            "move it or mount the tool differently"
         )
     raise NotExecutable(
         f"{model}: no joint path keeps every limit to {ALLOWED:g}; the nearest: {refused.worst}; choose another action"

@@ -104,7 +104,7 @@ def stance(
         if report.ok:
             return frozen_array(arm.reported_rad(candidate))
         refused = str(report.worst)
-    raise NotExecutable(f"{arm.name}: the arm cannot touch at {probe.name}: {refused}; move the place")
+    raise NotExecutable(f"{arm.name}: the arm cannot touch at {probe.name}: {refused}; choose another place")
 
 
 def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m: float, arm: ArmModel) -> JointPath:
@@ -120,7 +120,9 @@ def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m
     branch = int(np.nan_to_num(np.abs(inverse(X_BF[0], q_top[6]) - q_top).max(axis=-1), nan=np.inf).argmin())
     q_rad = inverse(X_BF, np.full(len(way_m), q_top[6]))[:, branch]
     if not np.isfinite(q_rad).all():
-        raise NotExecutable(f"{arm.name}: the arm cannot come down by {1e3 * way_m[-1]:.0f} mm there; move the place")
+        raise NotExecutable(
+            f"{arm.name}: the arm cannot come down by {1e3 * way_m[-1]:.0f} mm there; choose another place"
+        )
     force_N = predicted_force_N(guard, max(stage.speed_m_s for stage in stages))
     t_s = np.arange(len(way_m)) / PATH_RATE_HZ
     window = ContactWindow(0.0, float(t_s[-1]), max(below_m, 0.0), force_N)

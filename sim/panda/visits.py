@@ -55,7 +55,7 @@ def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Wor
         if report.ok:
             return path
         reason = str(report.worst)
-    raise NotExecutable(f"{cell.arm.name}: no free way there: {reason}")
+    raise NotExecutable(f"{cell.arm.name}: no free way there: {reason}; clear the workspace")
 
 
 def _ways(q_from: Array, q_to: Array, q_home: Array, limits: JointLimits) -> Iterator[JointPath]:

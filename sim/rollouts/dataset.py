@@ -219,7 +219,7 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
         have = (manifest["size"], manifest["denser"])
         if (folder / DENSER).exists() and have != (size, denser):
             raise DatasetError(
-                f"the dataset in {folder} has {have[0]} rollouts and {have[1]} more, chosen by those; wanted {size} "
+                f"the dataset in {folder} has {have[0]} rollouts and {have[1]} chosen by those; wanted {size} "
                 f"and {denser}: use a new folder"
             )
         probe = stored

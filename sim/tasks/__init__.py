@@ -18,6 +18,6 @@ TASKS = {
 def get_task(name: str) -> Task:
     """The task called `name`. Raises UnknownName."""
     if name not in TASKS:
-        raise UnknownName(f'there is no task "{name}"; there is: {", ".join(TASKS)}')
+        raise UnknownName(f'task "{name}" is not known: it must be one of {", ".join(TASKS)}')
     task: Task = import_module(TASKS[name]).TASK
     return task

@@ -58,7 +58,7 @@ def load_object(path: Path) -> OwnObject:
     try:
         raw = read_table(path, finite=False)  # the ranges are checked by key
     except FileNotFoundError as error:
-        raise ObjectError(f"there is no object file {path}") from error
+        raise ObjectError(f"there is no object file {path}: check the path") from error
     except Unreadable as error:
         raise ObjectError(f"the object file {path} {error}") from error
     if isinstance(raw.get("ranges"), dict):
@@ -79,7 +79,9 @@ def with_ranges(task: Task, own: OwnObject) -> Task:
     Raises ObjectError on a parameter that the task does not have, and on a range beyond the task's margin.
     """
     if own.task != task.name:
-        raise ObjectError(f"the object {own.name} is for the task {own.task}, not for {task.name}")
+        raise ObjectError(
+            f"the object {own.name} is for the task {own.task}, not for {task.name}: name another --task or --object"
+        )
     for key in own.ranges:
         if key not in task.parameters.names:
             near = difflib.get_close_matches(key, task.parameters.names, n=1)
@@ -102,8 +104,8 @@ def _narrowed(usual: Dimension, tried: Dimension, own: OwnObject) -> tuple[Dimen
     if not tried.low <= low < high <= tried.high:
         unit = f" {usual.unit}" if usual.unit else ""
         raise ObjectError(
-            f"the object {own.name}: {usual.label} = [{low:g}, {high:g}] lies beyond what the scene of {own.task} is "
-            f"made for, {tried.low:g} to {tried.high:g}{unit}; mind the unit"
+            f"the object {own.name}: {usual.label} = [{low:g}, {high:g}] lies outside of what the scene of "
+            f"{own.task} is made for, {tried.low:g} to {tried.high:g}{unit}: check the unit, and narrow the range"
         )
     ours = replace(usual, low=low, high=high)
     if whole:

@@ -31,7 +31,7 @@ METHODS = {
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError where the method needs a checkpoint and there is none."""
     if name not in METHODS:
-        raise UnknownName(f'there is no method "{name}"; there is: {", ".join(METHODS)}')
+        raise UnknownName(f'method "{name}" is not known: it must be one of {", ".join(METHODS)}')
     module, _, function = METHODS[name].partition(":")
     method: Method = getattr(import_module(module), function)(task, checkpoint)
     return method

@@ -50,7 +50,10 @@ class NafMemory:
                 tensors = load_tensors(self._path(position))
                 self._networks[position] = restore_policy(self.task, tensors, self._errors[position])
             except RuntimeError as error:
-                raise CheckpointError(f"{self._path(position)} does not fit {self.task.name}: {error}") from error
+                raise CheckpointError(
+                    f"{self._path(position)} does not fit {self.task.name} ({error}): remove its folder, the policies "
+                    "are trained again"
+                ) from error
         return self._networks[position]
 
     def add(self, record: tuple[PolicyRecord, ...], key: str, policy: NafPolicy) -> None:

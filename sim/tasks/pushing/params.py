@@ -198,9 +198,9 @@ class Unmodelled:
                 f"slosh_share = {self.slosh_share:g} must lie in [0, 0.9]: the bottle itself weighs something"
             )
         if max(map(abs, self.table_tilt_rad)) > 0.3:
-            raise OutOfRange(f"table_tilt_rad = {self.table_tilt_rad} is steeper than 0.3 rad")
+            raise OutOfRange(f"table_tilt_rad = {self.table_tilt_rad} is steeper than 0.3 rad: give a flatter one")
         if self.contact not in ("sap", "lagged"):
-            raise OutOfRange(f'contact = "{self.contact}" is neither "sap" nor "lagged"')
+            raise OutOfRange(f'contact = "{self.contact}" must be "sap" or "lagged"')
 
 
 PLAUSIBLE: dict[str, tuple[Any, Any]] = {

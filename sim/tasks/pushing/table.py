@@ -29,7 +29,8 @@ def table_around(x_m: tuple[float, float], y_m: tuple[float, float]) -> Mesh:
     outer, inner = _corners(*TABLE_CORNERS_M[:, :2].T), _corners(x_m, y_m)
     if not (on_table(inner[0]) and on_table(inner[2])):
         raise OutOfRange(
-            f"the patch, x {x_m[0]:.3f} to {x_m[1]:.3f} m, y {y_m[0]:.3f} to {y_m[1]:.3f} m, leaves the table"
+            f"the patch, x {x_m[0]:.3f} to {x_m[1]:.3f} m, y {y_m[0]:.3f} to {y_m[1]:.3f} m, leaves the table: move "
+            "the bottle away from the edge"
         )
     sides = [(i, (i + 1) % 4) for i in range(4)]
     return _sheet([*outer, *inner], [t for i, j in sides for t in ((i, j, 4 + j), (i, 4 + j, 4 + i))])

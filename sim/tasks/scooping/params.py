@@ -204,7 +204,7 @@ class Unmodelled:
         if self.blade_flex_rad < 0.0:
             raise OutOfRange(f"blade_flex_rad = {self.blade_flex_rad:g} must not be negative: the table bends it up")
         if self.contact not in ("sap", "lagged"):
-            raise OutOfRange(f'contact = "{self.contact}" is neither "sap" nor "lagged"')
+            raise OutOfRange(f'contact = "{self.contact}" must be "sap" or "lagged"')
 
     def friction_of_blade(self, mu: float) -> float:
         """Coefficient of the blade whose pair with a piece of coefficient `mu` is `second_friction_scale * mu`.

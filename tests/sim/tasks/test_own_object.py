@@ -73,8 +73,8 @@ def test_what_is_left_out_keeps_the_tasks_range():
     [
         ("h = [2, 2.6]", "heigth = [2, 2.6]", "no parameter 'heigth'.* There are: mu, e, g, h"),
         ("mu = ", "m = ", "did you mean mu"),
-        ("h = [2, 2.6]", "h = [0.02, 0.026]", r"h \[cm\] = \[0.02, 0.026\] lies beyond .* 1.2 to 3 cm; mind the unit"),
-        ("mu = [0.30", "mu = [-0.30", "lies beyond"),
+        ("h = [2, 2.6]", "h = [0.02, 0.026]", r"h \[cm\] = \[0.02, 0.026\] lies outside .* 1.2 to 3 cm: check"),
+        ("mu = [0.30", "mu = [-0.30", "lies outside"),
         ("h = [2, 2.6]", "h = [2.6, 2]", r"h = \[2.6, 2\] is not a range"),
         ("g = [1, 2]", "g = [2, 2]", r"g = \[2, 2\] is not a range"),
         ("g = [1, 2]", "g = [0.5, 2]", "whole numbers"),

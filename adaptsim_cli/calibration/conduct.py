@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
-from adaptsim_cli.calibration import drift, flow, printing, shows, together
+from adaptsim_cli.calibration import arm_picture, drift, flow, printing, shows, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
@@ -37,6 +37,7 @@ Stores = Callable[[Config, Places], CalibrationStore]
 """Settings -> the calibrations of the rig."""
 
 RESIDUALS = "residuals.csv"
+OVERLAY = "overlay"
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""
 
@@ -113,6 +114,7 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
+    flow.show_arm(solved, path.parent, screen)
     table = path.with_name(RESIDUALS)
     durable.replace_file(table, residuals.table(solved.residuals).encode())
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
@@ -125,6 +127,25 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
         )
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or correct the problems in the report, and solve again")
+
+
+def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
+    """The arm drawn into every picture of a folder. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    screen = Screen(as_json=as_json)
+    with screen.busy("Finding the board, solving and drawing"):
+        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
+        drawn = arm_picture.draw(solved)
+    into = (out or folder / OVERLAY).absolute()
+    durable.make_folder(into)
+    for name, picture in drawn.by_view.items():
+        durable.replace_file(into / f"{name}.jpg", arm_picture.jpeg(picture))
+    sheet = into / arm_picture.PICTURE
+    durable.replace_file(sheet, drawn.sheet())
+    screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
+    screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
+    if as_json:
+        files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
+        screen.data({"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
 
 
 def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from adaptsim_cli.calibration import camera_check, overlay, shows, touching
+from adaptsim_cli.calibration import arm_picture, camera_check, overlay, shows, touching
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.motion_record import record_motion
 from adaptsim_cli.calibration.parts import CalibrationRig
@@ -23,7 +23,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
-from calib.errors import CalibrationRejected, TooFewViews
+from calib.errors import CalibrationRejected, TooFewViews, UnusableViews
 from calib.types import Grade
 from hw.types import Array
 from perception.board.types import Corners
@@ -172,6 +172,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     """Show, and store if accepted. Raises CalibrationRejected, the report beside the views and nothing replaced."""
     page = report.render(solved).encode()
     screen.show(shows.calibration(solved.record))
+    show_arm(solved, views, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
         advice = "The previous calibration stays in use. --fresh starts a new series of views"
@@ -182,6 +183,18 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     folder = store.save(solved.record, page)
     screen.plain(f"Report: {folder / REPORT}")
     return folder
+
+
+def show_arm(solved: Solved, folder: Path, screen: Screen) -> None:
+    """A picture with the arm drawn into it, where its looks are known. It forbids nothing: a person judges it."""
+    try:
+        drawn = arm_picture.draw(solved)
+    except UnusableViews:
+        return
+    path = folder / arm_picture.PICTURE
+    durable.replace_file(path, drawn.sheet())
+    screen.plain(f"Look at {path}: the lines must lie on the edges of the arm")
+    screen.note(f"  {drawn.sentence}")
 
 
 def rejected(solved: Solved, page: Path, advice: str) -> CalibrationRejected:

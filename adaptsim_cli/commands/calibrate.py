@@ -1,4 +1,4 @@
-"""`adaptsim calibrate`, `calibrate board`, `calibrate check`, `calibrate solve`, `calibrate together`."""
+"""`adaptsim calibrate`, and its `board`, `check`, `solve`, `together` and `overlay`."""
 
 from __future__ import annotations
 
@@ -142,3 +142,22 @@ def together(
     from adaptsim_cli.calibration import conduct
 
     conduct.solve_cameras(folders, out, as_json=as_json)
+
+
+@app.command()
+def overlay(
+    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the pictures; else `overlay` in the folder of views.")
+    ] = None,
+    as_json: _Json = False,
+) -> None:
+    """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
+
+    Also measures how far the hand's outline lies off what moves in the pictures.
+
+    Example: adaptsim calibrate overlay my-views
+    """
+    from adaptsim_cli.calibration import conduct
+
+    conduct.overlay(folder, out, as_json=as_json)

@@ -58,8 +58,9 @@ BOTTLE_AREA = (0.42, 1.22, -0.36, 0.36)
 
 def _bottle(task: Task) -> Tracker:
     """A bottle that stands on its mark, is pushed, and is followed until it rests; the context is a goal."""
-    from hw.collision import ARM, HAND, segments
+    from hw.collision import segments
     from hw.kinematics import link_poses
+    from hw.wrist import SEEN
     from perception import bottle
     from sim.tasks.tool_mesh import tool_mesh
 
@@ -68,12 +69,11 @@ def _bottle(task: Task) -> Tracker:
         raise ValueError(f"{task.name}: an object that stands on a mark and has a goal needs `standing` and `goal_m`")
     mark_m, body = standing.mark_m, bottle.Cylinder(standing.radius_m, standing.height_m)
     tool = bottle.ToolMask(*tool_mesh(task))
-    capsules = (*ARM, *HAND)
-    radii_m = np.array([capsule.radius_m for capsule in capsules])
+    radii_m = np.array([capsule.radius_m for capsule in SEEN])
 
     def track(request: TrackRequest) -> ObjectTrack:
         def arm_at(t_s: float) -> bottle.Arm:
-            ends_m = segments(link_poses(request.q_at(t_s)), capsules)
+            ends_m = segments(link_poses(request.q_at(t_s)), SEEN)
             return bottle.Arm(bottle.Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
         return bottle.track_bottle(

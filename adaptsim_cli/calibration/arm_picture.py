@@ -1,0 +1,177 @@
+"""The arm drawn into the pictures of a calibration: the quickest proof of it that a person can see.
+
+Of views that give joints the whole arm is drawn, of others the hand and link 7. The outline of the hand is also
+compared with what moves in the pictures (`perception.outline`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptsim_cli.calibration.solving import Solved
+from calib.errors import UnusableViews
+from calib.types import View
+from hw.collision import ARM, segments
+from hw.kinematics import FLANGE, forward, link_poses
+from hw.poses import inverse
+from hw.types import Array, Intrinsics
+from hw.wrist import FINGERS, HAND_BODY, LINK7
+from perception.geometry import transform
+from perception.outline import OutlineFit, Seen, fit, silhouette
+
+PICTURE = "arm.jpg"
+LIMIT_M = 0.008
+"""An outline that fits better when it is shifted by more, at the hand, is not right."""
+ON_SHEET, COLUMNS, TILE_PX = 6, 3, 640
+_WRIST_BALL_M = 0.10  # what continues the hand's outline: link 6, however joint 7 is turned
+_HAND, _ARM = (60, 60, 235), (235, 170, 60)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPictures:
+    """What is drawn, and how well it fits."""
+
+    fit: OutlineFit | None
+    by_view: dict[str, NDArray[np.uint8]]  # (H, W, 3) BGR
+
+    @property
+    def fits(self) -> bool:
+        """False, too, where it was not measured."""
+        return self.fit is not None and self.fit.shift_m <= LIMIT_M
+
+    @property
+    def sentence(self) -> str:
+        """The measure in words."""
+        found = self.fit
+        if found is None:
+            return "How well the hand's outline fits was not measured: it stands out from the room in too few pictures"
+        verdict = "fits" if self.fits else "does not fit"
+        return (
+            f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px from "
+            f"where it is drawn, {1e3 * found.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
+            f"{found.off_px:.0f} px in the middle one of {found.pictures} pictures"
+        )
+
+    def as_json(self) -> dict[str, Any] | None:
+        """None where it was not measured."""
+        found = self.fit
+        if found is None:
+            return None
+        return {
+            "fits": self.fits,
+            "shift_px": found.shift_px.tolist(),
+            "shift_mm": 1e3 * found.shift_m,
+            "middle_view_px": found.off_px,
+            "pictures": found.pictures,
+        }
+
+    def sheet(self) -> bytes:
+        """JPEG of some of the pictures side by side."""
+        names = sorted(self.by_view)
+        chosen = [names[i] for i in np.unique(np.linspace(0, len(names) - 1, ON_SHEET).astype(int))]
+        tiles = [_tile(self.by_view[name], name) for name in chosen]
+        tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+        rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+        return jpeg(np.vstack(rows).astype(np.uint8))
+
+
+def draw(solved: Solved) -> ArmPictures:
+    """Raises UnusableViews where the arm cannot be drawn."""
+    record, camera = solved.record, solved.setup.colour
+    if record.mounting != "fixed":
+        raise UnusableViews("the camera is on the wrist and sees no arm: nothing can be drawn")
+    if record.arm not in ("panda", "fr3"):
+        raise UnusableViews(
+            'only the looks of a Panda and an FR3 are known here: write arm = "panda" or arm = "fr3" at the top of '
+            "setup.toml if it is one of them"
+        )
+    X_CB, offsets_rad = inverse(np.array(record.X_AC)), record.offsets_rad()
+    X_FM, outline_m = np.array(record.X_HM), solved.setup.board.outline_m
+    board = transform(X_FM, outline_m)
+    seen, pictures = [], {}
+    for view in solved.views:
+        picture = _picture(solved, view, camera)
+        if picture is None:
+            continue
+        X_CF = X_CB @ _flange(view, offsets_rad)
+        hand = tuple(transform(X_CF, part) for part in HAND_BODY)
+        around = (*FINGERS, _ball(np.array([0.0, 0.0, -0.16])), np.concatenate([board, FINGERS[0]]))
+        seen.append(Seen(picture, hand, tuple(transform(X_CF, part) for part in around)))
+        wrist = tuple(transform(X_CF, part) for part in (*LINK7, *FINGERS))
+        pictures[view.name] = _drawn(picture, camera, (*hand, *wrist), _links(view, offsets_rad, X_CB))
+    if not pictures:
+        raise UnusableViews("the views have no pictures, so nothing can be drawn into them")
+    return ArmPictures(fit(seen, camera), pictures)
+
+
+def jpeg(image: NDArray[np.uint8]) -> bytes:
+    """Of (H, W, 3) BGR."""
+    return cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 88))[1].tobytes()
+
+
+def _picture(solved: Solved, view: View, camera: Intrinsics) -> NDArray[np.uint8] | None:
+    """(H, W, 3) RGB of the view, None where it has none of the camera's size."""
+    path: Path | None = solved.images.get(view.name)
+    image = None if path is None else cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None or image.shape[:2] != (camera.height, camera.width):
+        return None
+    return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)
+
+
+def _flange(view: View, offsets_rad: Array) -> Array:
+    return forward(view.q_rad + offsets_rad) if view.X_BF is None and view.q_rad is not None else np.array(view.X_BF)
+
+
+def _links(view: View, offsets_rad: Array, X_CB: Array) -> tuple[Array, ...]:
+    """The capsules of the arm in the camera, each as points; none where the joints are not known."""
+    if view.q_rad is None or len(view.q_rad) != FLANGE - 1:
+        return ()
+    ends = segments(link_poses(view.q_rad + offsets_rad), ARM)
+    parts = [
+        np.concatenate([end + capsule.radius_m * _SPHERE for end in pair])
+        for pair, capsule in zip(ends, ARM, strict=True)
+    ]
+    return tuple(transform(X_CB, part) for part in parts)
+
+
+def _sphere() -> Array:
+    """(N, 3) points spread over the unit sphere."""
+    k = np.arange(120) + 0.5
+    polar, turn = np.arccos(1.0 - 2.0 * k / 120), np.pi * (1.0 + np.sqrt(5.0)) * k
+    return np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
+
+
+_SPHERE = _sphere()
+
+
+def _ball(centre_m: Array) -> Array:
+    return np.asarray(centre_m + _WRIST_BALL_M * _SPHERE)
+
+
+def _drawn(
+    picture: NDArray[np.uint8], camera: Intrinsics, hand: Sequence[Array], links: Sequence[Array]
+) -> NDArray[np.uint8]:
+    """BGR with the outlines, the links' below the hand's."""
+    image = np.ascontiguousarray(picture[..., ::-1])
+    width = max(1, round(camera.width / 640))
+    for parts, colour in ((links, _ARM), (hand, _HAND)):
+        visible = [mask for part in parts if (mask := silhouette([part], camera)) is not None]
+        if visible:
+            outlines, _ = cv2.findContours(np.maximum.reduce(visible), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+            cv2.drawContours(image, outlines, -1, colour, width, cv2.LINE_AA)
+    return image
+
+
+def _tile(image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
+    scale = TILE_PX / image.shape[1]
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    cv2.putText(small, name, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 3, cv2.LINE_AA)
+    cv2.putText(small, name, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
+    return np.asarray(small, dtype=np.uint8)

@@ -1,0 +1,69 @@
+"""Hand and flange as a camera sees them, after the outer dimensions of the maker's meshes.
+
+The capsules of `hw.collision` are the maker's coarse model. On links 1 to 6 no point of the mesh is more than 21 mm
+outside of them. On the hand and on link 7 some are 36 and 41 mm outside: the hand's plug, its ends, and the buttons,
+which lie between X and Y of link 7. Masks of the arm count these too (`SEEN`); planning keeps the maker's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.collision import ARM, HAND, Capsule
+from hw.kinematics import FLANGE
+from hw.types import Array, frozen_array
+
+_S = float(np.sqrt(0.5))
+
+X_FH: Array = frozen_array([[_S, _S, 0.0, 0.0], [-_S, _S, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""(4, 4) the hand in the flange: its fingers open along its Y axis, its Z axis is the flange's."""
+
+FINGERTIP_M = 0.1123
+"""From the flange to the ends of the fingers: the finger's joint at 0.0584 m, its mesh 0.0539 m long."""
+
+_LINK7_TO_FLANGE_M = 0.107
+
+
+def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Array:
+    """(8, 3) corners, hand to flange."""
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    return frozen_array(corners @ X_FH[:3, :3].T)
+
+
+def _disc(radius_m: float, low_m: float, high_m: float) -> Array:
+    """(48, 3) both rims of a cylinder about the flange's axis."""
+    turn = 2.0 * np.pi * np.arange(24) / 24
+    ring = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return frozen_array(np.concatenate([np.column_stack([ring, np.full(24, z)]) for z in (low_m, high_m)]))
+
+
+HAND_BODY: tuple[Array, ...] = (
+    _box((-0.023, -0.101, -0.005), (0.023, 0.101, 0.066)),
+    _box((-0.007, -0.103, -0.026), (0.007, -0.045, -0.005)),
+)
+"""Convex parts of the hand, each (n, 3) in the flange: the body, and the plug of its cable."""
+
+FINGERS: tuple[Array, ...] = (_box((-0.011, -0.030, 0.058), (0.011, 0.030, FINGERTIP_M)),)
+"""Where the fingers are when they are closed, in the flange."""
+
+LINK7: tuple[Array, ...] = (
+    _disc(0.046, 0.030 - _LINK7_TO_FLANGE_M, 0.090 - _LINK7_TO_FLANGE_M),
+    _disc(0.0315, 0.090 - _LINK7_TO_FLANGE_M, 0.0),
+)
+"""Link 7 without its buttons, in the flange."""
+
+
+def _across(name: str, y_m: tuple[float, float], z_m: float, radius_m: float) -> Capsule:
+    """Along the hand."""
+    start, end = (np.array([_S * y, _S * y, z_m]) for y in y_m)
+    return Capsule(name, FLANGE, start, end, radius_m)
+
+
+SEEN: tuple[Capsule, ...] = (
+    *ARM,
+    *HAND,
+    _across("body of the hand", (-0.080, 0.080), 0.032, 0.040),
+    _across("plug of the hand", (-0.085, -0.060), -0.008, 0.022),
+    Capsule("buttons of link 7", 7, np.array([0.020, 0.068, 0.078]), np.array([0.060, 0.050, 0.090]), 0.025),
+)
+"""What masks of the arm take for the arm. With the mask's own slack of 25 mm it holds every point of the meshes."""

@@ -1,0 +1,87 @@
+"""The arm drawn into real pictures: a Panda before a RealSense camera (tests/data/panda-realsense)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import real_views
+
+from adaptsim_cli.calibration import arm_picture, conduct
+from adaptsim_cli.calibration.solving import Solved, solve_folder
+from calib.errors import UnusableViews
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = real_views.picture_folder(tmp_path_factory.mktemp("views"))
+    (made / "setup.toml").write_text(real_views.setup_toml(2, real_views.ARUCO, 'arm = "panda"'))
+    return made
+
+
+@pytest.fixture(scope="module")
+def solved(folder: Path) -> Solved:
+    return solve_folder(folder, hw="recorded", created="2026-01-01T00:00:00+00:00", versions={})
+
+
+def moved(solved: Solved, *mm: float) -> Solved:
+    """The camera believed to be elsewhere by (x, y, z) of the base."""
+    X = np.array(solved.record.X_AC)
+    X[:3, 3] += 1e-3 * np.array(mm)
+    told = tuple(tuple(map(float, row)) for row in X)
+    return replace(solved, record=solved.record.model_copy(update={"X_AC": told}))
+
+
+def test_the_hand_of_a_real_panda_lies_within_its_drawn_outline(solved: Solved) -> None:
+    found = arm_picture.draw(solved).fit
+    assert found is not None
+    assert found.shift_m < 0.005
+    assert found.off_px < 4.0
+    assert found.pictures >= 15
+
+
+@pytest.mark.parametrize("mm", [(0, 20, 0), (0, -20, 0), (0, 0, 20), (0, 0, -20)])
+def test_a_camera_that_is_believed_elsewhere_is_noticed(solved: Solved, mm: tuple[float, float, float]) -> None:
+    wrong = arm_picture.draw(moved(solved, *mm))
+    assert not wrong.fits
+    assert "does not fit" in wrong.sentence
+
+
+def test_every_view_is_drawn_and_looks_other_than_before(folder: Path, solved: Solved) -> None:
+    drawn = arm_picture.draw(solved)
+    assert set(drawn.by_view) == {view.name for view in solved.views}
+    name = next(iter(drawn.by_view))
+    before = cv2.imread(str(folder / f"{name}.jpg"))
+    assert 200 < (drawn.by_view[name] != before).any(axis=-1).sum() < 5000
+    sheet = cv2.imdecode(np.frombuffer(drawn.sheet(), np.uint8), cv2.IMREAD_COLOR)
+    assert sheet is not None
+    assert sheet.shape == (960, 1920, 3)
+
+
+def test_the_command_writes_the_pictures(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    conduct.overlay(folder, tmp_path / "drawn", as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert told["outline"]["fits"] is True
+    assert Path(told["sheet"]).is_file()
+    assert all(Path(path).is_file() for path in told["pictures"].values())
+
+
+def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Path) -> None:
+    conduct.solve(folder, tmp_path / "report.html", conduct.Wishes(), as_json=False)
+    assert (tmp_path / arm_picture.PICTURE).is_file()
+
+
+def test_an_arm_of_unknown_looks_is_not_drawn(tmp_path: Path) -> None:
+    unknown = real_views.picture_folder(tmp_path)
+    with pytest.raises(UnusableViews, match='write arm = "panda"'):
+        conduct.overlay(unknown, None, as_json=False)
+
+
+def test_views_without_pictures_cannot_be_drawn_into(tmp_path: Path) -> None:
+    bare = real_views.corner_folder(tmp_path, extra='arm = "panda"')
+    with pytest.raises(UnusableViews, match="no pictures"):
+        conduct.overlay(bare, None, as_json=False)

@@ -54,8 +54,8 @@ class ArmPictures:
             return "How well the hand's outline fits was not measured: it stands out from the room in too few pictures"
         verdict = "fits" if self.fits else "does not fit"
         return (
-            f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px from "
-            f"where it is drawn, {1e3 * found.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
+            f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px "
+            f"from where it is drawn, {1e3 * found.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
             f"{found.off_px:.0f} px in the middle one of {found.pictures} pictures"
         )
 

@@ -27,6 +27,7 @@ from adaptsim_cli.commands import (
     report,
     retrack,
     rollout,
+    rollouts,
     run_iteration,
     sessions,
     touch_off,
@@ -60,6 +61,7 @@ app.command("doctor")(doctor.doctor)
 app.command("retrack")(retrack.retrack)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(sessions.app, name="sessions")
+app.add_typer(rollouts.app, name="rollouts")
 app.add_typer(checkpoints.app, name="checkpoints")
 app.add_typer(config.app, name="config")
 app.add_typer(lab.app, name="lab")

@@ -24,32 +24,50 @@ def rollout(
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
+    session: Annotated[str | None, typer.Option("--session", help="With --best: whose policy, task and world.")] = None,
+    best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
     out: Annotated[Path | None, typer.Option("--out", help="New folder for record and recording.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The trial as one JSON object on stdout.")] = False,
 ) -> None:
     """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
+    `--session NAME --best` takes task, world and the best policy of a session; `adaptsim rollouts list` lists rollouts.
+
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
+    from dataclasses import replace
     from datetime import UTC, datetime
     from math import dist
     from tempfile import TemporaryDirectory
 
     from adaptsim_cli import config
+    from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import single
+    from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.wiring import session as wiring
+    from adaptsim_cli.wiring.best import best_of
     from sim.tasks import get_task
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
     screen = console.Screen(as_json=as_json)
-    name = f"{resolved.config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+    settings = resolved.config
+    if best != (session is not None):
+        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
+    if session is not None:
+        if param or task:
+            raise UsageError("--best takes task and parameters from the session: leave --task and --param out")
+        found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        param, settings = found.as_typed(), found.config
+        changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
+        settings = replace(settings, **{key: getattr(resolved.config, key) for key in changed})
+    name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [])
-    single.typed(get_task(resolved.config.task), chosen)  # refused before anything is loaded or connected
-    with TemporaryDirectory() as learnt, wiring.open_parts(resolved.config, Path(learnt)) as parts:
-        record = single.rollout(resolved.config, parts, chosen, screen, folder.absolute(), yes=yes)
+    single.typed(get_task(settings.task), chosen)  # refused before anything is loaded or connected
+    with TemporaryDirectory() as learnt, wiring.open_parts(settings, Path(learnt)) as parts:
+        record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes)
     if as_json:
         screen.data(record)
     outcome = record["outcome"].replace("_", " ")

@@ -6,31 +6,45 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="Look at stored sessions, check their files, have a trial redone.", no_args_is_help=True)
+from adaptsim_cli.commands import keeping
+
+app = typer.Typer(help="Look at stored sessions, check, keep, prune and export them.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name of the session.")]
 
 
 @app.command("list")
-def list_sessions(as_json: _Json = False) -> None:
-    """List all sessions, newest last.
+def list_sessions(
+    task: Annotated[str | None, typer.Option("--task", help="Only those of this task.")] = None,
+    tag: Annotated[str | None, typer.Option("--tag", help="Only those with this tag.")] = None,
+    archived: Annotated[bool, typer.Option("--archived", help="Those in the archive.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """List all sessions, newest last: task, world, verdict, trials, size, notes and tags.
 
     Example: adaptsim sessions list
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, store, summary
+    from adaptsim_cli.session import listing, store, summary
+    from adaptsim_cli.session.keeping import archive_of
 
     root = config.load().places.sessions
+    root = archive_of(root) if archived else root
     found = [summary.overview_or_damage(root, name) for name in store.names(root)]
+    if task is not None:
+        found = [one for one in found if "error" in one or one["task"] == task]
+    if tag is not None:
+        found = [one for one in found if "error" in one or tag in one["tags"]]
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(found)
     elif found:
-        screen.show(shows.sessions(found))
+        screen.show(listing.sessions(found))
     else:
-        screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
+        chosen = " that were asked for" if task is not None or tag is not None else ""
+        screen.plain(f"No sessions{chosen} in {root}. Begin one: adaptsim run-iteration --task scooping")
 
 
 @app.command()
@@ -106,3 +120,6 @@ def redo(
         screen.data({"session": name, "trial": trial, "next_attempt": attempt})
     else:
         screen.plain(f"Trial {trial} of {name} will be done again: adaptsim run-iteration --session {name}")
+
+
+keeping.add_to(app)

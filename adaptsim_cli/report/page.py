@@ -237,8 +237,8 @@ def _iteration(store: SessionStore, iteration: int, known: Judgement | None) -> 
 
 def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) -> TrialView:
     folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
-    strip = tuple(Still(m.label, m.t_s, _image(folder / m.file)) for m in record.moments)
-    overlay = _image(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
+    strip = tuple(Still(m.label, m.t_s, picture(folder / m.file)) for m in record.moments)
+    overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
     context = _quantities(_described(facts, facts.context), record.context)
     action = _quantities(_described(facts, facts.action), record.action)
@@ -298,5 +298,6 @@ def _named(facts: Facts, params: Mapping[str, float]) -> str:
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 
 
-def _image(path: Path) -> str:
+def picture(path: Path) -> str:
+    """A JPEG as a data URL."""
     return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()

@@ -133,3 +133,36 @@ def _limits(values: Array) -> tuple[float, float]:
 
 def _size(x: Scale, y: Scale, corners: Array) -> tuple[float, float]:
     return x(corners[1, 0]) - x(corners[0, 0]), y(corners[0, 1]) - y(corners[1, 1])
+
+
+def one_path(track_m: Array, goal_m: Sequence[float] | None, width: float = WIDE) -> str:
+    """One tracked path (N, 2 or more) seen from above, and its goal."""
+    points = track_m[:, :2] if goal_m is None else np.concatenate([track_m[:, :2], np.array([goal_m])])
+    low, high = points.min(axis=0) - 0.02, points.max(axis=0) + 0.02
+    left, right, top = 52.0, width - 8.0, 12.0
+    per_m = min((right - left) / (high[0] - low[0]), 320.0 / (high[1] - low[1]))
+    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
+    canvas = Canvas(width, bottom + 44, "Tracked path on the table, seen from above")
+    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
+    canvas.rect(left, top, right - left, bottom - top, "table", 6)
+    canvas.grid(x, y)
+    canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
+    pixels = _pixels(x, y, track_m[:, 0], track_m[:, 1])
+    canvas.curve(pixels, "track c0", "the tracked centre")
+    canvas.dot(*pixels[0], 3, "dot open c0", "start")
+    canvas.dot(*pixels[-1], 4.5, "dot c0", "end")
+    if goal_m is not None:
+        gx, gy = x(goal_m[0]), y(goal_m[1])
+        for rise in (-5.0, 5.0):
+            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], "track c0", "goal")
+    return canvas.svg()
+
+
+def one_curve(t_s: Array, values: Array, label: str, width: float = WIDE) -> str:
+    """One quantity (N,) of a track against time."""
+    canvas = Canvas(width, 240, f"{label} over time")
+    x, y = Scale(0.0, float(t_s[-1]), 48.0, width - 8.0), Scale(*_limits(values), 196.0, 12.0)
+    canvas.grid(x, y)
+    canvas.text((40.0 + width) / 2, 232.0, "time in s", anchor="middle")
+    canvas.curve(_pixels(x, y, t_s, values), "track c0", label)
+    return canvas.svg()

@@ -112,6 +112,11 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
                 f"session {store.facts.name!r} was begun with {key} = {was}, not {asked}; leave the flag out to "
                 "continue it, or name another --session"
             )
+    return settings_of(store, config)
+
+
+def settings_of(store: SessionStore, config: Config) -> Config:
+    """The settings that a session was begun with; those that it does not freeze are of `config`."""
     return replace(config, **{key: getattr(store.facts, key) for key in _FROZEN})
 
 

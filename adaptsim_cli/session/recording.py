@@ -126,7 +126,12 @@ def _mcap(topics: Mapping[str, str], messages: Sequence[Message], attached: Mapp
 
 
 def read(path: Path) -> Recording:
-    """Read a recording back. Raises SessionError naming the file when it is corrupt."""
+    """Read a recording back. Raises SessionError naming the file when it is corrupt, or was pruned."""
+    if not path.exists() and path.with_name("pruned.json").exists():
+        raise SessionError(
+            f"{path} was removed with adaptsim sessions prune, to make room: the numbers and key moments of this trial "
+            "are there, its recording is not. Restore it from a copy"
+        )
     try:
         with path.open("rb") as stream:
             return _read(make_reader(stream, validate_crcs=True))

@@ -213,6 +213,13 @@ class Note(Record):
     text: str
 
 
+class Pruned(Record):
+    """pruned.json beside a trial: recordings that were removed to make room, with their sizes in bytes."""
+
+    at: str  # ISO 8601
+    files: dict[str, int]
+
+
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 

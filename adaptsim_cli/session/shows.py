@@ -129,25 +129,6 @@ def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
 
 
-def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
-    """The table of `sessions list`, and below it what is damaged."""
-    whole = [s for s in found if "error" not in s]
-    body = [
-        (
-            str(s["session"]),
-            str(s["hw"]),
-            str(s["iterations"]),
-            str(s["trials"]),
-            "–" if s["mean_reward"] is None else f"{s['mean_reward']:.2f}",
-            str(s["created"])[:16].replace("T", " "),
-        )
-        for s in whole
-    ]
-    table = views.rows(("session", "hw", "iterations", "trials", "mean reward", "begun"), body, right=(2, 3, 4))
-    damaged = [Text.assemble((str(s["session"]), "bold"), f" {s['error']}") for s in found if "error" in s]
-    return Group(table, *damaged)
-
-
 def verified(checked: Sequence[Verified]) -> RenderableType:
     """The table of `sessions verify`, and below it every damaged file."""
     body = [

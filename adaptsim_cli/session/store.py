@@ -12,7 +12,7 @@ from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Facts, MotionRecord, Note, ResultRecord, SessionStart, TrialRecord
+from adaptsim_cli.session.records import Facts, MotionRecord, Note, Pruned, ResultRecord, SessionStart, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked
@@ -21,8 +21,8 @@ _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
 FACTS, START = "session.toml", "start.json"
-MOTION, TRIAL = "motion.json", "trial.json"
-"""The records of a trial: of its motion, and of what it led to."""
+MOTION, TRIAL, PRUNED = "motion.json", "trial.json", "pruned.json"
+"""The records of a trial: of its motion, of what it led to, and of recordings that were removed to make room."""
 RESULT, SUMMARY = "result.json", "summary.json"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -98,10 +98,16 @@ class SessionStore:
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
         folder = self.trial_folder(iteration, key)
-        record = records.read(TrialRecord, folder / TRIAL)
+        record, pruned = records.read(TrialRecord, folder / TRIAL), self.pruned(folder)
         for name, size in record.files.items():
-            records.require_size(folder / name, size)
+            if name not in pruned:
+                records.require_size(folder / name, size)
         return record
+
+    def pruned(self, folder: Path) -> dict[str, int]:
+        """Recordings that were removed from a trial's folder to make room, with their sizes. Raises SessionError."""
+        path = folder / PRUNED
+        return records.read(Pruned, path, must_be_sealed=True).files if path.exists() else {}
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
         """The completed trials of an iteration that count, in order."""

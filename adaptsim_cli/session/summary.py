@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import Facts, ResultRecord, Row, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.method import Particle
@@ -63,7 +64,8 @@ def overview(store: SessionStore) -> dict[str, Any]:
     """One session in one line. Raises SessionError."""
     facts, iterations = store.facts, store.iterations()
     rewards = [trial.reward for i in range(iterations) for trial in store.trials(i)]
-    complete = sum(store.result(i) is not None for i in range(iterations))
+    results = [result for i in range(iterations) if (result := store.result(i)) is not None]
+    last, said = (results[-1] if results else None), about(store.folder)
     return {
         "session": facts.name,
         "task": facts.task,
@@ -72,9 +74,13 @@ def overview(store: SessionStore) -> dict[str, Any]:
         "method": facts.method,
         "seed": facts.seed,
         "created": facts.created,
-        "iterations": complete,
+        "iterations": len(results),
         "trials": len(rewards),
         "mean_reward": float(np.mean(rewards)) if rewards else None,
+        "verdict": "" if last is None else last.verdict,
+        "size_bytes": size_bytes(store.folder),
+        "note": said.note,
+        "tags": list(said.tags),
     }
 
 

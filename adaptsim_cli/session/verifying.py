@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, records
+from adaptsim_cli.session.keeping import ABOUT, About
 from adaptsim_cli.session.records import SEALED_SINCE, AnyRecord, MotionRecord, Note, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import MOTION, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
 from sim.storage.files import sha256
 
 T = TypeVar("T")
@@ -58,6 +59,8 @@ class _Examination:
 
     def session(self, store: SessionStore) -> None:
         self._count(is_checked=self.is_sealed, files=2)  # session.toml and start.json: they were read to open it
+        if (store.folder / ABOUT).exists():
+            self._record(About, store.folder / ABOUT)
         for folder in store.entries():
             for entry in entries(folder):
                 if entry.is_file():
@@ -65,7 +68,7 @@ class _Examination:
                 elif (entry / RESULT).exists():
                     self._result(entry)
                 else:
-                    self._trial(entry)
+                    self._trial(store, entry)
         self._look(_require_trials, store)
 
     def _result(self, folder: Path) -> None:
@@ -73,18 +76,24 @@ class _Examination:
         if result is not None:
             self._files(folder, {SUMMARY: result.summary_sha256} if result.summary_sha256 else {})
 
-    def _trial(self, folder: Path) -> None:
+    def _trial(self, store: SessionStore, folder: Path) -> None:
         motion = self._record(MotionRecord, folder / MOTION)
-        checksums = {} if motion is None else motion.checksums
+        pruned = self._look(store.pruned, folder) or {}
+        if (folder / PRUNED).exists():
+            self._count(is_checked=True)
+        recorded = {} if motion is None else motion.checksums
+        checksums = {name: checksum for name, checksum in recorded.items() if name not in pruned}
         if not (folder / TRIAL).exists():  # what tracking derives is made again; what was recorded has to be whole
             self._files(folder, checksums, is_complete=False)
         elif (trial := self._record(TrialRecord, folder / TRIAL)) is not None:
             for name, size in trial.files.items():
-                self._look(records.require_size, folder / name, size)
-            self._files(folder, checksums | trial.checksums)
+                if name not in pruned:
+                    self._look(records.require_size, folder / name, size)
+            derived = {name: checksum for name, checksum in trial.checksums.items() if name not in pruned}
+            self._files(folder, checksums | derived)
 
     def _files(self, folder: Path, checksums: Mapping[str, str], *, is_complete: bool = True) -> None:
-        there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT}
+        there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT, PRUNED}
         for name in sorted(there | set(checksums)):
             if name in checksums or is_complete or not self.is_sealed:
                 self._count(is_checked=name in checksums)

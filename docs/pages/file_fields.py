@@ -65,6 +65,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
+    ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
+    ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
     ("rig.json", "Beside a trial on a real rig.", (("", "adaptsim_cli.session.records", "RigFacts"),)),
     (
         "result.json",

@@ -1,0 +1,62 @@
+"""`adaptsim rollouts list/report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Look at stored rollouts: single trials that belong to no session.", no_args_is_help=True)
+
+_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+
+@app.command("list")
+def list_rollouts(as_json: _Json = False) -> None:
+    """List all rollouts, newest last.
+
+    Example: adaptsim rollouts list
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import listing, rollouts
+
+    root = config.load().places.data / rollouts.FOLDER
+    found = [rollouts.overview(root, name) for name in rollouts.names(root)]
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data(found)
+    elif found:
+        screen.show(listing.rollouts(found))
+    else:
+        screen.plain(f"No rollouts yet in {root}. Make one: adaptsim rollout --task scooping --yes")
+
+
+@app.command()
+def report(
+    name: Annotated[str | None, typer.Argument(help="Name of the rollout; the newest where it is left out.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Write one self-contained HTML page of a rollout: path, camera frames, numbers.
+
+    Example: adaptsim rollouts report
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.errors import SessionError
+    from adaptsim_cli.report import rollout as page
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import rollouts
+
+    root = config.load().places.data / rollouts.FOLDER
+    known = rollouts.names(root)
+    if name is None and not known:
+        raise SessionError(f"there are no rollouts in {root} yet; make one with adaptsim rollout")
+    chosen = known[-1] if name is None else name
+    path = page.write(rollouts.record_of(root, chosen), root / chosen, out)
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data({"rollout": chosen, "report": str(path)})
+    else:
+        screen.plain(f"Report: {path}")

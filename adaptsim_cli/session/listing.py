@@ -1,0 +1,75 @@
+"""The lists of sessions and of rollouts, as a person reads them: a name is never broken."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from adaptsim_cli.screen import views
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+    """Sessions with what they are, how far they are and what came of them; below, those that are damaged."""
+    whole = [part for s in found if "error" not in s for part in _session(s)]
+    damaged = [Text.assemble((str(s["session"]), "bold"), f" {s['error']}") for s in found if "error" in s]
+    return Group(*whole, *damaged)
+
+
+def rollouts(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+    """Rollouts with outcome and reward, one below the other."""
+    return Group(*(part for r in found for part in _rollout(r)))
+
+
+def size(count: int) -> str:
+    """Bytes as people read them."""
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB" if count >= 1e6 else "under 1 MB"
+
+
+def _session(s: Mapping[str, Any]) -> list[RenderableType]:
+    where = f"world {str(s['world']).split('/')[-1]}" if s["world"] else f"REAL ROBOT {s['hw']}"
+    reward = "no reward yet" if s["mean_reward"] is None else f"mean reward {s['mean_reward']:.2f}"
+    facts = (
+        str(s["task"]),
+        where,
+        str(s["method"]),
+        f"{_count(s['iterations'], 'iteration')}, {_count(s['trials'], 'trial')}",
+        reward,
+        size(s["size_bytes"]),
+        str(s["created"])[:16].replace("T", " "),
+    )
+    lines: list[RenderableType] = [_name(str(s["session"]), s["tags"]), _joined(facts)]
+    if s["verdict"]:
+        lines.append(views.indent(Text(re.split(r"[:(]", str(s["verdict"]))[0].strip().rstrip("."))))
+    if s["note"]:
+        lines.append(views.indent(Text(str(s["note"]), style="italic")))
+    return lines
+
+
+def _rollout(r: Mapping[str, Any]) -> list[RenderableType]:
+    if "error" in r:
+        return [Text.assemble((str(r["rollout"]), "bold"), f" {r['error']}")]
+    where = f"world {str(r['world']).split('/')[-1]}" if r["world"] else f"REAL ROBOT {r['hw']}"
+    outcome = str(r["outcome"]).replace("_", " ")
+    facts = (str(r["task"]), where, f"{outcome}, reward {r['reward']:.2f}", size(r["size_bytes"]))
+    return [_name(str(r["rollout"]), ()), _joined((*facts, str(r["when"])[:16].replace("T", " ")))]
+
+
+def _name(name: str, tags: Sequence[str]) -> Text:
+    text = Text(name, style="bold", no_wrap=True, overflow="ignore")
+    for tag in tags:
+        text.append(f"  #{tag}", style="magenta")
+    return text
+
+
+def _joined(facts: Sequence[str]) -> RenderableType:
+    return views.indent(Text(" · ".join(fact.replace(" ", NO_BREAK) for fact in facts), style="dim"))
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"

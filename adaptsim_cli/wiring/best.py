@@ -1,0 +1,115 @@
+"""The best policy of a session, by the session's name: to be run, and to be exported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptsim_cli.config import Config
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.session.conduct import settings_of
+from adaptsim_cli.session.records import as_records, as_row
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.wiring.hindsight import checkpoint_of_session
+
+if TYPE_CHECKING:
+    from sim.tasks.task import Task
+    from sim.types import Space
+
+FORMAT = 1
+A_SIDE, MOST = 9, 81
+"""Contexts at which a policy is exported: so many along each of two quantities, so many in all of more."""
+
+
+@dataclass(frozen=True)
+class BestOfSession:
+    """The parameters that a session would go with, and its settings."""
+
+    config: Config
+    parameters: dict[str, float]
+
+    def as_typed(self) -> list[str]:
+        """The parameters as `--param` takes them."""
+        return [f"{name}={value!r}" for name, value in self.parameters.items()]
+
+
+def best_of(store: SessionStore, config: Config) -> BestOfSession:
+    """Of the last complete iteration. Raises SessionError before the first, UsageError where parameters decide nothing.
+
+    `config` gives the settings that a session does not freeze.
+    """
+    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    name = store.facts.name
+    if not results:
+        raise SessionError(
+            f"session {name} has no complete iteration yet, so no best policy: adaptsim run-iteration --session {name}"
+        )
+    found = settings_of(store, config)
+    _require_parameters(store)
+    return BestOfSession(found, results[-1].best.params)
+
+
+def export(store: SessionStore) -> dict[str, Any]:
+    """The best policy as a table of contexts and actions, for JSON.
+
+    Raises SessionError, UsageError, CheckpointError.
+    """
+    from adaptsim_cli import config
+    from sim.solvers.solver import policy_for
+
+    best = best_of(store, config.load().config)
+    checkpoint = checkpoint_of_session(store)
+    task = checkpoint.solver.task
+    parameters = np.array([[best.parameters[name] for name in task.parameters.names]])
+    policy = policy_for(checkpoint.solver, parameters)
+    contexts = contexts_of(task)
+    actions = policy.actions(contexts)
+    return {
+        "format": FORMAT,
+        "session": store.facts.name,
+        "task": task.name,
+        "checkpoint": store.facts.checkpoint,
+        "checkpoint_sha256": store.facts.checkpoint_sha256,
+        "parameters": best.parameters,
+        "quantities": {
+            "parameters": _described(task.parameters),
+            "context": _described(task.context),
+            "action": _described(task.action),
+        },
+        "contexts": [list(as_row(context)) for context in contexts],
+        "actions": [list(as_row(action)) for action in actions],
+    }
+
+
+def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """(G, c) contexts that cover the area of a task in order; one empty one where there is none."""
+    from sim.rollouts.draws import cover
+
+    size = len(task.context)
+    if size == 0:
+        return np.zeros((1, 0))
+    if size > 2:
+        return cover(task.context, MOST, np.random.default_rng(0))
+    steps: Sequence[Any] = [np.linspace(0.0, 1.0, A_SIDE)] * size
+    return task.context.denormalise(np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, size))
+
+
+def _described(space: Space) -> list[dict[str, Any]]:
+    words = {d.name: {"plain_name": d.plain, "meaning": d.meaning} for d in space.dimensions}
+    return [{**record.model_dump(mode="json"), **words[record.name]} for record in as_records(space)]
+
+
+def _require_parameters(store: SessionStore) -> None:
+    """Raises UsageError for a method that acts without a simulator: its trials are its policy."""
+    from sim.adaptation.method import OwnPolicies
+    from sim.adaptation.methods import make_method
+
+    checkpoint = checkpoint_of_session(store)
+    if isinstance(make_method(store.facts.method, checkpoint.solver.task, checkpoint), OwnPolicies):
+        raise UsageError(
+            f"session {store.facts.name} is of the method {store.facts.method}, whose policy follows from its trials "
+            "and not from parameters: its next iteration tries that policy"
+        )

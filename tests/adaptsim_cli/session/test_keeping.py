@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from toy_session import NAME, ScriptedOperator, attended, run
+
+from adaptsim_cli import app
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.session import keeping, recording
+from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.operator import Redo
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.verifying import verify
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of one iteration, in which the first trial was redone."""
+    home = tmp_path_factory.mktemp("keeping")
+    session = attended(home, ScriptedOperator(reviews=[Redo("touched")]))
+    run_iteration(session)
+    session.store.mark_shown(0, "2024-01-01T00:00:00+00:00")
+    return home
+
+
+@pytest.fixture
+def root(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    return tmp_path / "data/sessions"
+
+
+def recordings(root: Path) -> list[str]:
+    return sorted(str(path.relative_to(root)) for path in root.rglob("*.mcap"))
+
+
+def test_notes_and_tags_leave_every_seal_whole(root: Path) -> None:
+    before = verify(root, NAME)
+    keeping.annotate(root / NAME, note="  before the camera moved ", add=("paper", "olive"))
+    said = keeping.annotate(root / NAME, add=("paper",), remove=("olive",))
+    assert said == keeping.about(root / NAME)
+    assert (said.note, said.tags) == ("before the camera moved", ("paper",))
+    after = verify(root, NAME)
+    assert (after.damage, after.files) == ((), before.files + 1)
+    (root / NAME / keeping.ABOUT).write_text((root / NAME / keeping.ABOUT).read_text().replace("paper", "pepper"))
+    assert len(verify(root, NAME).damage) == 1
+
+
+@pytest.mark.parametrize(("add", "remove", "message"), [(("a b",), (), "use letters"), ((), ("x",), "has no tag 'x'")])
+def test_a_wrong_tag_is_refused(root: Path, add: tuple[str, ...], remove: tuple[str, ...], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        keeping.annotate(root / NAME, add=add, remove=remove)
+
+
+def test_an_archived_session_leaves_the_list_and_comes_back_whole(root: Path) -> None:
+    keeping.archive(root, NAME)
+    assert names(root) == ()
+    assert names(keeping.archive_of(root)) == (NAME,)
+    assert verify(keeping.archive_of(root), NAME).damage == ()
+    with pytest.raises(SessionError, match="there is no session"):
+        keeping.archive(root, NAME)
+    keeping.restore(root, NAME)
+    assert names(root) == (NAME,)
+    assert verify(root, NAME).damage == ()
+
+
+def test_nothing_takes_the_place_of_another_session(root: Path) -> None:
+    shutil.copytree(root / NAME, keeping.archive_of(root) / NAME)
+    with pytest.raises(UsageError, match="already"):
+        keeping.archive(root, NAME)
+    assert names(root) == (NAME,)
+
+
+def test_a_session_that_runs_is_not_moved_or_deleted(root: Path) -> None:
+    with SessionStore.open(root, NAME).locked():
+        for act in (keeping.archive, keeping.delete):
+            with pytest.raises(UsageError, match="run by another process"):
+                act(root, NAME)
+    assert names(root) == (NAME,)
+
+
+def test_a_deleted_session_is_gone(root: Path) -> None:
+    keeping.delete(root, NAME)
+    assert names(root) == ()
+    assert list(root.iterdir()) == [path for path in root.iterdir() if path.name == ".lock"]
+
+
+def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
+    store = SessionStore.open(root, NAME)
+    trials, had = store.trials(0), recordings(root)
+    room = keeping.prune(store, rejected_only=True)
+    assert (room.trials, room.files) == (1, 1)
+    assert [path for path in had if path not in recordings(root)] == [
+        f"{NAME}/iteration-00/trial-001-attempt-0/recording.mcap"
+    ]
+    room = keeping.prune(store)
+    assert room.trials == 4
+    assert recordings(root) == []
+    assert verify(root, NAME).damage == ()
+    assert store.trials(0) == trials
+    assert keeping.prune(store) == keeping.Room(0, 0, 0)
+    with pytest.raises(SessionError, match="removed with adaptsim sessions prune"):
+        recording.read(store.trial_folder(0, TrialKey(2, 0)) / recording.FILE)
+
+
+def test_a_recording_that_was_lost_is_still_damage_after_pruning(root: Path) -> None:
+    store = SessionStore.open(root, NAME)
+    keeping.prune(store, rejected_only=True)
+    (store.trial_folder(0, TrialKey(2, 0)) / recording.FILE).unlink()
+    assert "trial-002-attempt-0/recording.mcap" in verify(root, NAME).damage[0]
+
+
+def test_a_pruned_session_continues(root: Path) -> None:
+    keeping.prune(SessionStore.open(root, NAME))
+    store = run(root.parents[1])
+    assert store.iterations() == 2
+    assert len(store.trials(1)) == 4
+
+
+def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["sessions", "note", NAME, "the first one"]) == 0
+    assert app.run(["sessions", "tag", NAME, "paper"]) == 0
+    capsys.readouterr()
+    assert app.run(["sessions", "list", "--tag", "paper"]) == 0
+    said = capsys.readouterr().out
+    for part in (NAME, "#paper", "the first one", "toy", "4 trials", "It works"):
+        assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
+    assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1]) == []
+    assert app.run(["sessions", "archive", NAME]) == 0
+    assert app.run(["sessions", "list", "--archived", "--json"]) == 0
+    (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert one["size_bytes"] > 1000
+    assert one["verdict"] == "It works."
+
+
+@pytest.mark.parametrize("command", ["delete", "prune"])
+def test_what_cannot_be_undone_asks_first(root: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    had = recordings(root)
+    assert app.run(["sessions", command, NAME]) == 2, "nobody is there to be asked"
+    assert "--yes" in capsys.readouterr().err
+    assert recordings(root) == had
+    assert app.run(["sessions", command, NAME, "--yes"]) == 0
+    assert recordings(root) == []
+    assert names(root) == (() if command == "delete" else (NAME,))
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+def test_a_name_is_never_broken(
+    root: Path, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    long = "scooping-with-a-very-long-name-that-somebody-gave-it-on-a-friday"
+    (root / NAME).rename(root / long)
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert app.run(["sessions", "list"]) == 0
+    assert NAME in capsys.readouterr().out.splitlines()[0], "the name that the session was begun with"

@@ -1,0 +1,77 @@
+"""The best policy of a session by its name, and the rollouts that it makes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adaptsim_cli import api, app
+
+NAME = "study"
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("best")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ADAPTSIM_HOME", str(home))
+        for name, method in ((NAME, "adaptsim"), ("own", "learn-in-target")):
+            api.begin("pendulum", name=name, method=method).run_iteration()
+        api.begin("pendulum", name="empty")
+    return home
+
+
+@pytest.fixture(autouse=True)
+def there(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(home))
+
+
+def test_the_best_policy_runs_and_is_exported_by_name(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = api.open_session(NAME)
+    assert app.run(["rollout", "--session", NAME, "--best", "--yes", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["params"] == session.iterations[-1].best.params
+    assert list(record["action"].values()) == session.best_policy()(np.zeros(0)).tolist()
+
+    file = tmp_path / "policy.json"
+    assert app.run(["sessions", "policy", NAME, "--out", str(file)]) == 0
+    policy = json.loads(file.read_text())
+    assert policy["actions"] == [list(record["action"].values())]
+    assert [d["name"] for d in policy["quantities"]["action"]] == list(record["action"])
+    assert policy["quantities"]["parameters"][0]["unit"] == "kg"
+
+
+def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["rollout", "--task", "pendulum", "--yes"]) == 0
+    (home / "data/rollouts/scooping-broken").mkdir()
+    capsys.readouterr()
+    assert app.run(["rollouts", "list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    whole = [one for one in found if "error" not in one]
+    assert {one["task"] for one in whole} == {"pendulum"}
+    assert "was not tracked" in next(one["error"] for one in found if "error" in one)
+    assert app.run(["rollouts", "report", whole[-1]["rollout"]]) == 0
+    html = Path(capsys.readouterr().out.split("Report: ")[1].strip()).read_text()
+    assert "SIMULATED, world wd" in html
+    assert html.count('class="track c0"') >= 2
+    assert "http" not in html
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--best", "--yes"], "go together"),
+        (["--session", NAME, "--yes"], "go together"),
+        (["--session", NAME, "--best", "--param", "m1=1"], "leave --task and --param out"),
+        (["--session", "own", "--best", "--yes"], "whose policy follows from its trials"),
+        (["--session", "empty", "--best", "--yes"], "no complete iteration yet"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["rollout", *arguments]) in (2, 8)
+    assert message in " ".join(capsys.readouterr().err.split())

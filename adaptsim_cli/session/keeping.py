@@ -33,8 +33,8 @@ _TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,39}")
 class About(Record):
     """about.json: what a person says of a session. The only file of a session that is replaced."""
 
-    note: str = ""
-    tags: tuple[str, ...] = ()
+    note: str = ""  # one text, as a person wrote it
+    tags: tuple[str, ...] = ()  # for `sessions list --tag`
 
 
 @dataclass(frozen=True)

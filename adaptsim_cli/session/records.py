@@ -217,7 +217,7 @@ class Pruned(Record):
     """pruned.json beside a trial: recordings that were removed to make room, with their sizes in bytes."""
 
     at: str  # ISO 8601
-    files: dict[str, int]
+    files: dict[str, int]  # name -> size in bytes
 
 
 AnyRecord = TypeVar("AnyRecord", bound=Record)

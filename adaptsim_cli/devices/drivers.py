@@ -60,7 +60,7 @@ class Drivers:
 
 def makers_drivers() -> Drivers:
     """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names what is missing."""
-    from hw.camera.k4a import open_kinect
+    from hw.camera.process import open_kinect
     from hw.franka.arm import open_franka
     from hw.franka.hand_process import HandProcess
     from hw.serial import balance, enable_pedal

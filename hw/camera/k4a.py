@@ -25,22 +25,6 @@ MOST_LOST = 0.25
 _log = logging.getLogger(__name__)
 
 
-def open_kinect(
-    serial: str | None = None,
-    settings: ColourSettings | None = None,
-    *,
-    infrared: bool = False,
-    latency_s: float = 0.0,
-) -> KinectCamera:
-    """The camera with this serial number, or the only one; connects on entering.
-
-    `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing finds it;
-    half of the exposure is known and taken off by itself. With `infrared` every frame carries what the depth camera
-    sees, for calibrating.
-    """
-    return KinectCamera(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s)
-
-
 def probed_library() -> K4aLibrary:
     """libk4a, after a child process has shown that it can be loaded and sees a camera. Raises DeviceUnavailable."""
     report = probe_k4a()
@@ -75,19 +59,27 @@ class KinectCamera:
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable without library or camera, CameraError when it does not start."""
+        self.connect(lambda doing: None)
+        return self
+
+    def connect(self, progress: Callable[[str], None]) -> None:
+        """What entering does. `progress` is called with each step before it begins. Raises as entering does."""
+        progress("it looks for libk4a and its cameras")
         device = self._device = K4aDevice(self._library(), self._now_s)
         try:
+            progress("it opens the camera and reads its calibration")
             device.open(self._serial)
             self._model = device.model()
             self._settings = device.set_colour(self._wanted)
+            progress("it starts the depth engine")
             device.start(infrared=self._infrared)
+            progress("it waits for the first images")
             clock = DeviceClock(delay_s=0.5e-6 * self._settings.exposure_us + self._latency_s)
             self._grabber = Grabber(device.next_capture, clock, RATE_HZ)
             self._grabber.start()
         except BaseException:
             self.__exit__()
             raise
-        return self
 
     def __exit__(self, *exc: object) -> None:
         if self._grabber is not None:
@@ -138,7 +130,11 @@ class KinectCamera:
 
     def snapshot(self) -> Frame:
         """The first frame exposed from now on. Raises CameraError."""
-        return _frame(self._running.shot_after(self._now_s()))
+        return frame_of(self.shot())
+
+    def shot(self) -> TimedCapture:
+        """What a snapshot is made of. Raises CameraError."""
+        return self._running.shot_after(self._now_s())
 
     def start_recording(self) -> None:
         """Raises CameraError when one runs, or the camera is gone."""
@@ -146,18 +142,14 @@ class KinectCamera:
 
     def stop_recording(self) -> Sequence[Frame]:
         """Everything exposed since `start_recording`, decoded. Raises CameraError, also when too much was lost."""
+        film = self.end_film()
+        require_whole(film, self.model().serial)
+        return decoded(film.shots)
+
+    def end_film(self) -> Film:
+        """What a recording is made of, whatever it lacks. Raises CameraError when none runs, or the camera is gone."""
         film = self._film = self._running.film_until(self._now_s())
-        if film.dropped:
-            _log.warning("camera %s dropped %d of %d frames", self.model().serial, film.dropped,
-                         film.dropped + len(film.shots))  # fmt: skip
-        if not film.shots or film.lost > MOST_LOST:
-            raise CameraError(
-                f"the recording lacks {film.dropped} of {film.dropped + len(film.shots)} frames ({film.lost:.0%}, at "
-                f"most {MOST_LOST:.0%} may be missing; longest gap {film.longest_gap_s:.2f} s): give the camera a USB "
-                "controller of its own, close other programs, and do the trial again"
-            )
-        with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
-            return tuple(pool.map(_frame, film.shots))
+        return film
 
     @property
     def _running(self) -> Grabber:
@@ -166,8 +158,28 @@ class KinectCamera:
         return self._grabber
 
 
-def _frame(shot: TimedCapture) -> Frame:
+def frame_of(shot: TimedCapture) -> Frame:
+    """Decoded. Raises CameraError."""
     return shot.captured.frame(shot.t_s)
+
+
+def decoded(shots: Sequence[TimedCapture]) -> Sequence[Frame]:
+    """All of them, in order. Raises CameraError."""
+    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
+        return tuple(pool.map(frame_of, shots))
+
+
+def require_whole(film: Film, serial: str) -> None:
+    """Raises CameraError where too many images of a recording are missing; a few are a warning."""
+    every = film.dropped + len(film.shots)
+    if film.dropped:
+        _log.warning("camera %s dropped %d of %d frames", serial, film.dropped, every)
+    if not film.shots or film.lost > MOST_LOST:
+        raise CameraError(
+            f"the recording lacks {film.dropped} of {every} frames ({film.lost:.0%}, at most {MOST_LOST:.0%} may be "
+            f"missing; longest gap {film.longest_gap_s:.2f} s): give the camera a USB controller of its own, close "
+            "other programs, and do the trial again"
+        )
 
 
 def _closed() -> DeviceUnavailable:

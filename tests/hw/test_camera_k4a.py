@@ -9,8 +9,8 @@ import pytest
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanwhile, running
 
 from hw.camera import k4a_types as k4a
-from hw.camera.k4a import open_kinect
 from hw.camera.k4a_device import ColourSettings, model_of
+from hw.camera.process import open_kinect
 from hw.errors import CameraError, DeviceUnavailable
 
 LATENCY_S = DELAY_S - 0.5 * 8330e-6
@@ -193,11 +193,11 @@ def test_silence_ends_a_wait_for_a_frame() -> None:
 
 
 def test_out_of_turn() -> None:
-    camera = open_kinect("A1")
-    with pytest.raises(DeviceUnavailable, match="not connected"):
-        camera.snapshot()
-    with pytest.raises(DeviceUnavailable, match="not connected"):
-        camera.model()
+    for closed in (open_kinect("A1"), camera_on(FakeK4a("A1"))):
+        with pytest.raises(DeviceUnavailable, match="not connected"):
+            closed.snapshot()
+        with pytest.raises(DeviceUnavailable, match="not connected"):
+            closed.model()
     fake = FakeK4a("A1")
     with running(fake) as camera:
         with pytest.raises(CameraError, match="not recording"):

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 import numpy as np
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library
 
-from hw.camera.k4a import KinectCamera, open_kinect
+from hw.camera.k4a import KinectCamera
 from hw.camera.k4a_device import ColourSettings
+from hw.camera.process import open_kinect
 from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError
 from hw.fake import FakeCamera
@@ -188,17 +189,7 @@ class StagedKinect:
 
 
 def _library() -> FakeK4a:
-    """A stand-in whose camera has the calibration that fits its images of 64 x 48 and 40 x 36."""
-    made = FakeK4a("A1")
-    raw = made.calibration
-    sizes = ((raw.color_camera_calibration, 64, 48), (raw.depth_camera_calibration, 40, 36))
-    for camera, width, height in sizes:
-        camera.resolution_width, camera.resolution_height = width, height
-        camera.intrinsics.parameters[:4] = [width / 2, height / 2, 60.0, 60.0]
-    for source in raw.extrinsics:
-        for pose in source:
-            pose.rotation[:] = np.eye(3).ravel().tolist()
-    return made
+    return kinect_library(FakeK4a("A1"))
 
 
 def kinect() -> Scene:

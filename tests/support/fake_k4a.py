@@ -311,3 +311,16 @@ def meanwhile(fake: FakeK4a, ask: Callable[[], Answer], *shown: Shown) -> Answer
         fake.clock.asked.wait()
         fake.show(*shown)
         return answer.result()
+
+
+def kinect_library(made: FakeK4a) -> FakeK4a:
+    """The stand-in with the calibration that fits its images of 64 x 48 and 40 x 36."""
+    raw = made.calibration
+    sizes = ((raw.color_camera_calibration, 64, 48), (raw.depth_camera_calibration, 40, 36))
+    for camera, width, height in sizes:
+        camera.resolution_width, camera.resolution_height = width, height
+        camera.intrinsics.parameters[:4] = [width / 2, height / 2, 60.0, 60.0]
+    for source in raw.extrinsics:
+        for pose in source:
+            pose.rotation[:] = np.eye(3).ravel().tolist()
+    return made

@@ -152,6 +152,9 @@ class Fr3Server(FrankaRobotServer):
         self._came: list[float] | None = None
         self._answered, self._dropped = 0, False
 
+    def _bind_children(self, hostname: str) -> None:
+        """The hand is `gripper_server.py`: franky-sim's takes one connection and answers no stopped command."""
+
     def start_motion(self, *mode: Any) -> None:
         self.moving, self.received = 0, []
         self.mark_after -= 1

@@ -1,0 +1,120 @@
+"""The camera in a process of its own: its answers, and a driver that hangs or ends the process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from hw.camera.k4a_device import ColourSettings
+from hw.camera.process import CameraProcess
+from hw.errors import CameraError, DeviceUnavailable
+
+SUPPORT = Path(__file__).parents[1] / "support"
+ANSWER_S = 3.0
+SLACK_S = 3.0
+"""For a busy machine."""
+
+Staged = Callable[..., CameraProcess]
+
+
+@pytest.fixture
+def staged(monkeypatch: pytest.MonkeyPatch) -> Staged:
+    def camera(wrong: str = "", step_s: float = 60.0) -> CameraProcess:
+        paths = [str(SUPPORT), str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+        monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
+        return CameraProcess(None, ColourSettings(), maker="staged_kinect:live", answer_s=ANSWER_S, step_s=step_s)
+
+    return camera
+
+
+def test_it_shows_and_records_and_leaves_no_process(staged: Staged) -> None:
+    with staged() as camera:
+        assert camera._child is not None
+        pid = camera._child.pid
+        before_s = time.monotonic()
+        frame = camera.snapshot()
+        assert frame.t_s > before_s
+        assert (frame.colour.shape, frame.depth_mm.shape) == ((48, 64, 3), (36, 40))
+        camera.start_recording()
+        with pytest.raises(CameraError, match="recording already"):
+            camera.start_recording()
+        time.sleep(0.5)
+        frames = camera.stop_recording()
+        assert len(frames) >= 8
+        assert all(later.t_s > earlier.t_s for earlier, later in pairwise(frames))
+        facts = camera.facts()
+        assert facts["serial"] == "A1"
+        assert facts["recording"]["frames"] == len(frames)
+        assert camera.film is not None
+        with pytest.raises(CameraError, match="not recording"):
+            camera.stop_recording()
+    assert not Path(f"/proc/{pid}").exists()
+    with pytest.raises(DeviceUnavailable, match="not connected"):
+        camera.snapshot()
+
+
+def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
+    staged: Staged, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = staged("hangs 40")
+    with camera:
+        camera.start_recording()
+        assert camera._child is not None
+        pid = camera._child.pid
+        time.sleep(1.2)
+        began_s = time.monotonic()
+        with pytest.raises(CameraError, match="driver has not answered for 3 s, and was ended"):
+            camera.stop_recording()
+        assert time.monotonic() - began_s < ANSWER_S + SLACK_S
+        assert not Path(f"/proc/{pid}").exists()
+        assert camera.model().serial == "A1"
+        assert "driver has not answered" in camera.facts()["ended"]
+        began_s = time.monotonic()
+        with pytest.raises(CameraError, match="run the command again"):
+            camera.stop_recording()
+        assert time.monotonic() - began_s < 0.5
+    monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", "")
+    with camera:
+        camera.snapshot()
+
+
+def test_a_driver_that_hangs_while_it_opens_says_so_and_ends(staged: Staged, caplog: pytest.LogCaptureFixture) -> None:
+    with pytest.raises(
+        CameraError, match="for 15 s while it opens the camera and reads its calibration, and was ended"
+    ):
+        staged("hangs open", step_s=15.0).__enter__()
+    assert "silent for 3 s while it opens the camera" in caplog.text
+
+
+def test_a_driver_that_ends_its_process_takes_only_that_along(staged: Staged) -> None:
+    with staged("dies 40") as camera, pytest.raises(CameraError, match="process was ended with status 7"):
+        for _ in range(60):
+            camera.snapshot()
+
+
+def test_leaving_never_waits_for_a_driver_that_hangs(staged: Staged) -> None:
+    with staged("hangs 40"):
+        time.sleep(1.2)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 1.0 + SLACK_S
+
+
+def test_a_killed_program_takes_a_hanging_camera_along(staged: Staged) -> None:
+    with staged("hangs 40") as camera:
+        assert camera._child is not None
+        keeper = camera._child
+        time.sleep(1.2)
+        os.close(keeper._say)  # what the system does with a program that was killed
+        began_s = time.monotonic()
+        while keeper.alive:
+            assert time.monotonic() - began_s < 20.0
+            time.sleep(0.05)
+        keeper._say = os.open(os.devnull, os.O_WRONLY)
+    assert keeper._process.returncode in (1, -signal.SIGKILL)

@@ -35,13 +35,22 @@ def pretrain(
     out: Annotated[
         Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
     ] = None,
+    methods: Annotated[
+        bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
+    ] = False,
+    evaluate: Annotated[
+        bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
+    ] = False,
     report: Annotated[
-        bool, typer.Option("--report", help="Evaluate on true rollouts: a document with figures.")
+        bool, typer.Option("--report", help="A document with figures; includes --methods and --evaluate.")
     ] = False,
     docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
 ) -> None:
-    """Phase 1: simulate a dataset, fit the emulator, train the adaptation policy, write a checkpoint.
+    """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
+
+    This is what adaptsim-belief needs. --methods adds the paper's adaptation policies, and --evaluate judges; both
+    take longer than all the rest. They may be asked for later: the same command with them goes on from what is there.
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
@@ -58,18 +67,23 @@ def pretrain(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import checkpoints, pretraining, verification
+    from sim.pretraining.pipeline import Wanted
 
     if docs is not None and not report:
         raise UsageError("--docs says where the report goes: add --report")
+    if steps is not None and not (methods or report):
+        raise UsageError("--steps says how much the adaptation policies learn from: add --methods")
+    if judged is not None and not (evaluate or report):
+        raise UsageError("--judged says on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
         if report and out is not None and verification.is_finished(out):
             folder = out / "checkpoint"
         else:
-            folder = pretraining.pretrain(
-                resolved, out, budget, targets, pretraining.Sizes(rollouts, denser, steps, judged), crew, progress
-            )
+            sizes = pretraining.Sizes(rollouts, denser, steps, judged)
+            wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
+            folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
         document = None
         if report:
             of = checkpoints.task_of(resolved.config)

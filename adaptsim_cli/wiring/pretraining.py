@@ -17,7 +17,7 @@ from adaptsim_cli.storage.locking import locked
 from adaptsim_cli.wiring.checkpoints import task_of
 
 if TYPE_CHECKING:
-    from sim.pretraining.pipeline import PretrainBudget
+    from sim.pretraining.pipeline import PretrainBudget, Wanted
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ def pretrain(
     sizes: Sizes,
     executor: Executor,
     progress: Callable[[str, int, int], None],
+    wanted: Wanted,
 ) -> Path:
     """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
 
@@ -94,7 +95,7 @@ def pretrain(
         locked(folder, f"another pretraining is at work in {folder}: wait for it, or give another --out"),
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
-        return pretrain(task, folder, chosen, config.seed, executor, progress, solver)
+        return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:

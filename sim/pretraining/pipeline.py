@@ -1,4 +1,4 @@
-"""Phase 1: dataset, emulator, adaptation policies, evaluation, checkpoint. Each stage resumes after a kill.
+"""Phase 1: dataset, emulator, prospects, and where asked for policies and evaluation. Each stage resumes after a kill.
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
 
@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 from hw.bounded import Unreadable
-from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.checkpoint import CARD, read_card, save_checkpoint
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
@@ -62,9 +62,20 @@ BELIEF, RANDOM = "adaptsim-belief", "random"
 """What the evaluation compares, by the names of `sim.adaptation.methods.METHODS`."""
 COMPARED = len(NETWORKS) + 2
 
-STAGES = ("dataset", "emulator", "adaptation policy", "further policies", "prospects", "evaluation", "checkpoint")
+STAGES = ("dataset", "emulator", "prospects", "adaptation policy", "further policies", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """Stands in for the first two stages."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The stages that not every checkpoint needs. A folder that was made without them can be given them later."""
+
+    policies: bool = True  # the paper's adaptation policy and the further ones; NAF's checkpoints always have them
+    evaluation: bool = True  # sessions of what there is, on unseen targets
+
+
+EVERYTHING = Wanted()
 
 
 @dataclass(frozen=True)
@@ -95,14 +106,15 @@ class PretrainBudget:
         """The same, trained and judged on this kind of targets."""
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
-    def uncached(self, task: Task) -> int:
+    def uncached(self, task: Task, wanted: Wanted = EVERYTHING) -> int:
         """Rollouts of training and evaluation that nothing counts; of the evaluation at most, since policies recur."""
         trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
         rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        return (rounds + rounds // horizon) * self.meta.parallel * trials + evaluated
+        trained = (rounds + rounds // horizon) * self.meta.parallel * trials
+        return wanted.policies * trained + wanted.evaluation * evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,35 +138,38 @@ def pretrain(
     executor: Executor,
     progress: StageProgress,
     solver: str = "emulator",
+    wanted: Wanted = EVERYTHING,
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
+    Without `wanted` stages it holds what belief needs, which `adaptsim` then stands for.
     Raises DatasetError when the folder holds another plan. Stop it at any time; the same call goes on.
     """
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
-        means = _exact(task, task.exact(task), budget, executor)
+        means = _exact(task, task.exact(task), budget, executor, wanted)
     elif solver == "naf":
         progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
         means = _by_naf(task, folder, budget, draws[0], executor)
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
-    with tensorboard(folder / "logs") as log:
-        networks = _policies(folder, means, budget, draws[2], progress, log)
     # With NAF there are none: without an emulator they would cost a simulation each.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
-    results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress)
+    networks: dict[MemoryName, QNetwork] = {}
+    facts: dict[str, Any] = {"seed": seed, "method": BELIEF if ahead else NETWORKS["iteration"]}
+    if wanted.policies or ahead is None or (folder / "policy.toml").exists():
+        with tensorboard(folder / "logs") as log:
+            networks = _policies(folder, means, budget, draws[2], progress, log)
+        facts["policy"] = read_report(folder / "policy.toml")
+    if wanted.evaluation or (folder / "evaluation.toml").exists():
+        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
+        facts |= {"evaluation": results, "method": best_method(results)}
     path = folder / "checkpoint"
-    if not (path / CARD).exists():
-        facts = {
-            "seed": seed,
-            "simulations": means.simulated(),
-            "policy": read_report(folder / "policy.toml"),
-            "evaluation": results,
-            "method": best_method(results),
-        }
+    stored = read_card(path, task.name) if (path / CARD).exists() else {}
+    if any(stored.get(key) != value for key, value in facts.items()):
+        facts["simulations"] = means.simulated()
         save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
     progress(STAGES[6], 1, 1)
     return path
@@ -165,10 +180,10 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
-def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor) -> _Means:
+def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, wanted: Wanted) -> _Means:
     facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
     roll = partial(run_many, task, executor=executor)
-    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task), facts)
+    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task, wanted), facts)
 
 
 def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
@@ -250,7 +265,7 @@ def _policies(
     episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
     if not all(path.exists() for path in (online, episodes, report)):
         network, curve, seen = train_adaptation(
-            means.new_solver(), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[2], i, n), log
+            means.new_solver(), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[3], i, n), log
         )
         save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
         save_tensors(online, network.state_dict())
@@ -259,10 +274,10 @@ def _policies(
         if not path.exists():
             seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
             network = learn_from(
-                task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[3], i, n)
+                task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[4], i, n)
             )
             save_tensors(path, network.state_dict())
-    for stage in STAGES[2:4]:
+    for stage in STAGES[3:5]:
         progress(stage, 1, 1)
     files: dict[MemoryName, Path] = {"iteration": online, **further}
     return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
@@ -273,9 +288,9 @@ def _prospects(
 ) -> Prospects:
     path = folder / "prospects.safetensors"
     if not path.exists():
-        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[4], i, n))
+        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
         save_tensors(path, ahead.tensors)
-    progress(STAGES[4], 1, 1)
+    progress(STAGES[2], 1, 1)
     return restore_prospects(means.task, load_tensors(path))
 
 
@@ -287,11 +302,14 @@ def _evaluation(
     budget: PretrainBudget,
     seed: int,
     progress: StageProgress,
+    *,
+    anew: bool,
 ) -> dict[str, Any]:
+    """`anew`: judge again where there are policies that came after the evaluation."""
     path, task = folder / "evaluation.toml", means.task
-    if not path.exists():
+    if not path.exists() or (anew and networks and not _has_policies(read_report(path))):
         methods: dict[str, Method] = {
-            name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items()
+            name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items() if memory in networks
         }
         methods[RANDOM] = RandomSearch(task)
         if ahead is not None:
@@ -302,6 +320,10 @@ def _evaluation(
         write_toml(path, asdict(results))
     progress(STAGES[5], 1, 1)
     return read_report(path)
+
+
+def _has_policies(evaluation: Mapping[str, Any]) -> bool:
+    return bool({score["name"] for score in evaluation["methods"]} & set(NETWORKS.values()))
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:

@@ -48,8 +48,8 @@ def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> QPol
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
     if memory not in checkpoint.networks:
         raise CheckpointError(
-            f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain again with "
-            f"`adaptsim pretrain --task {task.name}`"
+            f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain with "
+            f"`adaptsim pretrain --task {task.name} --methods`"
         )
     return QPolicy(task, checkpoint.networks[memory], memory)
 

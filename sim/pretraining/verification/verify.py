@@ -115,7 +115,8 @@ class Verification:
 
 def is_finished(folder: Path) -> bool:
     """Whether the folder holds all that `load_pretrained` wants."""
-    return (folder / "checkpoint" / CARD).exists() and (folder / "episodes.safetensors").exists()
+    needed = (f"checkpoint/{CARD}", "episodes.safetensors", "evaluation.toml")
+    return all((folder / name).exists() for name in needed)
 
 
 def load_pretrained(task: Task, folder: Path) -> Pretrained:
@@ -181,7 +182,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     drawn = len(made.dataset) if made.dataset is not None else 0
     counted = int(made.card["simulations"])
     evaluated = counted - drawn - episodes
-    simulations = dict(zip(STAGES, (drawn, 0, episodes, 0, 0, max(0, evaluated), 0), strict=True))
+    simulations = dict(zip(STAGES, (drawn, 0, 0, episodes, 0, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # which asks the simulator for every policy, in every stage
         together = StageCost("all stages, NAF's own rollouts included", counted, None)
         return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)

@@ -14,11 +14,11 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings
-from sim.errors import DatasetError, RolloutError
+from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.pretraining.episodes import EpisodeSettings, sparse, visit
 from sim.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.pretraining.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
-from sim.pretraining.pipeline import STAGES, PretrainBudget, pretrain
+from sim.pretraining.pipeline import EVERYTHING, STAGES, PretrainBudget, Wanted, pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
@@ -46,11 +46,17 @@ def cut_off(parameters, context, action, nuisance, unmodelled=None):
     return counting(parameters, context, action, nuisance, unmodelled)
 
 
-def run(folder, task=TOY, budget=TINY, seed=0):
+def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
     seen = []
     with serial_executor() as executor:
         path = pretrain(
-            task, folder, budget, seed, executor, lambda stage, done, total: seen.append((stage, done, total))
+            task,
+            folder,
+            budget,
+            seed,
+            executor,
+            lambda stage, done, total: seen.append((stage, done, total)),
+            wanted=wanted,
         )
     return path, seen
 
@@ -162,6 +168,31 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     assert dataset < checkpoint.card["simulations"] <= dataset + TINY.uncached(TOY)
     particles = make_method("adaptsim", TOY, checkpoint).start(2, np.random.default_rng(0))
     assert len(particles) == 2
+
+
+def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
+    path, seen = run(tmp_path, wanted=Wanted(policies=False, evaluation=False))
+    first = load_checkpoint(TOY, str(path))
+    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
+    assert first.card["simulations"] == TINY.rollouts + TINY.denser
+    assert first.method == "adaptsim-belief" and not first.networks and "evaluation" not in first.card
+    assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2
+    with pytest.raises(CheckpointError, match="--methods"):
+        make_method("adaptsim-iteration", TOY, first)
+
+    run(tmp_path, wanted=Wanted(policies=False))
+    judged = load_checkpoint(TOY, str(path))
+    assert {score["name"] for score in judged.card["evaluation"]["methods"]} == {"adaptsim-belief", "random"}
+
+    run(tmp_path, wanted=Wanted(evaluation=False))
+    taught = load_checkpoint(TOY, str(path))
+    assert taught.networks.keys() == {"iteration", "history", "state"}
+    assert taught.card["evaluation"] == judged.card["evaluation"]
+
+    run(tmp_path)
+    everything = load_checkpoint(TOY, str(path))
+    assert "adaptsim-iteration" in {score["name"] for score in everything.card["evaluation"]["methods"]}
+    assert everything.sha256 == taught.sha256
 
 
 def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):

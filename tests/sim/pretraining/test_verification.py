@@ -117,7 +117,7 @@ def test_replayed_episodes_earn_what_the_emulator_paid():
 def test_what_each_stage_took(folder):
     stages = {cost.stage: cost for cost in stage_costs(load_pretrained(TOY, folder))}
     assert stages[STAGES[0]].simulations == 1088
-    assert stages[STAGES[2]].simulations == 9 * 16 * 2
+    assert stages[STAGES[3]].simulations == 9 * 16 * 2
     assert stages[STAGES[5]].simulations > 0
     assert all(cost.wall_s >= 0.0 for cost in stages.values())
     (folder / TIMINGS).unlink()

@@ -33,6 +33,7 @@ from adaptsim_cli.commands import (
     touch_off,
     world_tables,
 )
+from adaptsim_cli.screen import loading
 
 EXIT_CODES = (
     "Exit codes: 0 done, 2 usage or configuration, 3 preflight failed, 4 motion refused by limits, 5 robot fault, "
@@ -67,6 +68,10 @@ app.add_typer(config.app, name="config")
 app.add_typer(lab.app, name="lab")
 
 
+_QUICK = frozenset(("-h", "--help", "--version"))
+"""Options after which nothing is loaded."""
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -89,6 +94,9 @@ def options(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code. A defect of the program itself leaves with its traceback."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if given and not _QUICK.intersection(given):
+        loading.say()
     try:
         code = app(arguments, standalone_mode=False, prog_name="adaptsim")
     except typer.TyperException as error:  # a wrong command line

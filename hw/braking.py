@@ -9,14 +9,17 @@ moment is checked before the motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hw.errors import MotionRefused
 from hw.joint_limits import derivatives
 from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
 EVERY_S = 0.02
@@ -123,4 +126,6 @@ def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactW
 
 def joint_spline(path: JointPath) -> CubicSpline:
     """The path between its samples: a cubic spline in rad over seconds, at rest at both ends."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and every task imports this module
+
     return CubicSpline(path.t_s, path.q_rad, bc_type="clamped")

@@ -19,7 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import loading, views
 from adaptsim_cli.screen.checks import Readiness
 
 
@@ -27,6 +27,7 @@ class Screen:
     """The terminal, or what stands for it."""
 
     def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
+        loading.clear()
         self._console = console or Console(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
 
@@ -119,6 +120,7 @@ def _left(spent_s: float, done: int, missing: int) -> str:
 
 def error(message: str) -> None:
     """One clear message on stderr, on a line of its own, and unbroken so that commands in it can be copied."""
+    loading.clear()
     console = Console(stderr=True, highlight=False, markup=False)
     if console.is_terminal:
         console.print()  # a ^C or a half-answered question may stand there

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from hw.types import Array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
@@ -70,6 +69,8 @@ def _ring(segments: int, width: float, z: float) -> Array:
 
 def _solid(vertices_m: Array) -> Piece:
     """Hull, volume and inertia: sums over the tetrahedra that the faces span with the centre."""
+    from scipy.spatial import ConvexHull  # noqa: PLC0415 - slow to import, and tasks are named without a piece
+
     hull = ConvexHull(vertices_m)
     triangles = hull.simplices.astype(np.int32)
     corners = vertices_m[triangles]  # (F, 3, 3)

@@ -15,8 +15,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 from hw.types import PATH_RATE_HZ, Array, ContactWindow
 from sim.tasks.scooping.params import CORNER_M, EDGE_M, NUISANCE, WRIST_IN_TOOL_M
@@ -83,6 +81,8 @@ def _lifted(height_m: Array) -> Array:
 
     if height_m.min() >= -DEPTH_LIMIT_M:
         return height_m
+    from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and tasks are named without planning
+
     return with_floor(brentq(lambda floor_m: with_floor(floor_m).min() + DEPTH_LIMIT_M, height_m.min(), DEPTH_LIMIT_M))
 
 
@@ -110,6 +110,8 @@ def _times() -> Array:
 @lru_cache(maxsize=1)
 def _profile() -> tuple[Array, Array]:
     """Wrist (x, z) (N, 2) from its start; pitch turned with pitch rate 0, and per unit of pitch rate (N, 2)."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as above
+
     unit = (np.arange(len(_KNOTS_S)) == 1).astype(float)
     rates = np.stack([_WRIST_VX_M_S, _WRIST_VZ_M_S, _PITCH_RATE_RAD_S, unit], axis=-1)
     moved = CubicSpline(_KNOTS_S, rates, bc_type="clamped").antiderivative()(_times())

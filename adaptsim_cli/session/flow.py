@@ -162,7 +162,7 @@ def adapt(session: Session, stage: Adapt) -> None:
     """Move the particles, train their task policies and store the result."""
     store, learner = session.store, session.parts.learner
     began = time.perf_counter()
-    history = history_of(store, stage.iteration)
+    history = history_of(session.parts.task, store, stage.iteration)
     with session.screen.busy("Adapting the simulation parameters"):
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         best, verdict = learner.judge(history, generator(session.seed, Draw.JUDGE, stage.iteration))
@@ -284,7 +284,7 @@ def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
 
 def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}"):
-        before = history_of(session.store, iteration - 1)
+        before = history_of(session.parts.task, session.store, iteration - 1)
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 

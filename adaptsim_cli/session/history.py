@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from adaptsim_cli.session.records import Samples
+from adaptsim_cli.session.records import Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.tasks.task import Task
 
 
 def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
@@ -20,14 +21,23 @@ def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
     return tuple(Particle(np.array(samples)) for samples in stored)
 
 
-def history_of(store: SessionStore, last: int) -> tuple[Iteration, ...]:
+def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
     """The trials that count of the iterations 0 to `last`, as learning sees them. Raises SessionError."""
 
     def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
-        chosen = (r for r in store.trials(iteration) if r.particle == particle)
-        return tuple(Trial(np.array(r.context), np.array(r.action), np.array(r.observation), r.reward) for r in chosen)
+        return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle)
 
     return tuple(
         tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))
         for i in range(last + 1)
+    )
+
+
+def _learnt_from(task: Task, record: TrialRecord) -> Trial:
+    return Trial(
+        context=np.array(record.context),
+        action=np.array(record.action),
+        observation=np.array(record.observation),
+        reward=record.reward,
+        end_state=task.end_of(record.track.track()),
     )

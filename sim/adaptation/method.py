@@ -38,6 +38,7 @@ class Trial:
     action: Array  # (a,) commanded, in units
     observation: Array  # (size,) normalised
     reward: float
+    end_state: Array | None  # (k,) of a success: what its reward depends on; None where it failed
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,11 +27,20 @@ SMOOTHED = 4
 """Rollouts of a table that stand together for what an action earns, where the best one is looked for."""
 
 
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What trials show."""
+
+    observations: Array  # (N, size) normalised, with the camera's noise
+    rewards: Array  # (N,)
+    ends: tuple[Array | None, ...]  # N end states of successes, (k,) each
+
+
 class Place(Protocol):
     """One world. Contexts (N, c) and commanded actions (N, a) in units; chance comes from the generator alone."""
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Trials: observations (N, size) with the camera's noise, rewards (N,)."""
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """Trials."""
         ...
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
@@ -50,11 +59,12 @@ class Simulated:
     solver: Solver
     world: World
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
         """See `Place`: true rollouts."""
-        tracks, seen = self._rolled(contexts, actions, rng), self.solver.task.observation
-        shown = np.stack([seen(track) for track in tracks])
-        return seen.with_noise(shown, rng), self._scores(tracks, contexts)
+        task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
+        shown = np.stack([task.observation(track) for track in tracks])
+        ends = tuple(map(task.end_of, tracks))
+        return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: true rollouts."""
@@ -82,17 +92,18 @@ class Tabled:
     task: Task
     table: WorldTable
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
         """See `Place`: from the half of the table that answers trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
-        there = task.relocate(results.observation[rows], contexts)
-        return task.observation.with_noise(there, rng), _rewards(task, results, rows, contexts)
+        found = results[rows]
+        seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
+        return Played(seen, found.rewards(task, contexts), found.ends())
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: from the half of the table that scores."""
         known, results = self._for_scores
-        return _rewards(self.task, results, self._nearest(known, self._executed(actions, rng)), contexts)
+        return results[self._nearest(known, self._executed(actions, rng))].rewards(self.task, contexts)
 
     def best_actions(self, contexts: Array) -> Array:
         """Of the table's own actions, each worth the mean over its nearest ones."""
@@ -101,7 +112,7 @@ class Tabled:
         together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]
         best = []
         for context in contexts:
-            earned = _rewards(self.task, results, np.arange(len(known)), np.tile(context, (len(known), 1)))
+            earned = results.rewards(self.task, np.tile(context, (len(known), 1)))
             best.append(int(np.argmax(earned[together].mean(axis=1))))
         return known[best]
 
@@ -121,8 +132,3 @@ class Tabled:
         gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
         return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
 
-
-def _rewards(task: Task, results: Rollouts, rows: NDArray[np.intp], contexts: Array) -> Array:
-    succeeded = results.succeeded[rows]
-    end = np.where(succeeded[:, None], results.end_state[rows], 0.0)
-    return np.where(succeeded, task.reward_of_success(end, contexts), 0.0)

@@ -128,7 +128,7 @@ def shown(task: Task, act: Commands, place: Place, n: int, seed: int) -> float:
     """Mean reward over `n` trials as sessions have them: for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
-    return float(place.play(contexts, act(contexts), rng)[1].mean())
+    return float(place.play(contexts, act(contexts), rng).rewards.mean())
 
 
 def _worthwhile(task: Task, n: int) -> int:
@@ -150,8 +150,9 @@ def _trials(
         _stream(seed, _Chance.CONTEXT, iteration, particle), task.adaptation.trials_per_iteration
     )
     actions = np.stack([policy(context) for context in contexts])
-    observations, rewards = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, iteration, particle))
-    return tuple(Trial(c, a, o, float(r)) for c, a, o, r in zip(contexts, actions, observations, rewards, strict=True))
+    seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, iteration, particle))
+    rows = zip(contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
+    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 
 
 def _stream(seed: int, chance: _Chance, *where: int) -> np.random.Generator:

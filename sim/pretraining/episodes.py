@@ -115,7 +115,9 @@ def simulated_trials(
     results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))
     seen = task.observation.with_noise(results.observation, rng)
     rewards = results.rewards(task, contexts)
-    return tuple(Trial(c, a, o, float(r)) for c, a, o, r in zip(contexts, actions, seen, rewards, strict=True))
+    ends = results.ends()
+    rows = zip(contexts, actions, seen, rewards, ends, strict=True)
+    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 
 
 def _rows(values: Array) -> Array:

@@ -80,6 +80,10 @@ class Rollouts:
         end = np.where(self.succeeded[:, None], self.end_state, 0.0)
         return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
 
+    def ends(self) -> tuple[Array | None, ...]:
+        """The end state (k,) of each success; None where it failed."""
+        return tuple(end if good else None for end, good in zip(self.end_state, self.succeeded, strict=True))
+
 
 Roll = Callable[[Requests], Rollouts]
 """Rollouts on request: true ones (`run_many` on some executor, or kept in a folder), or those of an emulator."""

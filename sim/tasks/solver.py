@@ -89,6 +89,13 @@ class ExpectationsOf(Protocol[T_co]):
         """(N, size) expected observations at the task's reference context, without camera noise."""
         ...
 
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
+
+        M opinions: those of an ensemble, or one.
+        """
+        ...
+
     @property
     def residual_std(self) -> Array:
         """(size,) spread of the errors of `trajectories`, normalised."""

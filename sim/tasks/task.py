@@ -233,6 +233,9 @@ class Task:
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""
-        if not self.succeeded(track):
-            return 0.0
-        return float(self.reward_of_success(self.end_state(track), context))
+        end = self.end_of(track)
+        return 0.0 if end is None else float(self.reward_of_success(end, context))
+
+    def end_of(self, track: ObjectTrack) -> Array | None:
+        """The end state (k,) of a success; None where it failed."""
+        return self.end_state(track) if self.succeeded(track) else None

@@ -63,7 +63,7 @@ def iteration(*tried: tuple[np.ndarray, list[float]]) -> Iteration:
     return tuple(
         ParticleTrials(
             Particle(mean[None]),
-            tuple(Trial(TOY.reference_context, TOY.action.low, np.zeros(size), reward) for reward in rewards),
+            tuple(Trial(TOY.reference_context, TOY.action.low, np.zeros(size), reward, None) for reward in rewards),
         )
         for mean, rewards in tried
     )

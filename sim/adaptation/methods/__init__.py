@@ -12,6 +12,7 @@ from sim.tasks.task import Task
 METHODS = {
     "adaptsim": "sim.adaptation.methods:make_default",
     "adaptsim-attainable": "sim.adaptation.methods.q_policy:create_attainable",
+    "adaptsim-joint": "sim.adaptation.methods.joint:create",
     "adaptsim-belief": "sim.adaptation.methods.belief:create",
     "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
     "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",

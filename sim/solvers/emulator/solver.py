@@ -167,6 +167,10 @@ class EmulatorSolver:
         """(N, size), the mean of the ensemble."""
         return self.emulator.predict(parameters, action, nuisance).observation
 
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """See `Emulator.outcomes`."""
+        return self.emulator.outcomes(parameters, action, nuisance)
+
     @property
     def residual_std(self) -> Array:
         """(size,) of held-out rollouts, normalised."""

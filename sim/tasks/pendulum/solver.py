@@ -69,6 +69,12 @@ class LqrSolver:
         """(N, 24)"""
         return observed_many(parameters, np.broadcast_to(action, (len(parameters), 8)))
 
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """Whether the loop is stable (1, ...), and the excess of the cost (1, ..., 1), 0 where it is not."""
+        spent = _excess(parameters, action)
+        stable = np.isfinite(spent)
+        return stable[None].astype(np.float64), np.where(stable, spent, 0.0)[None, ..., None]
+
     @property
     def residual_std(self) -> Array:
         """(24,) zero: its trajectories are the simulator's own."""
@@ -82,10 +88,14 @@ class LqrSolver:
 
 def rewards(parameters: Array, action: Array) -> Array:
     """(..., 4), (..., 8), broadcast -> (...): 0 where the loop is not stable."""
+    return np.asarray(reward_of_success(_excess(parameters, action)[..., None], np.zeros(0)))
+
+
+def _excess(parameters: Array, action: Array) -> Array:
+    """(..., 4), (..., 8), broadcast -> (...): infinite where the loop is not stable."""
     lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1])
     gains = np.broadcast_to(action, (*lead, INPUTS * STATES)).reshape(*lead, INPUTS, STATES)
-    spent = excess(np.broadcast_to(parameters, (*lead, STATES)), gains)
-    return np.asarray(reward_of_success(spent[..., None], np.zeros(0)))
+    return excess(np.broadcast_to(parameters, (*lead, STATES)), gains)
 
 
 _MISFIT_LIMIT = 2.7

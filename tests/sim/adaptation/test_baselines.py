@@ -39,7 +39,8 @@ def trial(parameters=TARGET, action=MIDDLE, reward=None, seed=0, context=(0.62, 
     context = np.array(context)
     track = simulate(parameters, context, action, np.zeros(1))
     seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
-    return Trial(context, action, seen, TOY.score(track, context) if reward is None else reward)
+    earned = TOY.score(track, context) if reward is None else reward
+    return Trial(context, action, seen, earned, TOY.end_of(track))
 
 
 def tried(unit, trials):

@@ -36,7 +36,8 @@ def trial(parameters, action, effects=None, reward=None, seed=0):
     context = np.array([0.62, 0.01])
     track = simulate(parameters, context, action, np.zeros(1), effects)
     seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
-    return Trial(context, action, seen, TOY.score(track, context) if reward is None else reward)
+    earned = TOY.score(track, context) if reward is None else reward
+    return Trial(context, action, seen, earned, TOY.end_of(track))
 
 
 def session(mean, trials):

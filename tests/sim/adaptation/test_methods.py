@@ -41,7 +41,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
             for context in TOY.context.sample(rng, 2):
                 track = TOY.simulate(parameters, context, policy(context), np.zeros(1), effects)
                 seen = TOY.observation.with_noise(TOY.observation(track), rng)
-                trials.append(Trial(context, policy(context), seen, TOY.score(track, context)))
+                trials.append(Trial(context, policy(context), seen, TOY.score(track, context), TOY.end_of(track)))
             tried.append(ParticleTrials(Particle(mean[None]), tuple(trials)))
         history.append(tuple(tried))
     return history
@@ -49,7 +49,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
 
 def visited(mean, seen, rewards=(0.0, 0.0)):
     """A session of one particle and one iteration: its mean, observations and rewards."""
-    trials = tuple(Trial(np.zeros(2), np.zeros(2), o, r) for o, r in zip(seen, rewards, strict=False))
+    trials = tuple(Trial(np.zeros(2), np.zeros(2), o, r, None) for o, r in zip(seen, rewards, strict=False))
     return [(ParticleTrials(Particle(mean[None]), trials),)]
 
 
@@ -117,7 +117,7 @@ def test_training_and_session_see_the_same_history():
             ParticleTrials(
                 Particle(means[0, j, k][None]),
                 tuple(
-                    Trial(np.zeros(2), np.zeros(2), o, float(r))
+                    Trial(np.zeros(2), np.zeros(2), o, float(r), None)
                     for o, r in zip(seen[0, j, k].reshape(2, size), rewards[0, j, k], strict=True)
                 ),
             )

@@ -119,7 +119,8 @@ def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rol
     table, _ = build(tmp_path, size=640)
     place, rng = Tabled(TOY, table), np.random.default_rng(0)
     contexts, actions = TOY.context.sample(rng, 200), TOY.action.sample(rng, 200)
-    observed, rewards = place.play(contexts, actions, rng)
+    played = place.play(contexts, actions, rng)
+    observed, rewards = played.observations, played.rewards
     tracks = [simulate(TRUTH, c, a, np.zeros(1), WORLD.unmodelled) for c, a in zip(contexts, actions, strict=True)]
     true = np.array([TOY.score(t, c) for t, c in zip(tracks, contexts, strict=True)])
     seen = np.stack([TOY.observation(t) for t in tracks])
@@ -129,7 +130,7 @@ def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rol
     assert judged.mean() == pytest.approx(true.mean(), abs=0.05)
     assert not np.array_equal(judged, rewards)
     known = place.table.half(odd=False)[0]
-    exact = Tabled(replace(TOY, action_noise=np.zeros(2)), table).play(contexts[:50], known[:50], rng)[1]
+    exact = Tabled(replace(TOY, action_noise=np.zeros(2)), table).play(contexts[:50], known[:50], rng).rewards
     assert np.array_equal(exact, table.half(odd=False)[1].rewards(TOY, TOY.reference_context[None])[:50])
 
 

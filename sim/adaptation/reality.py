@@ -1,0 +1,348 @@
+"""What a session knows of reality: simulators that may be true, and what reality adds to each of them.
+
+1. A *simulator* is the emulator at one set of parameters. Each trial weighs it: by its trajectory, by whether it
+   succeeded, and by where a success ended.
+2. Reality obeys no parameters exactly. What it adds to the chance of success and to the end state is a smooth function
+   of the action (`sim.adaptation.discrepancy`). A residual that several trials share is explained by it, and weighs
+   simulators only as far as it cannot.
+3. Many pairs of a simulator and of such functions are drawn. Each says what any action earns at any context; together
+   they say what is expected, and how sure that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.adaptation.discrepancy import Discrepancy, Scale
+from sim.adaptation.method import Trial
+from sim.adaptation.prospects import Prospects
+from sim.errors import NotExecutable
+from sim.rollouts.draws import Disturbances, cover, sobol
+from sim.solvers.misfit import LEAST_STD
+from sim.solvers.solver import Executable, Expectations
+from sim.tasks.task import Task
+
+SIMULATORS, KEPT = 1024, 48
+"""Sets of parameters that are weighed, and how many are drawn from them."""
+
+DRAWS = 4
+"""Of nuisance and action error, that every prediction is averaged over."""
+
+ACTIONS, REFINED = 256, 16
+"""Actions that fill their ranges, and those around a winner."""
+
+VALUES, FREEDOM = 4.0, 2.0
+"""A trajectory counts as so many independent values, with Student's t of so much freedom for their errors."""
+
+SUCCESS = Scale(level=0.1, local=0.25)
+"""What reality adds to the chance of success."""
+
+END = Scale(level=0.1, local=0.15)
+"""What it adds to the end state, in standard deviations of the end states that there are in the ranges."""
+
+LEAST_CHANCE_STD, LEAST_END_STD = 0.22, 0.02
+"""Noise of a single success and of a single end state, beside what the disturbances explain."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Predicted:
+    """What K simulators predict of N trials, averaged over the disturbances."""
+
+    log_likelihood: Array  # (N, K) of the trajectories
+    success: Array  # (N, K)
+    end: Array  # (N, K, k) in the unit of end states
+    spread: Array  # (N, K, k) variance of it over the disturbances
+
+
+@dataclass(frozen=True, eq=False)
+class Simulators:
+    """What a task's simulator predicts; shared by all that is asked during a session."""
+
+    expectations: Expectations
+    prospects: Prospects
+    _grid: dict[bytes, _Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
+
+    @property
+    def task(self) -> Task:
+        """The solver's."""
+        return self.expectations.task
+
+    @property
+    def truths(self) -> Array:
+        """(T, p), T at most `SIMULATORS`, that fill Omega and its margin: the first ones of the prospects."""
+        return self.prospects.truths[:SIMULATORS]
+
+    @cached_property
+    def disturbances(self) -> Disturbances:
+        """What every prediction is averaged over."""
+        chance = len(self.task.nuisance) or np.any(self.task.action_noise)
+        return Disturbances.evenly(self.task, DRAWS if chance else 1, np.random.default_rng(0))
+
+    @cached_property
+    def end_unit(self) -> Array:
+        """(k,) standard deviation of the end states over Omega and all actions, each as often as it earns."""
+        task, rng, n = self.task, np.random.default_rng(0), 2048
+        drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
+        success, end = self.expectations.outcomes(truths, self.actions(truths, n), drawn.nuisance)
+        ends = end.mean(axis=0)
+        earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
+        return np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
+
+    def actions(self, parameters: Array, n: int) -> Array:
+        """(A, a) that are worth comparing: `n` that fill their ranges; of an exact task, the best for `parameters`."""
+        task = self.task
+        if task.exact is None:
+            return cover(task.action, n, np.random.default_rng(0))
+        nowhere = np.asarray(task.reference_context)[None]
+        policies = task.exact(task).policies(parameters[:, None], np.random.default_rng(0))
+        return np.concatenate([policy.actions(nowhere) for policy in policies])
+
+    def on_grid(self, trials: Sequence[Trial]) -> _Predicted:
+        """What `truths` predict of trials; each trial is looked at once."""
+        for trial in trials:
+            if (key := _key(trial)) not in self._grid:
+                self._grid[key] = self.predict([trial], self.truths)
+        parts = [self._grid[_key(trial)] for trial in trials]
+        columns = ("log_likelihood", "success", "end", "spread")
+        return _Predicted(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+    def predict(self, trials: Sequence[Trial], parameters: Array) -> _Predicted:
+        """What the simulators at `parameters` (K, p) predict of N trials."""
+        task, drawn = self.task, self.disturbances
+        n, k, d = len(trials), len(parameters), len(drawn.error)
+        shape = (n, k, d)
+        where = np.broadcast_to(parameters[None, :, None], (*shape, parameters.shape[-1])).reshape(n * k * d, -1)
+        commanded = np.array([trial.action for trial in trials])[:, None, None]
+        executed = np.broadcast_to(commanded + drawn.error, (*shape, len(task.action))).reshape(n * k * d, -1)
+        nuisance = np.broadcast_to(drawn.nuisance, (*shape, len(task.nuisance))).reshape(n * k * d, -1)
+        success, end = self.expectations.outcomes(where, executed, nuisance)
+        chance = success.mean(axis=0).reshape(shape)
+        ends = np.nan_to_num(end.mean(axis=0).reshape(*shape, -1) / self.end_unit)
+        weight = (chance + 1e-6)[..., None]
+        mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
+        spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
+        paths = self.expectations.trajectories(where, executed, nuisance).reshape(*shape, -1)
+        return _Predicted(self._likelihood(trials, paths), chance.mean(axis=2), mean, spread)
+
+    def _likelihood(self, trials: Sequence[Trial], paths: Array) -> Array:
+        """(N, K, D, size) at the reference context -> (N, K) logarithms, up to a constant."""
+        task, seen = self.task, self.task.observation
+        camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
+        std = np.sqrt(camera**2 + self.expectations.residual_std**2 + LEAST_STD**2)
+        rows = []
+        for trial, path in zip(trials, paths, strict=True):
+            there = task.relocate(path, np.broadcast_to(trial.context, (*path.shape[:-1], len(task.context))))
+            expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
+            squared = (((expected - trial.observation) / std) ** 2).mean(axis=-1)
+            density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
+            rows.append(np.log(density.mean(axis=-1)))
+        return np.array(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Evidence:
+    """Trials, ready to weigh simulators and to condition what reality adds."""
+
+    simulators: Simulators
+    trials: tuple[Trial, ...]
+
+    @cached_property
+    def grid(self) -> Array:
+        """(T,) probabilities of `Simulators.truths`."""
+        return _weights(self.log_posterior(self.simulators.on_grid(self.trials)))
+
+    def log_posterior(self, predicted: _Predicted) -> Array:
+        """(K,) up to a constant; every set of parameters in the margin is as likely before."""
+        total = predicted.log_likelihood.sum(axis=0) + self.success.evidence(self.missed(predicted))
+        for axis, residuals in enumerate(self.off(predicted)):
+            total = total + self.ends[axis].evidence(residuals)
+        return np.asarray(total)
+
+    def missed(self, predicted: _Predicted) -> Array:
+        """(N, K) successes that were not predicted."""
+        return self._succeeded[:, None] - predicted.success
+
+    def off(self, predicted: _Predicted) -> list[Array]:
+        """For each number of an end state (successes, K): by how much it was off."""
+        shown = np.array([t.end_state for t in self.trials if t.end_state is not None]).reshape(-1, self._k)
+        residuals = shown[:, None] / self.simulators.end_unit - predicted.end[self._succeeded]
+        return [residuals[..., axis] for axis in range(self._k)]
+
+    @cached_property
+    def success(self) -> Discrepancy:
+        """Of the chance of success."""
+        expected = self._on_average.success @ self._by_path
+        return Discrepancy(SUCCESS, self._at, expected * (1.0 - expected) + LEAST_CHANCE_STD**2)
+
+    @cached_property
+    def ends(self) -> list[Discrepancy]:
+        """Of each number of the end state."""
+        spread = np.einsum("nkd,k->nd", self._on_average.spread[self._succeeded], self._by_path) + LEAST_END_STD**2
+        return [Discrepancy(END, self._at[self._succeeded], spread[:, axis]) for axis in range(self._k)]
+
+    @cached_property
+    def _on_average(self) -> _Predicted:
+        return self.simulators.on_grid(self.trials)
+
+    @cached_property
+    def _by_path(self) -> Array:
+        """(T,) weights by the trajectories alone: how noisy trials are is averaged with them."""
+        return _weights(self._on_average.log_likelihood.sum(axis=0))
+
+    @cached_property
+    def _at(self) -> Array:
+        return self.simulators.task.action.normalise(np.array([t.action for t in self.trials]))
+
+    @cached_property
+    def _succeeded(self) -> Array:
+        return np.array([t.end_state is not None for t in self.trials])
+
+    @property
+    def _k(self) -> int:
+        return len(self.simulators.end_unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Reality:
+    """What reality may be after some trials: `KEPT` draws of a simulator and of what is added to it, alike likely."""
+
+    simulators: Simulators
+    trials: tuple[Trial, ...]
+
+    @cached_property
+    def weights(self) -> Array:
+        """(T,) probabilities of `Simulators.truths`."""
+        if self._evidence is None:
+            return np.full(len(self.simulators.truths), 1.0 / len(self.simulators.truths))
+        return self._evidence.grid
+
+    @cached_property
+    def parameters(self) -> Array:
+        """(KEPT, p) of the simulators, in units."""
+        places = (np.arange(KEPT) + 0.5) / KEPT
+        drawn = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
+        return frozen_array(self.simulators.truths[drawn])
+
+    @cached_property
+    def actions(self) -> Array:
+        """(A, a) that are compared, in units."""
+        best_for = np.concatenate([self.parameters, self.simulators.prospects.candidates])
+        return self.simulators.actions(best_for, ACTIONS)
+
+    @cached_property
+    def answers(self) -> Answers:
+        """What these actions do."""
+        return self.answers_to(self.actions)
+
+    def answers_to(self, actions: Array) -> Answers:
+        """(A, a) in units -> what they do in every draw."""
+        task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
+        success, end = self.simulators.expectations.outcomes(
+            self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
+        )
+        at = task.action.normalise(actions)
+        added = [known.drawn(at, residuals, seed) for seed, (known, residuals) in enumerate(self._added)]
+        chance = np.clip(success.mean(axis=0) + added[0][..., None], 0.0, 1.0)
+        off = np.stack(added[1:], axis=-1) * unit
+        return Answers(task, actions, chance, end.mean(axis=0) + off[:, :, None])
+
+    @cached_property
+    def _added(self) -> list[tuple[Discrepancy, Array]]:
+        """What is known of what is added to the chance of success and to each number of the end state."""
+        evidence = self._evidence
+        if evidence is None:
+            a, k = len(self.simulators.task.action), len(self.simulators.end_unit)
+            nothing = [Discrepancy(scale, np.zeros((0, a)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
+            return [(unknown, np.zeros((0, KEPT))) for unknown in nothing]
+        predicted = self.simulators.predict(self.trials, self.parameters)
+        known = [(evidence.success, evidence.missed(predicted))]
+        return known + list(zip(evidence.ends, evidence.off(predicted), strict=True))
+
+    @cached_property
+    def _evidence(self) -> _Evidence | None:
+        return _Evidence(self.simulators, self.trials) if self.trials else None
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What A actions do in every draw of a `Reality`, averaged over D disturbances."""
+
+    task: Task
+    actions: Array  # (A, a) in units
+    success: Array  # (A, KEPT, D)
+    end: Array  # (A, KEPT, D, k)
+
+    def rewards(self, context: Array) -> Array:
+        """(A, KEPT) expected at one context."""
+        return np.asarray((self.success * self.task.reward_of_success(self.end, context)).mean(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class RealityPolicy:
+    """A `SolvedPolicy`: the action with the highest expected reward, plus `optimism` times how unsure that is."""
+
+    reality: Reality
+    optimism: float = 0.0
+    executable: Executable | None = None
+    attempts: int = 64
+    _near: dict[int, Answers] = field(default_factory=dict, repr=False)  # around a winner: for all contexts alike
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best actions can be executed."""
+        refined, everywhere = self._around(self._best(context)), self.reality.answers
+        actions = np.concatenate([refined.actions, everywhere.actions])
+        worth = np.concatenate([self._worth(refined, context), self._worth(everywhere, context)])
+        for i in np.argsort(-worth.round(9), kind="stable")[: self.attempts]:
+            if self.executable is None or self.executable(context, actions[i]):
+                return frozen_array(actions[i])
+        task = self.reality.simulators.task
+        raise NotExecutable(
+            f"none of the {self.attempts} best actions for context {np.round(context, 4)} lies within the limits of "
+            f"the arm: move the {task.object_name} towards the middle of its area"
+        )
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check."""
+        found = []
+        for context in contexts:
+            refined = self._around(self._best(context))
+            found.append(refined.actions[int(np.argmax(self._worth(refined, context).round(9)))])
+        return np.stack(found)
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of the action at `context`: mean, and the 95 % interval over the draws."""
+        earned = self.reality.answers_to(self(context)[None]).rewards(context)[0]
+        low, high = np.quantile(earned, [0.025, 0.975])
+        return float(earned.mean()), float(low), float(high)
+
+    def _best(self, context: Array) -> int:
+        return int(np.argmax(self._worth(self.reality.answers, context).round(9)))
+
+    def _worth(self, answers: Answers, context: Array) -> Array:
+        earned = answers.rewards(context)
+        return np.asarray(earned.mean(axis=1) + self.optimism * earned.std(axis=1))
+
+    def _around(self, best: int) -> Answers:
+        """A winner and the points around it; the winner alone where the actions are exact."""
+        if best not in self._near:
+            task, winner = self.reality.simulators.task, self.reality.answers.actions[best]
+            a = len(task.action)
+            steps = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
+            near = task.action.denormalise(np.clip(task.action.normalise(winner) + steps, 0.0, 1.0))
+            rows = [winner[None]] if task.exact else [winner[None], near]
+            self._near[best] = self.reality.answers_to(np.concatenate(rows))
+        return self._near[best]
+
+
+def _weights(log: Array) -> Array:
+    likely = np.exp(log - log.max())
+    return np.asarray(likely / likely.sum())
+
+
+def _key(trial: Trial) -> bytes:
+    return b"".join(part.tobytes() for part in (trial.context, trial.action, trial.observation))

@@ -73,7 +73,7 @@ class Space:
         return np.array([d.scale == "log" for d in self.dimensions], dtype=bool)
 
     @property
-    def integer(self) -> NDArray[np.bool_]:
+    def _integer(self) -> NDArray[np.bool_]:
         return np.array([d.scale == "integer" for d in self.dimensions], dtype=bool)
 
     def normalise(self, value: Array) -> Array:
@@ -95,14 +95,14 @@ class Space:
         linear = low + unit * (high - low)
         ratio = np.where(log, high, 1.0) / np.where(log, low, 1.0)
         value = np.where(log, np.where(log, low, 1.0) * ratio**unit, linear)
-        return np.where(self.integer, np.round(value), value)
+        return np.where(self._integer, np.round(value), value)
 
     def step(self, value: Array, directions: NDArray[np.int_], delta: float) -> Array:
         """Move `value` by `delta` of each range times `directions` in {-1, 0, 1}, clipped to the box.
 
         Integer quantities move by one.
         """
-        size = np.where(self.integer, 1.0 / (self.high - self.low), delta)
+        size = np.where(self._integer, 1.0 / (self.high - self.low), delta)
         return self.denormalise(np.clip(self.normalise(value) + size * directions, 0.0, 1.0))
 
     def contains(self, value: Array) -> bool:
@@ -126,7 +126,7 @@ class Space:
     def spread(self, unit: Array) -> Array:
         """(..., len) in [0, 1) -> (..., len) in units; whole numbers get equal shares, both ends included."""
         levels = np.floor(self.low + unit * (self.high - self.low + 1.0))
-        return np.where(self.integer, np.minimum(levels, self.high), self.denormalise(unit))
+        return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
 
 
 @dataclass(frozen=True, eq=False)

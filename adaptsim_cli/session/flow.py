@@ -24,6 +24,7 @@ from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.records import (
     BestRecord,
     MotionRecord,
+    OutlookRecord,
     ResultRecord,
     Samples,
     TrackRecord,
@@ -165,7 +166,7 @@ def adapt(session: Session, stage: Adapt) -> None:
     history = history_of(session.parts.task, store, stage.iteration)
     with session.screen.busy("Adapting the simulation parameters"):
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
-        best, verdict = learner.judge(history, generator(session.seed, Draw.JUDGE, stage.iteration))
+        found = learner.judge(history)
     adapted_s = time.perf_counter() - began
     for index, particle in enumerate(particles):
         _train(session, stage.iteration + 1, index, particle)
@@ -186,12 +187,13 @@ def adapt(session: Session, stage: Adapt) -> None:
         trials=stage.keys,
         next_particles=tuple(_rows(particle) for particle in particles),
         best=BestRecord(
-            params=dict(zip(names, as_row(best.particle.mean), strict=True)),
-            mean_reward=best.mean_reward,
-            trials=best.trials,
-            ci95=best.ci95,
+            params=dict(zip(names, as_row(found.best.particle.mean), strict=True)),
+            mean_reward=found.best.mean_reward,
+            trials=found.best.trials,
+            ci95=found.best.ci95,
         ),
-        verdict=verdict,
+        verdict=found.verdict,
+        outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),
         timing_s=timing_s,
         proposal_s=adapted_s + trained_s + records[-1].timing_s["tracking"] + records[-1].timing_s["storing"],
     )

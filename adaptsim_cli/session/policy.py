@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.outlook import Outlook
 from sim.tasks.solver import SolvedPolicy
 
 
@@ -17,6 +18,14 @@ class ExpectedReward(NamedTuple):
     reward: float
     low: float  # of the emulator's ensemble, two standard deviations
     high: float
+
+
+class Assessment(NamedTuple):
+    """What the data say of a session."""
+
+    best: Best
+    verdict: str  # one sentence
+    outlook: Outlook | None  # None: the method does not look ahead
 
 
 class SessionLearner(Protocol):
@@ -34,6 +43,6 @@ class SessionLearner(Protocol):
         """The particles that follow from all iterations so far."""
         ...
 
-    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
-        """The best parameters so far, and what the data say of the session in one sentence."""
+    def judge(self, history: Sequence[Iteration]) -> Assessment:
+        """What the data say of the session."""
         ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 import tomli_w
@@ -18,6 +18,9 @@ from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.types import Space
+
+if TYPE_CHECKING:
+    from sim.adaptation.outlook import Outlook
 
 FORMAT = 2
 SEALED_SINCE = 2
@@ -61,6 +64,7 @@ class Facts(Record):
     world_sha256: str = ""
     seed: int
     method: str
+    adaptsim_is: str = "adaptsim-of-checkpoint"  # what the method adaptsim meant when the session was begun
     solver: str = ""  # how task policies are found; empty: as the checkpoint has it
     object: str = ""  # file of an own object's ranges
     particles: int
@@ -193,6 +197,29 @@ class BestRecord(Record):
     ci95: tuple[float, float]
 
 
+class OutlookRecord(Record):
+    """What another iteration may gain, and by how much the actions differ from those of the simulator's policy."""
+
+    gain: float  # of reward, that one more iteration brings on average
+    likely: float  # chance that there is more than 0.05 left to gain
+    done: bool  # another iteration is not worth its trials
+    hopeless: bool  # nothing in the ranges of the action is expected to work
+    correction: Row  # in the units of the action, mean over contexts
+    correction_std: Row  # over contexts
+
+    @classmethod
+    def of(cls, outlook: Outlook) -> OutlookRecord:
+        """To be stored."""
+        return cls(
+            gain=outlook.gain,
+            likely=outlook.likely,
+            done=outlook.done,
+            hopeless=outlook.hopeless,
+            correction=as_row(outlook.correction),
+            correction_std=as_row(outlook.correction_std),
+        )
+
+
 class ResultRecord(Record):
     """result.json: what one iteration's trials led to."""
 
@@ -201,6 +228,7 @@ class ResultRecord(Record):
     next_particles: tuple[Samples, ...]
     best: BestRecord
     verdict: str
+    outlook: OutlookRecord | None = None  # where the method looks ahead
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last trial to the next task policies
     summary_sha256: str = ""

@@ -104,8 +104,30 @@ def adapted(
     spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *(views.indent(table) for table in tables),
-        estimate, Text(result.verdict), Text(spent, style="dim"),
+        estimate, *_correction(task, result), Text(result.verdict, style=_style(result)), Text(spent, style="dim"),
     )  # fmt: skip
+
+
+NOTICEABLE = 0.05
+"""Fraction of its range by which a quantity of the action has to be corrected to be worth a word."""
+
+
+def _correction(task: Task, result: ResultRecord) -> list[Text]:
+    """By how much its actions differ from what the simulator alone would do with the same parameters."""
+    if result.outlook is None:
+        return []
+    told = [
+        f"{d.plain_name} {'+' if off > 0 else '−'}{views.number(abs(off))} {d.unit}".rstrip()
+        for d, off in zip(task.action.dimensions, result.outlook.correction, strict=True)
+        if abs(off) >= NOTICEABLE * (d.high - d.low)
+    ]
+    if not told:
+        return [Text("The actions are those that the simulator proposes for these parameters.", style="dim")]
+    return [Text(f"What the trials add to the simulator's action for these parameters: {', '.join(told)}")]
+
+
+def _style(result: ResultRecord) -> str:
+    return "bold" if result.outlook is not None and result.outlook.done else ""
 
 
 def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> Table:

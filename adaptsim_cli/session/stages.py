@@ -97,7 +97,6 @@ class Draw(IntEnum):
     START = 0
     CONTEXT = 1
     NEXT = 2
-    JUDGE = 3
 
 
 def generator(

@@ -32,6 +32,7 @@ def summary(
         ],
         "best": result.best.model_dump(mode="json"),
         "verdict": result.verdict,
+        "outlook": None if result.outlook is None else result.outlook.model_dump(mode="json"),
         "timing_s": {key: round(value, 3) for key, value in result.timing_s.items()},
     }
 

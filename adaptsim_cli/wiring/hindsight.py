@@ -71,7 +71,7 @@ class Hindsight:
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
-        return posterior(self.belief, history_of(store, begun - 1))
+        return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
 
     def judge(self, store: SessionStore) -> Judgement:
         """All that a report shows of a session. Raises SessionError without trials."""

@@ -19,6 +19,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
+from adaptsim_cli.session.policy import Assessment
 from adaptsim_cli.session.rig import Planner
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.storage.versions import versions
@@ -29,7 +30,7 @@ from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.adaptation.method import Best, Iteration, Method, Particle
+from sim.adaptation.method import Iteration, Method, Particle
 from sim.errors import NotExecutable
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
@@ -163,12 +164,14 @@ class _SolverLearner:
 
         return policy_of(self.method, self.policies, particle, history, self.executable)
 
-    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
+    def judge(self, history: Sequence[Iteration]) -> Assessment:
         from sim.adaptation.best import choose_best
+        from sim.adaptation.methods.adaptsim import AdaptSim
         from sim.adaptation.verdict import verdict
 
-        task = self.expectations.task
-        return choose_best(task, history), verdict(task, history, self.expectations)
+        task, method = self.expectations.task, self.method
+        best, ahead = method.assess(history) if isinstance(method, AdaptSim) else (choose_best(task, history), None)
+        return Assessment(best, verdict(task, history, self.expectations, best, ahead), ahead)
 
 
 def _executable(hardware: Hardware, planner: Planner) -> Executable:

@@ -75,7 +75,7 @@ class OwnPolicies(Protocol):
         """What a particle tries after all trials of `history`; always the same."""
         ...
 
-    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+    def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """What the session would go with after all trials of `history`."""
         ...
 

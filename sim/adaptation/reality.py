@@ -24,7 +24,7 @@ from sim.adaptation.prospects import Prospects
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol
 from sim.solvers.misfit import LEAST_STD
-from sim.solvers.solver import Executable, Expectations
+from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
 SIMULATORS, KEPT = 1024, 48
@@ -63,14 +63,14 @@ class _Predicted:
 class Simulators:
     """What a task's simulator predicts; shared by all that is asked during a session."""
 
-    expectations: Expectations
+    solver: Solver
     prospects: Prospects
     _grid: dict[bytes, _Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property
     def task(self) -> Task:
         """The solver's."""
-        return self.expectations.task
+        return self.solver.task
 
     @property
     def truths(self) -> Array:
@@ -88,7 +88,7 @@ class Simulators:
         """(k,) standard deviation of the end states over Omega and all actions, each as often as it earns."""
         task, rng, n = self.task, np.random.default_rng(0), 2048
         drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
-        success, end = self.expectations.outcomes(truths, self.actions(truths, n), drawn.nuisance)
+        success, end = self.solver.outcomes(truths, self.actions(truths, n), drawn.nuisance)
         ends = end.mean(axis=0)
         earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
         return np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
@@ -120,20 +120,20 @@ class Simulators:
         commanded = np.array([trial.action for trial in trials])[:, None, None]
         executed = np.broadcast_to(commanded + drawn.error, (*shape, len(task.action))).reshape(n * k * d, -1)
         nuisance = np.broadcast_to(drawn.nuisance, (*shape, len(task.nuisance))).reshape(n * k * d, -1)
-        success, end = self.expectations.outcomes(where, executed, nuisance)
+        success, end = self.solver.outcomes(where, executed, nuisance)
         chance = success.mean(axis=0).reshape(shape)
         ends = np.nan_to_num(end.mean(axis=0).reshape(*shape, -1) / self.end_unit)
         weight = (chance + 1e-6)[..., None]
         mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
-        paths = self.expectations.trajectories(where, executed, nuisance).reshape(*shape, -1)
+        paths = self.solver.trajectories(where, executed, nuisance).reshape(*shape, -1)
         return _Predicted(self._likelihood(trials, paths), chance.mean(axis=2), mean, spread)
 
     def _likelihood(self, trials: Sequence[Trial], paths: Array) -> Array:
         """(N, K, D, size) at the reference context -> (N, K) logarithms, up to a constant."""
         task, seen = self.task, self.task.observation
         camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-        std = np.sqrt(camera**2 + self.expectations.residual_std**2 + LEAST_STD**2)
+        std = np.sqrt(camera**2 + self.solver.residual_std**2 + LEAST_STD**2)
         rows = []
         for trial, path in zip(trials, paths, strict=True):
             there = task.relocate(path, np.broadcast_to(trial.context, (*path.shape[:-1], len(task.context))))
@@ -242,7 +242,7 @@ class Reality:
     def answers_to(self, actions: Array) -> Answers:
         """(A, a) in units -> what they do in every draw."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
-        success, end = self.simulators.expectations.outcomes(
+        success, end = self.simulators.solver.outcomes(
             self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
         )
         at = task.action.normalise(actions)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.adaptation.best import choose_best
-from sim.adaptation.method import Iteration
+from sim.adaptation.method import Best, Iteration
+from sim.adaptation.outlook import WORTHWHILE, Outlook
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
@@ -19,23 +19,51 @@ SLACK = 1.5
 """How many times the misfit of simulated trajectories a real one may have: real motions and cameras add their part."""
 
 
-def verdict(task: Task, history: Sequence[Iteration], expectations: Expectations) -> str:
-    """One sentence on whether the parameters have converged, and whether the simulator expresses the object at all."""
+def verdict(
+    task: Task, history: Sequence[Iteration], expectations: Expectations, best: Best, ahead: Outlook | None = None
+) -> str:
+    """A sentence or two: whether to stop or to go on, and whether the simulator expresses the object at all.
+
+    `best`: what the session would go with; `ahead`: what another iteration may gain, where the method knows.
+    """
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
-    if len(trials) < LEAST_TRIALS:
+    if ahead is None and len(trials) < LEAST_TRIALS:
         return f"Too few trials to judge: {len(trials)} so far, at least {LEAST_TRIALS} are needed."
-    best = choose_best(task, history)
     interval = f"{best.mean_reward:.2f}, 95 % interval {best.ci95[0]:.2f} to {best.ci95[1]:.2f}"
     limit = SLACK * expectations.misfit_limit
     strange = sum(misfit(expectations, t.context, t.action, t.observation) > limit for t in trials)
-    low = best.mean_reward < task.adaptation.threshold
-    if 2 * strange > len(trials):
-        unlike = (
-            f"the simulator cannot express this {task.object_name}: {strange} of {len(trials)} trajectories lie "
-            f"outside of what any parameters in the ranges predict"
+    unlike = (
+        f"the simulator cannot express this {task.object_name}: {strange} of {len(trials)} trajectories lie "
+        f"outside of what any parameters in the ranges predict"
+        if 2 * strange > len(trials)
+        else ""
+    )
+    if ahead is not None:
+        return _advice(task, ahead, interval) + (f" {unlike[0].upper()}{unlike[1:]}." if unlike else "")
+    return _by_parameters(task, history, best, interval, unlike)
+
+
+def _advice(task: Task, ahead: Outlook, interval: str) -> str:
+    """Of a method that looks ahead."""
+    if ahead.hopeless:
+        return (
+            f"Stop here: no action in the ranges seems to suit this {task.object_name} (reward {interval}). Check how "
+            "the tool is mounted, the object, and the calibration of the camera."
         )
-        if low:
-            return f"Reward stays low ({interval}), and {unlike}."
+    if ahead.done:
+        return f"Stop here: reward {interval}; another iteration is worth {ahead.gain:.2f}."
+    return (
+        f"Go on: reward {interval}; another iteration is worth {ahead.gain:.2f}, and with a chance of "
+        f"{100.0 * ahead.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain."
+    )
+
+
+def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, interval: str, unlike: str) -> str:
+    """Of a method that only moves parameters."""
+    low = best.mean_reward < task.adaptation.threshold
+    if unlike and low:
+        return f"Reward stays low ({interval}), and {unlike}."
+    if unlike:
         return f"The reward is good all the same ({interval}), but {unlike}."
     if low and len(history) >= 3 and not _improving(history):
         return (

@@ -120,11 +120,10 @@ def _mean(judged: Sequence[Judged]) -> Judged:
 
 
 def _simulations(method: str, checkpoint: Checkpoint) -> int:
-    name = checkpoint.method if method == "adaptsim" else method
-    if name in WITHOUT_SIMULATION:
+    if method in WITHOUT_SIMULATION:
         return 0
-    if name in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
-        return int(checkpoint.card.get("simulations", 0)) if name in LEARNT_FROM_EPISODES else 0
+    if method in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
+        return int(checkpoint.card.get("simulations", 0)) if method in LEARNT_FROM_EPISODES else 0
     budget = checkpoint.card.get("budget", {})
     return int(budget.get("rollouts", 0)) + int(budget.get("denser", 0))
 

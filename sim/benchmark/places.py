@@ -131,4 +131,3 @@ class Tabled:
         space = self.task.action
         gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
         return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
-

@@ -71,7 +71,7 @@ def run_jobs(jobs: Sequence[Job], results: Results, executor: Executor, progress
             for i in itertools.islice(missing, IN_FLIGHT - len(running)):
                 running[executor.submit(run_job, jobs[i])] = i
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in ready:
+            for future in sorted(ready, key=_failed):
                 if future.cancelled():
                     raise ClusterUnavailable(LOST)
                 i = running.pop(future)
@@ -84,3 +84,8 @@ def run_jobs(jobs: Sequence[Job], results: Results, executor: Executor, progress
         for future in running:
             future.cancel()
     return [rows[i] for i in range(len(jobs))]
+
+
+def _failed(future: Future[Row]) -> bool:
+    """They come last, so that what has succeeded beside them is kept."""
+    return future.cancelled() or future.exception() is not None

@@ -16,7 +16,7 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import ExpectedReward
+from adaptsim_cli.session.policy import Assessment, ExpectedReward
 from adaptsim_cli.session.rig import Planner, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
@@ -111,8 +111,8 @@ class MiddleLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(seen.particle for seen in history[-1])
 
-    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
-        return Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here."
+    def judge(self, history: Sequence[Iteration]) -> Assessment:
+        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here.", None)
 
 
 class _Middle:

@@ -17,7 +17,7 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import ExpectedReward
+from adaptsim_cli.session.policy import Assessment, ExpectedReward
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
@@ -231,10 +231,11 @@ class ToyLearner:
             for seen, step in zip(history[-1], directions, strict=True)
         )
 
-    def judge(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Best, str]:
+    def judge(self, history: Sequence[Iteration]) -> Assessment:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]
         reward, particle = max(trials, key=lambda pair: pair[0])
-        return Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials)), "It works."
+        best = Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials))
+        return Assessment(best, "It works.", None)
 
 
 def paths(motion: ToolMotion) -> Paths:

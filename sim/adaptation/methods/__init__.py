@@ -6,13 +6,12 @@ from importlib import import_module
 
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Method
-from sim.errors import CheckpointError, UnknownName
+from sim.errors import UnknownName
 from sim.tasks.task import Task
 
 METHODS = {
-    "adaptsim": "sim.adaptation.methods:make_default",
+    "adaptsim": "sim.adaptation.methods.adaptsim:create",
     "adaptsim-attainable": "sim.adaptation.methods.q_policy:create_attainable",
-    "adaptsim-joint": "sim.adaptation.methods.joint:create",
     "adaptsim-belief": "sim.adaptation.methods.belief:create",
     "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
     "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",
@@ -28,18 +27,16 @@ METHODS = {
 }
 """Name -> the function of a task and a checkpoint that makes it; imported when first asked for."""
 
+FORMER_DEFAULT = "adaptsim-of-checkpoint"
+"""What `adaptsim` meant in sessions that were begun before it was one method for all tasks."""
+
 
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError where the method needs a checkpoint and there is none."""
+    if name == FORMER_DEFAULT and checkpoint is not None:
+        name = checkpoint.method
     if name not in METHODS:
         raise UnknownName(f'method "{name}" is not known: it must be one of {", ".join(METHODS)}')
     module, _, function = METHODS[name].partition(":")
     method: Method = getattr(import_module(module), function)(task, checkpoint)
     return method
-
-
-def make_default(task: Task, checkpoint: Checkpoint | None) -> Method:
-    """The AdaptSim that earned most on the held-out targets of the checkpoint. Raises CheckpointError."""
-    if checkpoint is None:
-        raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
-    return make_method(checkpoint.method, task, checkpoint)

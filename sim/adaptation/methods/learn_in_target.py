@@ -61,9 +61,9 @@ class LearnInTarget:
         """What the particle would try next; the same in every process."""
         return self._learnt(history, executable, particle.samples.tobytes())
 
-    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+    def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """What it would go with, after all trials of `history`."""
-        return self._learnt(history, None, None)
+        return self._learnt(history, executable, None)
 
     def _learnt(
         self, history: Sequence[Iteration], executable: Executable | None, drawn_by: bytes | None

@@ -93,8 +93,10 @@ class NafSolver:
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
         """Of the same trials in the simulator: (1, ...) and (1, ..., k); 0 where they fail."""
         lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
-        asked = [np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (parameters, action, nuisance)]
-        done = self.roll(Requests(asked[0], at_reference(self.task, len(asked[0])), asked[1], asked[2]))
+        where, executed, varied = (
+            np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (parameters, action, nuisance)
+        )
+        done = self.roll(Requests(where, at_reference(self.task, len(where)), executed, varied))
         ends = np.where(done.succeeded[:, None], done.end_state, 0.0)
         return done.succeeded.astype(np.float64).reshape(1, *lead), ends.reshape(1, *lead, -1)
 

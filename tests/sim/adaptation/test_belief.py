@@ -10,7 +10,7 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.method import Particle, ParticleTrials, Trial
-from sim.adaptation.methods import make_method
+from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.belief import APART, Belief, Estimate
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
@@ -57,7 +57,7 @@ def test_prospects_are_what_policies_earn_and_come_back_from_tensors():
     again = restore_prospects(TOY, found.tensors)
     assert np.array_equal(again.rewards, found.rewards)
     assert np.array_equal(again.truths, found.truths)
-    with pytest.raises(CheckpointError, match="'truths' is missing"):
+    with pytest.raises(CheckpointError, match="hold no 'truths'"):
         restore_prospects(TOY, {"candidates": found.tensors["candidates"]})
 
 
@@ -139,16 +139,16 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     assert (estimate.std < method.estimate([]).std).mean() > 0.9
 
 
-def test_the_card_names_the_default_and_a_checkpoint_without_prospects_says_so(tmp_path):
+def test_the_card_names_the_former_default_and_a_checkpoint_without_prospects_says_so(tmp_path):
     emulator, _ = trained()
     networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     with_it = save_checkpoint(TOY, tmp_path / "a", emulator, networks, {"method": "adaptsim-belief"}, prospects())
     checkpoint = load_checkpoint(TOY, str(with_it))
-    method = make_method("adaptsim", TOY, checkpoint)
+    method = make_method(FORMER_DEFAULT, TOY, checkpoint)
     assert isinstance(method, Belief)
     assert np.array_equal(method.prospects.rewards, prospects().rewards)
     without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, networks, {})))
-    chosen = make_method("adaptsim", TOY, without)
+    chosen = make_method(FORMER_DEFAULT, TOY, without)
     assert isinstance(chosen, QPolicy)
     assert chosen.memory == "iteration"
     with pytest.raises(CheckpointError, match="holds no prospects: make one with `adaptsim pretrain --task toy`"):

@@ -7,7 +7,7 @@ from toy_task import TOY
 
 from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
 from sim.adaptation.memory import MemoryName, new_policy
-from sim.adaptation.methods import make_method
+from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
@@ -42,7 +42,7 @@ def test_it_comes_back_as_it_was(stored):
     original = new_policy(TOY, "iteration", 5)
     states = rng.random((8, original.inputs))
     assert np.array_equal(checkpoint.networks["iteration"].directions(states), original.directions(states))
-    assert chosen("adaptsim", checkpoint).memory == "history"
+    assert chosen(FORMER_DEFAULT, checkpoint).memory == "history"
     assert chosen("adaptsim-iteration", checkpoint).network is checkpoint.networks["iteration"]
     assert checkpoint.card["seed"] == 7
     assert checkpoint.card["interface"]["parameters"][0]["name"] == "mu"

@@ -227,15 +227,18 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
     assert min(other) > 1.5 * emulator.misfit_limit
 
 
+def said(history, ahead=None):
+    return verdict(TOY, history, EmulatorSolver(trained()[0]), choose_best(TOY, history), ahead)
+
+
 def test_the_verdict_says_what_the_data_say():
-    emulator, _ = trained()
     good = session(MEAN, [MEAN, PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.15)])
-    assert verdict(TOY, good, EmulatorSolver(emulator)).startswith("Converged")
+    assert said(good).startswith("Converged")
     failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
-    assert verdict(TOY, [*good, *good, *good, failing], EmulatorSolver(emulator)).startswith("Not converged")
-    assert verdict(TOY, good[:1], EmulatorSolver(emulator)).startswith("Too few trials")
-    windy = verdict(TOY, session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)), EmulatorSolver(emulator))
+    assert said([*good, *good, *good, failing]).startswith("Not converged")
+    assert said(good[:1]).startswith("Too few trials")
+    windy = said(session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)))
     assert "the simulator cannot express this toy piece: 16 of 16" in windy
     far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
     bad = session(far, [PARAMETERS.low, PARAMETERS.low])
-    assert verdict(TOY, bad, EmulatorSolver(emulator)).startswith("Reward stays low")
+    assert said(bad).startswith("Reward stays low")

@@ -50,7 +50,7 @@ def test_a_trajectory_tells_which_parameters_predict_it() -> None:
     context, nuisance = TASK.reference_context, np.zeros(len(TASK.nuisance))
     action = policy_for(checkpoint.solver, middle[None])(context)
     track = TASK.simulate(truth, context, action, nuisance)
-    trial = Trial(context, action, TASK.observation(track), TASK.score(track, context))
+    trial = Trial(context, action, TASK.observation(track), TASK.score(track, context), TASK.end_of(track))
     before = posterior(belief, ())
     after = posterior(belief, ((ParticleTrials(Particle(middle[None]), (trial,)),),))
 

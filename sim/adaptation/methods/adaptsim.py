@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.outlook import Outlook, outlook
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.errors import CheckpointError
-from sim.solvers.solver import Executable, SolvedPolicy
+from sim.solvers.solver import Executable, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 OPTIMISM, FADES_OVER = 1.0, 4
@@ -27,7 +28,7 @@ APART = 0.15
 """The E of an iteration lie at least so far apart, in fractions of their ranges."""
 
 
-def create(task: Task, checkpoint: Checkpoint | None) -> Joint:
+def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to predict with."""
     if checkpoint is None or checkpoint.prospects is None or checkpoint.naf:
         why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no emulator with prospects"
@@ -35,11 +36,11 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Joint:
             f"adaptsim needs a checkpoint of the emulator or of an exact task, and {why}: make one with "
             f"`adaptsim pretrain --task {task.name}`"
         )
-    return Joint(Simulators(checkpoint.solver, checkpoint.prospects))
+    return AdaptSim(Simulators(checkpoint.solver, checkpoint.prospects))
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class AdaptSim:
     """A `Method` with its own policies (`sim.adaptation.method.OwnPolicies`); nothing in it is random."""
 
     simulators: Simulators
@@ -61,9 +62,17 @@ class Joint:
         optimism = 0.0 if leads else OPTIMISM * max(0.0, 1.0 - len(history) / FADES_OVER)
         return RealityPolicy(self.reality(history), optimism, executable)
 
-    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+    def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """What it would go with."""
-        return RealityPolicy(self.reality(history))
+        return RealityPolicy(self.reality(history), executable=executable)
+
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
+        """What it would go with, and what another iteration may gain. Raises ValueError without a trial."""
+        reality, leading = self.reality(history), self._particles(history, 1)[0]
+        if not reality.trials:
+            raise ValueError("no trial has been run yet, so there is no best")
+        found = outlook(reality, policy_for(self.simulators.solver, leading.samples))
+        return Best(leading, found.reward, found.ci95, len(reality.trials)), found
 
     def reality(self, history: Sequence[Iteration]) -> Reality:
         """What the trials of `history` say; the same object for the same trials."""

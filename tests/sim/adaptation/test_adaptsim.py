@@ -1,0 +1,168 @@
+"""The default method: simulators are weighed by trials, and what reality adds to them is learnt as well."""
+
+import functools
+
+import numpy as np
+import pytest
+from toy_learning import trained
+from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
+
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.discrepancy import Discrepancy, Scale
+from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.methods import FORMER_DEFAULT, make_method
+from sim.adaptation.methods.adaptsim import AdaptSim
+from sim.adaptation.outlook import outlook
+from sim.adaptation.prospects import ProspectSettings, look_ahead
+from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
+from sim.benchmark.places import Simulated
+from sim.benchmark.sessions import Conditions, judge, run_session, udr_policies
+from sim.errors import CheckpointError, NotExecutable
+from sim.lab.world import load_world
+from sim.rollouts.draws import cover
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.solver import policy_for
+from sim.tasks import get_task
+
+TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
+CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
+
+
+@functools.cache
+def simulators() -> Simulators:
+    solver = EmulatorSolver(trained()[0])
+    return Simulators(solver, look_ahead(solver, 3, ProspectSettings(64, 512, 4)))
+
+
+def trial(action, effects=None, seed=0, context=CONTEXTS[0]):
+    track = simulate(TARGET, context, action, np.zeros(1), effects)
+    seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
+    return Trial(context, action, seen, TOY.score(track, context), TOY.end_of(track))
+
+
+def trials(n, effects=None):
+    actions = ACTION.sample(np.random.default_rng(1), n)
+    return tuple(trial(action, effects, seed) for seed, action in enumerate(actions))
+
+
+def earned(policy, effects=None):
+    actions = policy.actions(CONTEXTS)
+    tracks = [simulate(TARGET, c, a, np.zeros(1), effects) for c, a in zip(CONTEXTS, actions, strict=True)]
+    return np.mean([TOY.score(t, c) for t, c in zip(tracks, CONTEXTS, strict=True)])
+
+
+def session(n, effects=None):
+    return [(ParticleTrials(Particle(TARGET[None]), trials(n, effects)),)]
+
+
+def test_a_discrepancy_follows_its_residuals_nearby_and_forgets_them_far_away():
+    known = Discrepancy(Scale(0.0, 0.2), np.array([[0.1, 0.1], [0.15, 0.1]]), np.full(2, 1e-4))
+    shown = np.tile([[0.3], [0.3]], (1, 2000))
+    drawn = known.drawn(np.array([[0.12, 0.1], [3.0, 3.0]]), shown, seed=0)
+    assert drawn[0].mean() == pytest.approx(0.3, abs=0.03)
+    assert drawn[0].std() < 0.03
+    assert drawn[1].mean() == pytest.approx(0.0, abs=0.03)
+    assert drawn[1].std() == pytest.approx(0.2, rel=0.15)
+    assert np.array_equal(drawn, known.drawn(np.array([[0.12, 0.1], [3.0, 3.0]]), shown, seed=0))
+
+
+def test_the_evidence_is_that_of_a_gaussian_process():
+    known = Discrepancy(Scale(0.1, 0.2), np.array([[0.2], [0.7]]), np.array([0.01, 0.02]))
+    covariance = known.scale.kernel(known.at, known.at) + np.diag(known.noise)
+    residuals = np.array([[0.1, -0.3], [0.2, 0.0]])
+    expected = [-0.5 * r @ np.linalg.inv(covariance) @ r for r in residuals.T]
+    assert known.evidence(residuals) == pytest.approx(expected)
+
+
+def test_trials_single_out_the_simulators_that_predict_them():
+    before, after = Reality(simulators(), ()), Reality(simulators(), trials(8))
+    truth = PARAMETERS.normalise(TARGET)
+    off = [np.abs(PARAMETERS.normalise(r.parameters) - truth).mean(axis=0) for r in (before, after)]
+    assert off[1][0] < 0.5 * off[0][0], "friction moves the piece, so trajectories show it"
+    assert after.weights.sum() == pytest.approx(1.0)
+    assert after.parameters.shape == (KEPT, 4)
+
+
+def test_the_policy_suits_the_target_and_knows_what_it_earns():
+    policy = RealityPolicy(Reality(simulators(), trials(12)))
+    assert earned(policy) > 0.9
+    mean, low, high = policy.predict(CONTEXTS[0])
+    assert low <= mean <= high
+    assert mean == pytest.approx(earned(policy), abs=0.15)
+
+
+def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
+    tilted = Unmodelled(pitch_bias_rad=-0.09)
+    history = session(16, tilted)
+    method = AdaptSim(simulators())
+    joined = method.final(history)
+    by_parameters = max(
+        earned(policy_for(simulators().solver, e[None]), tilted) for e in simulators().prospects.candidates[::4]
+    )
+    assert earned(joined, tilted) >= by_parameters - 0.02
+    _, found = method.assess(history)
+    assert found.correction[0] != pytest.approx(0.0, abs=1e-3)
+
+
+def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
+    for_e = policy_for(simulators().solver, TARGET[None])
+    left = [outlook(Reality(simulators(), trials(n)), for_e) for n in (0, 4, 16)]
+    assert left[2].left < left[0].left
+    assert left[2].done
+    assert not left[2].hopeless
+    assert left[2].ci95[0] <= left[2].reward <= left[2].ci95[1]
+
+
+def test_an_object_that_nothing_suits_is_called_hopeless():
+    actions, seen = cover(ACTION, 96, np.random.default_rng(2)), np.full(TOY.observation.size, 0.5)
+    failing = tuple(Trial(CONTEXTS[0], action, seen, 0.0, None) for action in actions)
+    found = outlook(Reality(simulators(), failing), policy_for(simulators().solver, TARGET[None]))
+    assert found.hopeless
+    assert found.done
+
+
+def optimism(policy):
+    assert isinstance(policy, RealityPolicy)
+    return policy.optimism
+
+
+def test_the_first_particle_acts_by_expectation_and_the_others_explore_until_they_confirm():
+    method, rng = AdaptSim(simulators()), np.random.default_rng(0)
+    assert isinstance(method, OwnPolicies)
+    first, other = method.start(2, rng)
+    assert optimism(method.policy(first, [])) == 0.0
+    assert optimism(method.policy(other, [])) > 0.0
+    history = session(2) * 4
+    first, other = method.next(history, rng)[0], method.start(2, rng)[1]
+    assert optimism(method.policy(other, history)) == 0.0
+
+
+def test_actions_that_the_arm_cannot_do_are_passed_over():
+    reality = Reality(simulators(), ())
+    best = RealityPolicy(reality)(CONTEXTS[0])
+    other = RealityPolicy(reality, executable=lambda _, action: not np.allclose(action, best))(CONTEXTS[0])
+    assert not np.allclose(other, best)
+    with pytest.raises(NotExecutable, match="move the toy piece"):
+        RealityPolicy(reality, executable=lambda *_: False)(CONTEXTS[0])
+
+
+def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
+    task = get_task("pendulum")
+    checkpoint = load_checkpoint(task)
+    place, conditions = Simulated(checkpoint.solver, load_world("ood-4", task)), Conditions(budget=8)
+    runs = [
+        run_session(checkpoint.solver, make_method("adaptsim", task, checkpoint), place, conditions, 0)[-1].actions(
+            np.zeros((1, 0))
+        )
+        for _ in range(2)
+    ]
+    assert np.array_equal(runs[0], runs[1])
+    udr = np.mean([judge(task, p.actions, place, conditions, 0).reward for p in udr_policies(checkpoint.solver, 0)])
+    assert judge(task, lambda c: np.tile(runs[0], (len(c), 1)), place, conditions, 0).reward > udr + 0.3
+
+
+def test_it_needs_prospects_and_former_sessions_keep_their_method():
+    with pytest.raises(CheckpointError, match="pretrain --task toy"):
+        make_method("adaptsim", TOY, None)
+    checkpoint = load_checkpoint(get_task("pushing"))
+    assert type(make_method(FORMER_DEFAULT, checkpoint.solver.task, checkpoint)).__name__ == "Belief"

@@ -134,17 +134,14 @@ class Session:
         return self.hindsight().posterior(self._stored, iterations)
 
     def best_policy(self) -> SolvedPolicy:
-        """The task policy for the best parameters so far: context (c,) in units -> action (a,) in units.
+        """The task policy that the session would go with: context (c,) in units -> action (a,) in units.
 
-        It is the simulator's; the limits of an arm are not asked. Raises CheckpointError, SessionError.
+        The limits of an arm are not asked. Raises CheckpointError, SessionError.
         """
-        from sim.solvers.solver import policy_for
+        from adaptsim_cli.wiring.best import policy_of_session
+        from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 
-        if not self.iterations:
-            raise SessionError(f"session {self.name} has no complete iteration yet, so no best policy")
-        checkpoint, best = self.hindsight().checkpoint, self.iterations[-1].best
-        parameters = np.array([[best.params[name] for name in checkpoint.solver.task.parameters.names]])
-        return policy_for(checkpoint.solver, parameters)
+        return policy_of_session(self._stored, checkpoint_of_session(self._stored))
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""

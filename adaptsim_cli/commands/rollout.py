@@ -48,23 +48,24 @@ def rollout(
     from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
+    from sim.adaptation.method import Iteration
     from sim.tasks import get_task
 
     resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
     screen = console.Screen(as_json=as_json)
-    settings = resolved.config
+    settings, history = resolved.config, tuple[Iteration, ...]()
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
     if session is not None:
         if param or task:
             raise UsageError("--best takes task and parameters from the session: leave --task and --param out")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
-        param, settings = found.as_typed(), found.config
+        param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
         settings = replace(settings, **{key: getattr(resolved.config, key) for key in changed})
     name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
-    chosen = single.Chosen(context or [], action or [], param or [])
+    chosen = single.Chosen(context or [], action or [], param or [], history)
     single.typed(get_task(settings.task), chosen)  # refused before anything is loaded or connected
     with TemporaryDirectory() as learnt, wiring.open_parts(settings, Path(learnt)) as parts:
         record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes)

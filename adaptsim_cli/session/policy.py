@@ -43,6 +43,10 @@ class SessionLearner(Protocol):
         """The particles that follow from all iterations so far."""
         ...
 
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        """The task policy that a session would go with."""
+        ...
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         """What the data say of the session."""
         ...

@@ -29,7 +29,7 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack
-from sim.adaptation.method import Particle
+from sim.adaptation.method import Iteration, Particle
 from sim.errors import NotExecutable
 from sim.tasks.task import Task
 from sim.types import Space
@@ -44,6 +44,7 @@ class Chosen:
     context: Sequence[str]
     action: Sequence[str]  # what is not given is the policy's
     parameters: Sequence[str]  # that the policy is trained for; what is not given is the middle of Omega
+    history: tuple[Iteration, ...] = ()  # of a session whose final policy it is instead
 
 
 def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
@@ -77,7 +78,8 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
     with screen.busy("Training the task policy"):
-        policy = parts.learner.train(Particle(mean[None]), ())
+        learner, history = parts.learner, chosen.history
+        policy = learner.final(history) if history else learner.train(Particle(mean[None]), ())
     ready = _set_up(target, drawn, operator, screen)
     action = values.point(task.action, chosen.action, policy(ready.context), "--action")
     planned = _plan(task, ready, action)

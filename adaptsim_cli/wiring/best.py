@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptsim_cli.config import Config
-from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.config import Config, load
+from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session.conduct import settings_of
+from adaptsim_cli.session.history import history_of
 from adaptsim_cli.session.records import as_records, as_row
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring.hindsight import checkpoint_of_session
+from adaptsim_cli.wiring.checkpoints import checkpoint_of_session, task_of
 
 if TYPE_CHECKING:
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.method import Iteration
+    from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
     from sim.types import Space
 
@@ -26,10 +30,11 @@ A_SIDE, MOST = 9, 81
 
 @dataclass(frozen=True)
 class BestOfSession:
-    """The parameters that a session would go with, and its settings."""
+    """What a session would go with, and its settings."""
 
     config: Config
     parameters: dict[str, float]
+    history: tuple[Iteration, ...]  # all complete iterations
 
     def as_typed(self) -> list[str]:
         """The parameters as `--param` takes them."""
@@ -37,7 +42,7 @@ class BestOfSession:
 
 
 def best_of(store: SessionStore, config: Config) -> BestOfSession:
-    """Of the last complete iteration. Raises SessionError before the first, UsageError where parameters decide nothing.
+    """Of the last complete iteration. Raises SessionError before the first.
 
     `config` gives the settings that a session does not freeze.
     """
@@ -48,25 +53,32 @@ def best_of(store: SessionStore, config: Config) -> BestOfSession:
             f"session {name} has no complete iteration yet, so no best policy: adaptsim run-iteration --session {name}"
         )
     found = settings_of(store, config)
-    _require_parameters(store)
-    return BestOfSession(found, results[-1].best.params)
+    return BestOfSession(found, results[-1].best.params, history_of(task_of(found), store, results[-1].iteration))
+
+
+def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPolicy:
+    """The policy that a session would go with; the limits of an arm are not asked.
+
+    Raises SessionError before the first complete iteration, CheckpointError.
+    """
+    from sim.adaptation.best import final_policy
+    from sim.adaptation.methods import make_method
+
+    best, task = best_of(store, load().config), checkpoint.solver.task
+    method = make_method(best.config.method, task, checkpoint)
+    return final_policy(method, checkpoint.solver, task, best.history)
 
 
 def export(store: SessionStore) -> dict[str, Any]:
     """The best policy as a table of contexts and actions, for JSON.
 
-    Raises SessionError, UsageError, CheckpointError.
+    Raises SessionError, CheckpointError.
     """
-    from adaptsim_cli import config
-    from sim.solvers.solver import policy_for
-
-    best = best_of(store, config.load().config)
+    best = best_of(store, load().config)
     checkpoint = checkpoint_of_session(store)
     task = checkpoint.solver.task
-    parameters = np.array([[best.parameters[name] for name in task.parameters.names]])
-    policy = policy_for(checkpoint.solver, parameters)
     contexts = contexts_of(task)
-    actions = policy.actions(contexts)
+    actions = policy_of_session(store, checkpoint).actions(contexts)
     return {
         "format": FORMAT,
         "session": store.facts.name,
@@ -100,16 +112,3 @@ def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
 def _described(space: Space) -> list[dict[str, Any]]:
     words = {d.name: {"plain_name": d.plain, "meaning": d.meaning} for d in space.dimensions}
     return [{**record.model_dump(mode="json"), **words[record.name]} for record in as_records(space)]
-
-
-def _require_parameters(store: SessionStore) -> None:
-    """Raises UsageError for a method that acts without a simulator: its trials are its policy."""
-    from sim.adaptation.method import OwnPolicies
-    from sim.adaptation.methods import make_method
-
-    checkpoint = checkpoint_of_session(store)
-    if isinstance(make_method(store.facts.method, checkpoint.solver.task, checkpoint), OwnPolicies):
-        raise UsageError(
-            f"session {store.facts.name} is of the method {store.facts.method}, whose policy follows from its trials "
-            "and not from parameters: its next iteration tries that policy"
-        )

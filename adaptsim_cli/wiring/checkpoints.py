@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli.config import Config, Resolved, places
+from adaptsim_cli.config import Config, Resolved, load, places
 from adaptsim_cli.errors import UsageError
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
+    from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.checkpoint import Checkpoint
 
 ROLLOUTS, QUICK = 240, 96
@@ -141,3 +143,35 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     text = json.dumps(read_card(folder, task), default=str)
     card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
     return card
+
+
+def checkpoint_of_session(store: SessionStore) -> Checkpoint:
+    """The checkpoint that a stored session was begun with, found by the hash of its weights.
+
+    Raises CheckpointError where none of the shipped ones, of the settings' and of the user's own is that one.
+    """
+    from sim.adaptation.checkpoint import load_checkpoint, read_card
+    from sim.errors import CheckpointError
+
+    facts = store.facts
+    task = task_of(replace(load().config, task=facts.task, object=facts.object))
+    for folder in _folders(facts.task):
+        try:
+            if str(read_card(folder, task.name)["sha256"]) == facts.checkpoint_sha256:
+                return load_checkpoint(task, str(folder))
+        except (CheckpointError, KeyError):
+            continue
+    raise CheckpointError(
+        f"session {facts.name!r} was begun with the checkpoint {facts.checkpoint} ({facts.checkpoint_sha256[:12]}), "
+        "which is not here any more: name its folder with ADAPTSIM_CHECKPOINT"
+    )
+
+
+def _folders(task: str) -> Iterator[Path]:
+    """Where the checkpoint of a session may lie: as the settings say, shipped, the user's own."""
+    from sim.adaptation.checkpoint import SHIPPED
+
+    if named := load().config.checkpoint:
+        yield Path(named)
+    yield from sorted((SHIPPED / task).glob("*")) if (SHIPPED / task).is_dir() else ()
+    yield from own_checkpoints()

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli import config
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.report.hindsight import Judgement, Prediction
 from adaptsim_cli.session.history import history_of, particles_of
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore, names
-from adaptsim_cli.wiring.checkpoints import own_checkpoints, task_of
-from sim.errors import CheckpointError, SimError
+from adaptsim_cli.wiring.best import policy_of_session
+from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
+from sim.errors import SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
@@ -28,27 +28,6 @@ if TYPE_CHECKING:
 
 LIKELY = 24
 """Trajectories of the posterior that are drawn of every trial."""
-
-
-def checkpoint_of_session(store: SessionStore) -> Checkpoint:
-    """The checkpoint that a stored session was begun with, found by the hash of its weights.
-
-    Raises CheckpointError where none of the shipped ones, of the settings' and of the user's own is that one.
-    """
-    from sim.adaptation.checkpoint import load_checkpoint, read_card
-
-    facts = store.facts
-    task = task_of(replace(config.load().config, task=facts.task, object=facts.object))
-    for folder in _folders(facts.task):
-        try:
-            if str(read_card(folder, task.name)["sha256"]) == facts.checkpoint_sha256:
-                return load_checkpoint(task, str(folder))
-        except (CheckpointError, KeyError):
-            continue
-    raise CheckpointError(
-        f"session {facts.name!r} was begun with the checkpoint {facts.checkpoint} ({facts.checkpoint_sha256[:12]}), "
-        "which is not here any more: name its folder with ADAPTSIM_CHECKPOINT"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,27 +54,24 @@ class Hindsight:
 
     def judge(self, store: SessionStore) -> Judgement:
         """All that a report shows of a session. Raises SessionError without trials."""
-        from sim.adaptation.method import Particle
         from sim.adaptation.posterior import policies_of, policies_of_udr, prospect
 
         checkpoint, count = self.checkpoint, store.iterations()
         trials = [trial for i in range(count) for trial in store.trials(i)]
         if not trials:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
-        results = [result for i in range(count) if (result := store.result(i)) is not None]
+        done = any(store.result(i) is not None for i in range(count))
         posteriors = tuple(self.posterior(store, i) for i in range(trials[-1].iteration + 2))
         known = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Prospect:
             return prospect(checkpoint, known, policies, np.random.default_rng(0))  # the same targets for all
 
-        best = results[-1].best.params if results else {}
-        mean = np.array([[best[name] for name in checkpoint.solver.task.parameters.names]]) if best else None
         return Judgement(
             posteriors=posteriors,
             predictions={trial.number: self._prediction(store, trial, known) for trial in trials},
             first=expected(policies_of(checkpoint, particles_of(store, 0))),
-            adapted=None if mean is None else expected(policies_of(checkpoint, [Particle(mean)])),
+            adapted=expected([policy_of_session(store, checkpoint)]) if done else None,
             udr=expected(policies_of_udr(checkpoint)),
         )
 
@@ -149,13 +125,3 @@ def measured_udr(store: SessionStore) -> page.Reference | None:
                 rewards = tuple(t.reward for i in range(other.iterations()) for t in other.trials(i))
                 found += [page.Reference(name, rewards)] if rewards else []
     return max(found, key=lambda reference: len(reference.rewards), default=None)
-
-
-def _folders(task: str) -> Iterator[Path]:
-    """Where the checkpoint of a session may lie: as the settings say, shipped, the user's own."""
-    from sim.adaptation.checkpoint import SHIPPED
-
-    if named := config.load().config.checkpoint:
-        yield Path(named)
-    yield from sorted((SHIPPED / task).glob("*")) if (SHIPPED / task).is_dir() else ()
-    yield from own_checkpoints()

@@ -164,6 +164,11 @@ class _SolverLearner:
 
         return policy_of(self.method, self.policies, particle, history, self.executable)
 
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        from sim.adaptation.best import final_policy
+
+        return final_policy(self.method, self.policies, self.expectations.task, history, self.executable)
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         from sim.adaptation.best import choose_best
         from sim.adaptation.methods.adaptsim import AdaptSim

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import Best, Iteration
+from sim.adaptation.method import Best, Iteration, Method, OwnPolicies
+from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
@@ -47,6 +48,15 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
         ci95=(max(0.0, estimate - half), min(1.0, estimate + half)),
         trials=int(counts[near].sum()),
     )
+
+
+def final_policy(
+    method: Method, policies: Policies, task: Task, history: Sequence[Iteration], executable: Executable | None = None
+) -> SolvedPolicy:
+    """The task policy that a session would go with. Raises ValueError when the history holds no trial."""
+    if isinstance(method, OwnPolicies):
+        return method.final(history, executable)
+    return policy_for(policies, choose_best(task, history).particle.samples, executable)
 
 
 def _posterior(unit: Array, rewards: Array, variance: Array) -> tuple[Array, Array]:

@@ -111,6 +111,9 @@ class MiddleLearner:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         return tuple(seen.particle for seen in history[-1])
 
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        return _Middle()
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here.", None)
 

@@ -231,6 +231,9 @@ class ToyLearner:
             for seen, step in zip(history[-1], directions, strict=True)
         )
 
+    def final(self, history: Sequence[Iteration]) -> ToyPolicy:
+        return self.train(history[-1][0].particle, history)
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]
         reward, particle = max(trials, key=lambda pair: pair[0])

@@ -24,6 +24,9 @@ from sim.tasks.task import Task
 OPTIMISM, FADES_OVER = 1.0, 4
 """Standard deviations that count for particles that explore in the first iteration; none after so many iterations."""
 
+CAUTION = 0.5
+"""Standard deviations by which the first particle, and what a session goes with, keep away from the unknown."""
+
 APART = 0.15
 """The E of an iteration lie at least so far apart, in fractions of their ranges."""
 
@@ -59,12 +62,12 @@ class AdaptSim:
     ) -> SolvedPolicy:
         """That of the first particle is the best there is; the others explore."""
         leads = np.array_equal(particle.samples, self._particles(history, 1)[0].samples)
-        optimism = 0.0 if leads else OPTIMISM * max(0.0, 1.0 - len(history) / FADES_OVER)
+        optimism = -CAUTION if leads else OPTIMISM * max(0.0, 1.0 - len(history) / FADES_OVER)
         return RealityPolicy(self.reality(history), optimism, executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """What it would go with."""
-        return RealityPolicy(self.reality(history), executable=executable)
+        return RealityPolicy(self.reality(history), -CAUTION, executable)
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
         """What it would go with, and what another iteration may gain. Raises ValueError without a trial."""

@@ -46,6 +46,12 @@ def test_the_best_policy_runs_and_is_exported_by_name(
     assert policy["quantities"]["parameters"][0]["unit"] == "kg"
 
 
+def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["rollout", "--session", "own", "--best", "--yes", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert list(record["action"].values()) == api.open_session("own").best_policy()(np.zeros(0)).tolist()
+
+
 def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["rollout", "--task", "pendulum", "--yes"]) == 0
     (home / "data/rollouts/scooping-broken").mkdir()
@@ -68,7 +74,6 @@ def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixt
         (["--best", "--yes"], "go together"),
         (["--session", NAME, "--yes"], "go together"),
         (["--session", NAME, "--best", "--param", "m1=1"], "leave --task and --param out"),
-        (["--session", "own", "--best", "--yes"], "whose policy follows from its trials"),
         (["--session", "empty", "--best", "--yes"], "no complete iteration yet"),
     ],
 )

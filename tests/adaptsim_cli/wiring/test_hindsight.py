@@ -6,13 +6,15 @@ import csv
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.report import comparison, page
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring.hindsight import Hindsight, Reports, checkpoint_of_session, measured_udr
+from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
+from adaptsim_cli.wiring.hindsight import Hindsight, Reports, measured_udr
 from sim.errors import CheckpointError
 
 ADAPTED, UDR = "pendulum-wd-adaptsim-seed0", "pendulum-wd-udr-seed0"
@@ -91,7 +93,8 @@ def test_sessions_are_compared_by_session_method_and_trial(root: Path, tmp_path:
     assert "http" not in html
     sessions = list(csv.DictReader((tmp_path / comparison.SESSIONS).read_text().splitlines()))
     assert [row["method"] for row in sessions] == ["adaptsim", "udr"]
-    assert float(sessions[0]["last_reward"]) > float(sessions[0]["first_reward"])
+    rewards = [np.mean([t.reward for t in SessionStore.open(root, ADAPTED).trials(i)]) for i in (0, 1)]
+    assert [float(sessions[0][f"{which}_reward"]) for which in ("first", "last")] == pytest.approx(rewards)
     trials = list(csv.DictReader((tmp_path / comparison.TRIALS).read_text().splitlines()))
     assert [(row["session"], row["iteration"], row["trial"]) for row in trials[:3]] == [
         (ADAPTED, "1", "1"),

@@ -49,7 +49,7 @@ def pretrain(
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
 
-    This is what adaptsim-belief needs. --methods adds the paper's adaptation policies, and --evaluate judges; both
+    This is what adaptsim needs. --methods adds the paper's adaptation policies, and --evaluate judges; both
     take longer than all the rest. They may be asked for later: the same command with them goes on from what is there.
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.

@@ -23,7 +23,7 @@ SHARE = 0.4
 ENOUGH, HOPELESS = 0.15, 0.3
 """Chance of a worthwhile gain below which a session is done, and upper end of the interval below which it is hopeless.
 
-All three were found on worlds to develop on (docs/decisions/0011)."""
+All three were found on worlds to develop on (docs/decisions/0011-one-method.md)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path: Path) -
 def test_the_summary_has_the_documented_shape(tmp_path: Path) -> None:
     summary = run(tmp_path).summary(0)
     assert list(summary) == [
-        "task", "session", "iteration", "hw", "world", "seed", "particles", "best", "verdict", "timing_s",
+        "task", "session", "iteration", "hw", "world", "seed", "particles", "best", "verdict", "outlook", "timing_s",
     ]  # fmt: skip
     assert list(summary["timing_s"]) == ["rollouts", "tracking", "adaptation", "training", "total"]
     assert set(summary["best"]) == {"params", "mean_reward", "trials", "ci95"}

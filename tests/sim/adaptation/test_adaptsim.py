@@ -126,11 +126,11 @@ def optimism(policy):
     return policy.optimism
 
 
-def test_the_first_particle_acts_by_expectation_and_the_others_explore_until_they_confirm():
+def test_the_first_particle_is_cautious_and_the_others_explore_until_they_confirm():
     method, rng = AdaptSim(simulators()), np.random.default_rng(0)
     assert isinstance(method, OwnPolicies)
     first, other = method.start(2, rng)
-    assert optimism(method.policy(first, [])) == 0.0
+    assert optimism(method.policy(first, [])) < 0.0
     assert optimism(method.policy(other, [])) > 0.0
     history = session(2) * 4
     first, other = method.next(history, rng)[0], method.start(2, rng)[1]

@@ -7,10 +7,10 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 
 WORKDIR /adaptsim
-COPY requirements.lock ./
+COPY requirements-run.lock ./
 ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 RUN pip install --no-cache-dir --index-url "$TORCH_INDEX" torch==2.13.0 \
-    && pip install --no-cache-dir --requirement requirements.lock
+    && pip install --no-cache-dir --requirement requirements-run.lock
 COPY . .
 RUN pip install --no-cache-dir --no-deps .
 

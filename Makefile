@@ -9,6 +9,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
@@ -17,14 +18,20 @@ DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml requirements.lock
+# What the program runs with: enough for make demo, and a quarter smaller.
+$(RUNS): pyproject.toml requirements-run.lock
 	@$(MAKE) --no-print-directory system
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"adaptsim needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
 	$(if $(TORCH_INDEX),$(BIN)/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
-	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --requirement requirements-run.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	@$(BIN)/python -c 'import open3d, pydrake, torch' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
+	@touch $@
+
+# And the extras and tools of development.
+$(STAMP): $(RUNS) requirements.lock
+	$(BIN)/python -m pip install --quiet --requirement requirements.lock
 	@touch $@
 
 system:
@@ -39,7 +46,7 @@ system:
 	  echo "System packages are missing. Run this line, then make again:" >&2; echo "  sudo apt-get install -y$$missing" >&2; exit 1; \
 	fi
 
-demo: $(STAMP)
+demo: $(RUNS)
 	$(BIN)/adaptsim run-iteration --task scooping --world heavy-olive --seed 0 --yes --session demo-$$(date +%Y%m%d-%H%M%S)
 
 test: $(STAMP)
@@ -97,6 +104,10 @@ lock:
 	.venv-lock/bin/python -m pip install --quiet '.[dev]'
 	{ echo "# Exact versions of everything, for Python 3.11 to 3.13 on Linux x86-64. Made by make lock."; \
 	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed -e 's/+cpu$$//' -e "s/^pylibfranka==.*/&; python_version < '3.13'/" ; } > requirements.lock
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock .
+	{ echo "# Exact versions of what the program runs with, a part of requirements.lock: no tools, no extras. Made by make lock."; \
+	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed -e 's/+cpu$$//' ; } > requirements-run.lock
 	rm -rf .venv-lock
 
 clean:

@@ -80,6 +80,20 @@ class Config:
         """Whether everything happens in the simulated lab: no real robot moves."""
         return is_simulated(self.hw)
 
+    @property
+    def lab_world(self) -> str:
+        """The world of the simulated lab; empty where a real arm moves."""
+        return self.world if self.is_simulated else ""
+
+    @property
+    def place(self) -> str:
+        """Where trials happen, as a part of a name: the world of the simulated lab, or the arm."""
+        return Path(self.lab_world).stem or self.hw
+
+    def unattended(self, yes: bool) -> bool:
+        """Whether nobody is asked anything: with `--yes`, and never with a real arm."""
+        return yes and self.is_simulated
+
 
 @dataclass(frozen=True)
 class Places:

@@ -22,9 +22,10 @@ from rich.console import Console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import NoAssistant
 from adaptsim_cli.touch_off.flow import touch_off
-from adaptsim_cli.touch_off.parts import Grasp, TouchRig, plan_of
+from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
 from adaptsim_cli.touch_off.solving import Result
 from hw.types import Array
+from hw.workcell import Workcell
 from sim.lab.cell import Cell
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
@@ -68,23 +69,28 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
     return replace(nominal, unmodelled=effects, mount=mount, sensing=Sensing(joint_offset_mrad=joint_offset_mrad))
 
 
+def rig_of(lab: TouchLab, cell: Workcell, plan: Plan) -> TouchRig:
+    """The lab's devices, ready for a touch-off by `plan`."""
+    return TouchRig(
+        name="fake",
+        title="lab",
+        key="test",
+        tool_name="scooping tool",
+        arm=lab.arm,
+        hand=lab.hand,
+        grasp=Grasp(),
+        empty=HeldTool(cell, np.eye(4)),
+        loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
+        plan=plan,
+        home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
+        tool_there=lab.offer_tool,
+    )
+
+
 def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
     cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, world, seed, cell, home_q_rad=READY_RAD) as lab:
-        rig = TouchRig(
-            name="fake",
-            title="benchmark",
-            key="benchmark",
-            tool_name="spatula",
-            arm=lab.arm,
-            hand=lab.hand,
-            grasp=Grasp(),
-            empty=HeldTool(cell, np.eye(4)),
-            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
-            plan=plan_of(HARDWARE),
-            home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
-            tool_there=lab.offer_tool,
-        )
+        rig = rig_of(lab, cell, plan_of(HARDWARE))
         found = touch_off(rig, NoAssistant(), Screen(console=Console(file=io.StringIO())))
         return found.result, lab.truth()
 

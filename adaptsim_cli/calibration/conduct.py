@@ -251,7 +251,7 @@ def _visits(rig: CalibrationRig, screen: Screen, request: CalibrationRequest) ->
 
 
 def _unattended(resolved: Resolved, request: CalibrationRequest) -> bool:
-    return resolved.config.is_simulated and request.yes and not request.guide
+    return resolved.config.unattended(request.yes) and not request.guide
 
 
 def _need_terminal(resolved: Resolved, request: CalibrationRequest) -> None:

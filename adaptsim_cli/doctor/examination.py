@@ -29,9 +29,10 @@ LOOK_S = 5.0
 def examine(resolved: Resolved) -> Iterator[Finding]:
     """Everything that an iteration with these settings needs. Raises nothing for what is not there."""
     config, places = resolved.config, resolved.places
-    yield from _program(config)
-    yield from _machine(config, places)
-    if config.is_simulated:
+    arm = None if config.is_simulated else config.hw
+    yield from _program(arm)
+    yield from _machine(config, places, arm)
+    if arm is None:
         yield ok(lab.DEVICES, "arm, camera, bench", "the simulated lab has its own")
         yield from lab.not_needed(("driver", "rig file", "real-time kernel", "network", "pedal", "balance", "camera"))
         yield from _task(config)
@@ -39,7 +40,7 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     try:
         rig = rig_of(config, tasks_with_tools())
     except UsageError as error:
-        fix = f"adaptsim config init --arm {config.hw}, or correct the file"
+        fix = f"adaptsim config init --arm {arm}, or correct the file"
         yield missing(lab.DEVICES, "rig file", str(error), fix)
         yield skipped(lab.DEVICES, "all devices", "not checked: without a rig file the devices are unknown")
         yield from _task(config)
@@ -58,20 +59,20 @@ def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Fi
     yield from _balance(rig)
 
 
-def _program(config: Config) -> Iterator[Finding]:
+def _program(arm: str | None) -> Iterator[Finding]:
     about = importlib.metadata.metadata("adaptsim")
     yield program.python(platform.python_version(), about["Requires-Python"])
     yield program.packages(importlib.metadata.requires("adaptsim") or (), readings.installed)
     yield program.libraries(readings.loads)
-    if not config.is_simulated:
-        yield program.driver(config.hw, readings.installed)
+    if arm is not None:
+        yield program.driver(arm, readings.installed)
 
 
-def _machine(config: Config, places: Places) -> Iterator[Finding]:
+def _machine(config: Config, places: Places, arm: str | None) -> Iterator[Finding]:
     folder = readings.existing(places.data)
     yield machine.disk(str(folder), shutil.disk_usage(folder).free // 1_000_000, config.min_free_mb)
     yield machine.disk_speed(str(folder), readings.write_speed(folder))
-    if not config.is_simulated:
+    if arm is not None:
         from hw.franka.realtime import kernel_is_real_time
 
         yield machine.realtime_kernel(os.uname().release, kernel_is_real_time())
@@ -89,13 +90,13 @@ def _task(config: Config) -> Iterator[Finding]:
         return f"{config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}"
 
     def world() -> str:
-        return f"{load_world(config.world, get_task(config.task)).name} of {config.task}"
+        return f"{load_world(config.lab_world, get_task(config.task)).name} of {config.task}"
 
     wrong = (SimError, OSError)
     yield lab.attempt(
         "checkpoint", checkpoint, wrong, f"adaptsim pretrain --task {config.task}, or leave checkpoint out"
     )
-    if config.is_simulated:
+    if config.lab_world:
         yield lab.attempt("world", world, wrong, f"adaptsim lab list --task {config.task}")
 
 

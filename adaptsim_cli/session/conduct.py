@@ -64,7 +64,7 @@ def conduct(
     if not request.yes:
         console.require_terminal()
     screen = screen or Screen(as_json=request.as_json)
-    unattended = request.yes and config.is_simulated
+    unattended = config.unattended(request.yes)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
@@ -88,8 +88,7 @@ def conduct(
 
 def default_name(config: Config) -> str:
     """The session that is meant when none is named: one of each task, world, method and seed."""
-    place = Path(config.world).stem if config.is_simulated else config.hw
-    parts = (config.task, Path(config.object).stem, place, config.method, config.solver, f"seed{config.seed}")
+    parts = (config.task, Path(config.object).stem, config.place, config.method, config.solver, f"seed{config.seed}")
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -130,7 +129,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         name=name,
         task=parts.task.name,
         hw=config.hw,
-        world=config.world if config.is_simulated else "",
+        world=config.lab_world,
         world_sha256=origin.world_sha256,
         seed=config.seed,
         method=config.method,

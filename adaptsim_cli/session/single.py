@@ -139,7 +139,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
     return {
         "task": task.name,
         "hw": config.hw,
-        "world": config.world if config.is_simulated else "",
+        "world": config.lab_world,
         "seed": config.seed,
         "params": None if by_hand else _named(task.parameters, made.parameters),
         "context": _named(task.context, made.context),

@@ -61,7 +61,7 @@ def open_parts(config: Config, learnt: Path, drivers: Drivers | None = None) -> 
         origin = Provenance(
             checkpoint=f"{own.name}/{checkpoint.path.name}",
             checkpoint_sha256=checkpoint.sha256,
-            world_sha256=_world_sha256(config.world) if config.is_simulated else "",
+            world_sha256=_world_sha256(config.lab_world),
             calibration=calibration.source if calibration else "",
             calibration_sha256=_sha256(np.stack(poses)) if poses else "",
             versions=versions(),
@@ -107,7 +107,7 @@ def _is_foreign(config: Config, task: Task) -> bool:
     """Whether the world has a physics in which there is no arm, only the tool."""
     from sim.lab.world import load_world
 
-    return config.is_simulated and load_world(config.world, task).physics != "drake"
+    return bool(config.lab_world) and load_world(config.lab_world, task).physics != "drake"
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
@@ -138,7 +138,9 @@ def _sha256(array: Array) -> str:
 
 
 def _world_sha256(name_or_path: str) -> str:
-    """Of the file of an own world; of the name of one that ships with this version."""
+    """Of the file of an own world; of the name of one that ships with this version; empty without a world."""
+    if not name_or_path:
+        return ""
     path = Path(name_or_path).expanduser()
     content = path.read_bytes() if path.is_file() else repr(name_or_path).encode()
     return hashlib.sha256(content).hexdigest()

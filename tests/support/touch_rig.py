@@ -6,18 +6,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
+from touch_off import rig_of
 
-from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig
+from adaptsim_cli.touch_off.parts import Plan, TouchRig
 from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
-from sim.panda.feelers import empty_hand, feeling, touchable
-from sim.panda.planning import home
-from sim.panda.tool import cell_as_shipped, tool_of
+from sim.panda.feelers import empty_hand, touchable
+from sim.panda.tool import cell_as_shipped
 from sim.panda.touch_plan import table_probes, tool_probes
-from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
@@ -42,18 +40,4 @@ def few() -> Plan:
 def on_lab(of: World, things: tuple[KeepOut, ...] = ()) -> Iterator[tuple[TouchRig, TouchLab]]:
     cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, of, 1, cell, home_q_rad=READY_RAD, things=things) as lab:
-        rig = TouchRig(
-            name="fake",
-            title="lab",
-            key="test",
-            tool_name="scooping tool",
-            arm=lab.arm,
-            hand=lab.hand,
-            grasp=Grasp(),
-            empty=HeldTool(cell, np.eye(4)),
-            loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
-            plan=few(),
-            home_rad=home(HARDWARE.X_FT, cell.holding(tool_of(HARDWARE)), HARDWARE.home_pitch_rad),
-            tool_there=lab.offer_tool,
-        )
-        yield rig, lab
+        yield rig_of(lab, cell, few()), lab

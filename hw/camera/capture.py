@@ -29,7 +29,6 @@ class Captured:
     jpeg: bytes
     depth_mm: NDArray[np.uint16]  # (Hd, Wd)
     infrared: NDArray[np.uint16] | None  # (Hd, Wd)
-    depth_after_colour_s: float
     exposure_us: int  # of the colour image, as the device says; 0: it does not say
     white_balance_K: int
 
@@ -64,7 +63,6 @@ def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *,
             jpeg=_content(library, colour),
             depth_mm=_grey(library, depth, DEPTH16),
             infrared=_grey(library, dark, IR16) if infrared else None,
-            depth_after_colour_s=1e-6 * library.k4a_image_get_device_timestamp_usec(depth) - device_s,
             exposure_us=int(library.k4a_image_get_exposure_usec(colour)),
             white_balance_K=int(library.k4a_image_get_white_balance(colour)),
         )

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from survey import Survey, survey
+from unknown_table import find_plane
 
 from hw.camera.kinect import camera_model
 from hw.types import CameraModel, Frame, Intrinsics
 from perception.errors import ObjectNotFound, TableNotFound
-from perception.table import find_plane
 
 DATA = Path(__file__).parent / "data"
 UP = np.array([0.0, -1.0, 0.0])

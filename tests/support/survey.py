@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from unknown_table import Plane, find_plane, table_frame
 
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
@@ -14,7 +15,6 @@ from perception.cylinder import Circle, fit_circle
 from perception.errors import ObjectNotFound
 from perception.geometry import View
 from perception.scan import Scan
-from perception.table import Plane, find_plane, table_frame
 
 _RADIUS_M, _RADIUS_STD_M = 0.040, 0.015  # what stands on tables and can be held in a hand
 _RIM_M = 0.010  # top and bottom of a side are left out: rims, and the fillet at the table

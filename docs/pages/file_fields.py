@@ -113,6 +113,16 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("touches", "adaptsim_cli.touch_off.store", "SlowTouchRecord"),
         ),
     ),
+    (
+        "benchmark.json",
+        "What `adaptsim benchmark --json` prints. Beside it lie `rows.csv` and the page `report.html`. "
+        "`null` stands where a number needs UDR or the oracle and they were not run.",
+        (
+            ("Each of `rows`, one for a method, a world and a seed", "sim.benchmark.jobs", "Row"),
+            ("Each of `summary`, one for a set of worlds", "sim.benchmark.summary", "SetSummary"),
+            ("Each of its `methods`", "sim.benchmark.summary", "MethodSummary"),
+        ),
+    ),
 )
 
 SAID = {
@@ -186,6 +196,16 @@ SAID = {
     "t_arm_s": "when the joints were read, on the same clock",
     "sha256": "hash of each file; a truncated image is noticed",
     "corner": "number of the inner corner, along the upper row first, from 0",
+    "set": "which set of worlds",
+    "target": "name of the world",
+    "real_trials": "trials in that world",
+    "wall_s": "seconds that it took",
+    "worlds": "how many worlds",
+    "seeds": "how many seeds",
+    "above_udr_ci95": "95 % interval of that",
+    "gap_closed_ci95": "95 % interval of that",
+    "worst_world": "world where it falls furthest below UDR",
+    "curve_ci95": "95 % interval after each iteration",
     "value": "the value",
     "within": "half width of its 95 % interval",
     "place": "what was touched where",

@@ -92,12 +92,13 @@ def _type(node: ast.expr) -> str:
         text = text.replace(old, new)
     text = re.sub(r"\bHardware\b", "Literal['fake', 'panda', 'fr3']", text)
     text = re.sub(r"\bSide\b", "Literal['left', 'right', 'front', 'back']", text)
-    text = re.sub(r"\b\w+(Part|Record|Collision)\b|\bCollision\b", "table", text)
+    text = re.sub(r"\b\w+(Part|Record|Collision|Summary)\b|\bCollision\b", "table", text)
+    text = re.sub(r"tuple\[tuple\[int, float\], \.\.\.\]", "list of int and float", text)
     text = re.sub(r"tuple\[(\w+), \.\.\.\]", r"list of \1", text)
     text = re.sub(r"tuple\[(Three|Four)(, \1)+\]", lambda m: f"{m[1].lower()} rows of {m[1].lower()}", text)
     text = re.sub(r"tuple\[(float|int)(?:, \1)+\]", lambda m: f"{m[0].count(m[1])} {m[1]}", text)
     text = re.sub(r"tuple\[(\d \w+), \.\.\.\]", r"list of \1", text)
-    for word, number in (("Range", 2), ("Three", 3), ("Six", 6), ("Seven", 7)):
+    for word, number in (("Range", 2), ("Interval", 2), ("Three", 3), ("Six", 6), ("Seven", 7)):
         text = re.sub(rf"\b{word}\b", f"{number} float", text)
     text = re.sub(r"Literal\[(.*)\]", lambda m: " or ".join(m[1].split(", ")), text)
     return re.sub(r"dict\[str, (.*)\]", r"table of \1", text).replace("'", "`")

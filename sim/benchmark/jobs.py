@@ -68,7 +68,7 @@ class Row:
     simulations: int  # true rollouts of Phase 1 that the method rests on
     wall_s: float
     curve: tuple[tuple[int, float], ...]  # (real trials, reward) after each iteration
-    shown: float | None  # what trials showed of UDR and of the oracle: they choose the targets with a gap
+    shown: float | None  # of UDR and the oracle: the reward in other trials, which choose the worlds with a gap
 
 
 def run_job(job: Job) -> Row:

@@ -33,15 +33,15 @@ class MethodSummary:
     method: str
     reward: float
     ci95: Interval
-    above_udr: float | None  # mean paired difference; None where UDR was not run
+    above_udr: float | None  # mean paired difference to UDR
     above_udr_ci95: Interval | None
-    gap_closed: float | None  # over the worlds with a gap; None where there is none, or no UDR and oracle
+    gap_closed: float | None  # share of the gap that it closes, over the worlds with one
     gap_closed_ci95: Interval | None
-    worse_worlds: int | None  # worlds where it earns less than UDR by WORSE_BY
+    worse_worlds: int | None  # how many worlds it earns less than UDR in, by `WORSE_BY`
     worst_world: str | None
-    worst_difference: float | None  # to UDR there
-    trials: tuple[int, ...]
-    curve: tuple[float, ...]  # mean reward after so many real trials
+    worst_difference: float | None  # its difference to UDR there
+    trials: tuple[int, ...]  # real trials after each iteration
+    curve: tuple[float, ...]  # mean reward after each iteration
     curve_ci95: tuple[Interval, ...]
 
 
@@ -52,8 +52,8 @@ class SetSummary:
     set: str
     worlds: int
     seeds: int
-    with_gap: tuple[str, ...] | None  # None where UDR or oracle was not run
-    methods: tuple[MethodSummary, ...]  # in the order of the rows
+    with_gap: tuple[str, ...] | None  # worlds with a gap between UDR and the oracle
+    methods: tuple[MethodSummary, ...]  # one each, in the order of the rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
+from json_page import keys_of
 
 from adaptsim_cli import app
 
 DOCS = Path(__file__).parents[2] / "docs"
 PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-ROW = re.compile(r"^\| `adaptsim ([^`]*)--json` \| (.*) \|$", re.MULTILINE)
 
 
 def test_the_examples_of_the_python_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,13 +34,12 @@ def test_json_has_the_keys_that_its_page_lists(
 ) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    page = (DOCS / "reference/json.md").read_text(encoding="utf-8")
-    rows = {line.strip(): re.findall(r"`(\w+)`", keys) for line, keys in ROW.findall(page)}
     common = ["--task", "pendulum", "--world", "wd", "--session", "s", "--yes"]
     outputs = {
         "run-iteration": printed(["run-iteration", *common, "--json"], capsys),
         "rollout": printed(["rollout", "--task", "pendulum", "--yes", "--json"], capsys),
         "sessions list": printed(["sessions", "list", "--json"], capsys),
+        "sessions verify NAME": printed(["sessions", "verify", "s", "--json"], capsys),
         "report NAME": printed(["report", "s", "--json"], capsys),
         "lab list": printed(["lab", "list", "--json"], capsys),
         "lab show": printed(["lab", "show", "--task", "scooping", "--world", "wd", "--json"], capsys),
@@ -50,4 +49,4 @@ def test_json_has_the_keys_that_its_page_lists(
     for command, output in outputs.items():
         one = output[0] if isinstance(output, list) else output
         assert isinstance(one, dict)
-        assert set(rows[command]) <= set(one), command
+        assert keys_of(command) <= set(one), command

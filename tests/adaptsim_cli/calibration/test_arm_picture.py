@@ -12,7 +12,7 @@ import pytest
 import real_views
 
 from adaptsim_cli.calibration import arm_picture, conduct
-from adaptsim_cli.calibration.solving import Solved, solve_folder
+from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
 from calib.errors import UnusableViews
 
 
@@ -71,7 +71,7 @@ def test_the_command_writes_the_pictures(folder: Path, tmp_path: Path, capsys: p
 
 
 def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Path) -> None:
-    conduct.solve(folder, tmp_path / "report.html", conduct.Wishes(), as_json=False)
+    conduct.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
     assert (tmp_path / arm_picture.PICTURE).is_file()
 
 

@@ -9,7 +9,12 @@ import typer
 
 def run_iteration(
     task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
-    iterations: Annotated[int, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.")] = 1,
+    iterations: Annotated[
+        int | None, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.", show_default="1")
+    ] = None,
+    until_done: Annotated[
+        bool, typer.Option("--until-done", help="Go on until another iteration is not worth its trials.")
+    ] = False,
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
@@ -24,7 +29,8 @@ def run_iteration(
 ) -> None:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
-    Continues where the session stopped. Without --session, its name follows from task, world, method and seed.
+    Continues where the session stopped. Without --session, its name follows from task, world, method and seed. With
+    --until-done it runs at most --iterations, or else as many as the paper gives the task.
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
@@ -36,5 +42,6 @@ def run_iteration(
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     resolved = config.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
-    request = conduct.SessionRequest(session, given, iterations, yes, as_json)
+    most = iterations or (None if until_done else 1)
+    request = conduct.SessionRequest(session, given, most, yes, as_json, until_done)
     conduct.conduct(resolved, request, wiring.open_parts, Reports().draw)

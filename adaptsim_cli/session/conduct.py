@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,9 +40,10 @@ class SessionRequest:
 
     session: str | None
     given: frozenset[str]  # settings that came as flags
-    iterations: int = 1
+    iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
     as_json: bool = False
+    until_done: bool = False  # stop where another iteration is not worth its trials
 
 
 def conduct(
@@ -75,15 +77,27 @@ def conduct(
         stack.enter_context(store.locked())
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
-        for _ in range(request.iterations):
+        for _ in range(request.iterations or parts.task.adaptation.horizon):
             summary = run_iteration(session)
             with screen.busy("Drawing the report"):
                 path = draw(store)
             if request.as_json:
                 screen.data(summary)
             store.mark_shown(summary["iteration"], datetime.now(UTC).isoformat(timespec="seconds"))
+            if request.until_done and _is_done(summary, config.method):
+                break
     screen.plain(f"Report: {path}")
     return path
+
+
+def _is_done(summary: Mapping[str, Any], method: str) -> bool:
+    """Raises UsageError where the method cannot tell."""
+    if summary.get("outlook") is None:
+        raise UsageError(
+            f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
+            "give --iterations instead"
+        )
+    return bool(summary["outlook"]["done"])
 
 
 def default_name(config: Config) -> str:

@@ -48,10 +48,21 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
     html = page.render(opened())
     assert "Over time" in html
     assert "On the table" not in html
-    assert "<img" not in html
+    assert "<img src" not in html
     assert "calibration" not in html
     kept = opened().folder.glob("iteration-00/trial-001-attempt-0/*")
     assert sorted(path.name for path in kept) == ["motion.json", "trajectory.json", "trial.json"]
+
+
+def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run([*RUN, "--json", "--until-done"]) == 0
+    *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
+    assert last["done"]
+    assert not any(outlook["done"] for outlook in before)
+    assert len(before) < 9
+    assert app.run([*RUN, "--method", "random", "--session", "other", "--until-done"]) == 2
+    assert "the method random does not say what another iteration is worth" in capfd.readouterr().err
+    assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
 
 
 def test_an_interrupted_session_goes_on_to_the_same_end(

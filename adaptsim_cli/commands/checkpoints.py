@@ -91,6 +91,34 @@ def verify(
 
 
 @app.command()
+def parameters(
+    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
+    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the simulated targets.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Say before the first trial which parameters a session can tell, by sessions on simulated targets.
+
+    Example: adaptsim checkpoints parameters --task pushing
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring import checkpoints
+
+    settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress:
+        found = checkpoints.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
+    if as_json:
+        screen.data(found)
+        return
+    body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
+    screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
+    screen.plain(f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials tell nothing.")
+
+
+@app.command()
 def repair(
     checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,

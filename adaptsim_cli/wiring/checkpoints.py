@@ -145,6 +145,26 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     return card
 
 
+def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """Which parameters sessions with the settings' checkpoint can tell, for JSON. Raises CheckpointError."""
+    from sim.adaptation.identifiability import SESSIONS, TRIALS, identifiability
+    from sim.adaptation.methods.adaptsim import create
+
+    checkpoint = checkpoint_of(config)
+    task = checkpoint.solver.task
+    found = identifiability(create(task, checkpoint).simulators, config.seed, progress)
+    return {
+        "folder": str(checkpoint.path),
+        "task": task.name,
+        "sessions": SESSIONS,
+        "trials": TRIALS,
+        "parameters": [
+            {"name": one.name, "title": d.title, "left": one.left, "words": one.words}
+            for one, d in zip(found, task.parameters.dimensions, strict=True)
+        ],
+    }
+
+
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     """The checkpoint that a stored session was begun with, found by the hash of its weights.
 

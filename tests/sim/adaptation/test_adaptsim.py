@@ -9,6 +9,7 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import Discrepancy, Scale
+from sim.adaptation.identifiability import identifiability
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.adaptsim import AdaptSim
@@ -166,3 +167,10 @@ def test_it_needs_prospects_and_former_sessions_keep_their_method():
         make_method("adaptsim", TOY, None)
     checkpoint = load_checkpoint(get_task("pushing"))
     assert type(make_method(FORMER_DEFAULT, checkpoint.solver.task, checkpoint)).__name__ == "Belief"
+
+
+def test_parameters_that_move_the_piece_are_told_and_others_are_not():
+    told = {found.name: found for found in identifiability(simulators(), 0)}
+    assert told["mu"].left < 0.7
+    assert told["mu"].left < told["h"].left
+    assert all(found.words for found in told.values())

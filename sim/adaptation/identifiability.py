@@ -1,0 +1,73 @@
+"""Which parameters a session can tell at all: sessions on simulated targets, and how near they come to the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.method import Trial
+from sim.adaptation.reality import Reality, RealityPolicy, Simulators
+from sim.rollouts.draws import Disturbances
+
+SESSIONS, TRIALS = 24, 8
+"""Simulated targets in Omega, and trials of each with the first policy."""
+
+SETTLES, PARTLY = 0.5, 0.85
+"""Error that is left, as a fraction of that without a trial, below which a parameter settles, or does so in part."""
+
+
+@dataclass(frozen=True)
+class Identifiable:
+    """One parameter."""
+
+    name: str
+    left: float  # error after a session, as a fraction of that before it: 1 where trials tell nothing
+    words: str
+
+
+def identifiability(
+    simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None
+) -> tuple[Identifiable, ...]:
+    """Of every parameter, by the weights that trials of simulated targets give (`sim.adaptation.reality`)."""
+    task, rng = simulators.task, np.random.default_rng(seed)
+    policy = RealityPolicy(Reality(simulators, ()))
+    unit = task.parameters.normalise(simulators.truths)
+    before, after = [], []
+    for i, target in enumerate(task.parameters.sample(rng, SESSIONS)):
+        truth = task.parameters.normalise(target)
+        weights = Reality(simulators, _trials(simulators, policy, target, rng)).weights
+        before.append(unit.mean(axis=0) - truth)
+        after.append(weights @ unit - truth)
+        if progress is not None:
+            progress(i + 1, SESSIONS)
+    left = np.sqrt(np.mean(np.square(after), axis=0) / np.mean(np.square(before), axis=0))
+    return tuple(
+        Identifiable(name, float(ratio), _words(ratio)) for name, ratio in zip(task.parameters.names, left, strict=True)
+    )
+
+
+def _trials(
+    simulators: Simulators, policy: RealityPolicy, target: Array, rng: np.random.Generator
+) -> tuple[Trial, ...]:
+    """As a session would see them, were the emulator at `target` the real object."""
+    task, solver = simulators.task, simulators.solver
+    contexts = task.context.sample(rng, TRIALS)
+    actions, drawn = policy.actions(contexts), Disturbances.at_random(task, TRIALS, rng)
+    where, executed = np.tile(target, (TRIALS, 1)), actions + drawn.error
+    success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, drawn.nuisance))
+    paths = solver.trajectories(where, executed, drawn.nuisance)
+    paths = paths + solver.residual_std * rng.standard_normal(paths.shape)
+    seen = task.observation.with_noise(task.relocate(paths, contexts), rng)
+    ends = [e if rng.random() < chance else None for e, chance in zip(end, success, strict=True)]
+    earned = [0.0 if e is None else float(task.reward_of_success(e, c)) for e, c in zip(ends, contexts, strict=True)]
+    rows = zip(contexts, actions, seen, earned, ends, strict=True)
+    return tuple(Trial(c, a, o, r, e) for c, a, o, r, e in rows)
+
+
+def _words(left: float) -> str:
+    if left < SETTLES:
+        return "settles within a session"
+    return "settles in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

@@ -13,7 +13,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-lowest check format bench lock clean system docs site package
+.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -54,6 +54,13 @@ test: $(STAMP)
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10
+
+# What the extras export, rerun and lerobot read and write, with these programs themselves.
+test-extra:
+	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
+	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[export,rerun]' pytest pytest-timeout
+	.venv-extra/bin/python -m pip install --quiet --target .venv-extra/lerobot 'lerobot>=0.3.2,<0.4' torch==2.13.0
+	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests
 
 # Every package that pyproject.toml names, at the lowest version that it allows.
 test-lowest:

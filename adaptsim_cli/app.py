@@ -21,6 +21,7 @@ from adaptsim_cli.commands import (
     compare,
     config,
     doctor,
+    exporting,
     lab,
     pretrain,
     preview,
@@ -60,6 +61,7 @@ app.command("report")(report.report)
 app.command("compare")(compare.compare)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(retrack.retrack)
+app.command("replay")(exporting.replay)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(sessions.app, name="sessions")
 app.add_typer(rollouts.app, name="rollouts")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from adaptsim_cli.commands import keeping
+from adaptsim_cli.commands import exporting, keeping
 
 app = typer.Typer(help="Look at stored sessions, check, keep, prune and export them.", no_args_is_help=True)
 
@@ -123,3 +123,4 @@ def redo(
 
 
 keeping.add_to(app)
+app.command()(exporting.export)

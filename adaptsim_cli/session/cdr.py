@@ -8,6 +8,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 _HEADER = "std_msgs/Header header\n"
 _SEPARATOR = "=" * 80
 _TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
@@ -30,6 +33,15 @@ SCHEMAS = {
     "sensor_msgs/msg/CompressedImage": f"{_HEADER}string format\nuint8[] data\n{_STAMP}",
     "sensor_msgs/msg/JointState": f"{_HEADER}string[] name\nfloat64[] position\nfloat64[] velocity\n"
     f"float64[] effort\n{_STAMP}",
+    "sensor_msgs/msg/Image": f"{_HEADER}uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
+    f"uint32 step\nuint8[] data\n{_STAMP}",
+    "sensor_msgs/msg/CameraInfo": f"{_HEADER}uint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"
+    "float64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
+    f"sensor_msgs/RegionOfInterest roi\n{_SEPARATOR}\nMSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\n"
+    f"uint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n{_STAMP}",
+    "std_msgs/msg/String": "string data\n",
+    "rcl_interfaces/msg/Log": "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\n"
+    f"string function\nuint32 line\n{_SEPARATOR}\n{_TIME}",
     "geometry_msgs/msg/PointStamped": f"{_HEADER}geometry_msgs/Point point\n{_STAMP}"
     f"{_SEPARATOR}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n",
     "tf2_msgs/msg/TFMessage": f"geometry_msgs/TransformStamped[] transforms\n{_TRANSFORM}{_STAMP}",
@@ -49,10 +61,19 @@ class Writer:
 
     def header(self, t_ns: int, frame: str) -> Writer:
         """A std_msgs/Header: the stamp in nanoseconds and the frame."""
+        return self.time(t_ns).string(frame)
+
+    def time(self, t_ns: int) -> Writer:
+        """A stamp: whole seconds, and nanoseconds."""
         seconds, nanoseconds = divmod(t_ns, 1_000_000_000)
         self._pack("<i", seconds)
         self._pack("<I", nanoseconds)
-        return self.string(frame)
+        return self
+
+    def byte(self, value: int) -> Writer:
+        """One unsigned byte, or a boolean."""
+        self._pack("<B", value)
+        return self
 
     def string(self, text: str) -> Writer:
         """A string with its length and its closing zero."""
@@ -98,10 +119,45 @@ def compressed_image(t_ns: int, frame: str, layout: str, content: bytes) -> byte
     return Writer().header(t_ns, frame).string(layout).blob(content).message()
 
 
-def joint_state(t_ns: int, names: Sequence[str], position: Sequence[float]) -> bytes:
-    """A ROS 2 JointState of positions in rad, without velocities and efforts."""
+def image(t_ns: int, frame: str, depth_mm: NDArray[np.uint16]) -> bytes:
+    """A ROS 2 Image of encoding 16UC1: (H, W) in mm, as it is."""
+    height, width = depth_mm.shape
+    writer = Writer().header(t_ns, frame).count(height).count(width).string("16UC1").byte(0).count(2 * width)
+    return writer.blob(np.ascontiguousarray(depth_mm, "<u2").tobytes()).message()
+
+
+def camera_info(
+    t_ns: int, frame: str, size: tuple[int, int], K: NDArray[np.float64], distortion: NDArray[np.float64]
+) -> bytes:
+    """A ROS 2 CameraInfo of a camera of `size` (width, height), with OpenCV's eight coefficients."""
+    width, height = size
+    writer = Writer().header(t_ns, frame).count(height).count(width).string("rational_polynomial")
+    writer.doubles(distortion.tolist(), counted=True).doubles(K.ravel().tolist(), counted=False)
+    writer.doubles(np.eye(3).ravel().tolist(), counted=False)
+    writer.doubles(np.column_stack([K, np.zeros(3)]).ravel().tolist(), counted=False)
+    return writer.count(0).count(0).count(0).count(0).count(0).count(0).byte(0).message()
+
+
+def text(content: str) -> bytes:
+    """A ROS 2 String."""
+    return Writer().string(content).message()
+
+
+def log(t_ns: int, level: int, name: str, content: str) -> bytes:
+    """A ROS 2 Log line; level 20 informs, 30 warns."""
+    return Writer().time(t_ns).byte(level).string(name).string(content).string("").string("").count(0).message()
+
+
+def joint_state(
+    t_ns: int,
+    names: Sequence[str],
+    position: Sequence[float],
+    velocity: Sequence[float] = (),
+    effort: Sequence[float] = (),
+) -> bytes:
+    """A ROS 2 JointState: rad, rad/s and N m; what is not known is left empty."""
     writer = Writer().header(t_ns, "").strings(names).doubles(position, counted=True)
-    return writer.count(0).count(0).message()
+    return writer.doubles(velocity, counted=True).doubles(effort, counted=True).message()
 
 
 def point(t_ns: int, frame: str, xyz: Sequence[float]) -> bytes:
@@ -152,6 +208,10 @@ class Reader:
         """`n` float64 fields, or a counted sequence of them."""
         size = self.count() if n is None else n
         return tuple(self._unpack("<d") for _ in range(size))
+
+    def byte(self) -> int:
+        """One unsigned byte."""
+        return int(self._unpack("<B"))
 
     def _unpack(self, layout: str) -> float:
         size = struct.calcsize(layout)

@@ -208,6 +208,7 @@ class RigTrial:
             target.tool_pose(played),
             eye.camera_late_s,
             self.after,
+            rig.arm.model,
         )
         said = {} if rig.attendant is None else {"rig.json": to_json(rig.attendant.facts())}
         return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}

@@ -17,10 +17,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import cdr
+from adaptsim_cli.session import cdr, topics
 from adaptsim_cli.session.records import corrupt
 from hw.bounded import decode_image
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
@@ -30,24 +29,23 @@ FILE, OBJECT_FILE = "recording.mcap", "object.mcap"
 _COLOUR, _DEPTH = "/camera/colour", "/camera/depth"
 _BEFORE_COLOUR, _BEFORE_DEPTH = "/before/colour", "/before/depth"
 _AFTER_COLOUR, _AFTER_DEPTH = "/after/colour", "/after/depth"
-_MEASURED, _COMMANDED = "/joints/measured", "/joints/commanded"
-_TRANSFORMS, _OBJECT = "/tf", "/object"
-_TOPICS = {
-    _COLOUR: "sensor_msgs/msg/CompressedImage",
-    _DEPTH: "sensor_msgs/msg/CompressedImage",
-    _BEFORE_COLOUR: "sensor_msgs/msg/CompressedImage",
-    _BEFORE_DEPTH: "sensor_msgs/msg/CompressedImage",
-    _AFTER_COLOUR: "sensor_msgs/msg/CompressedImage",
-    _AFTER_DEPTH: "sensor_msgs/msg/CompressedImage",
-    _MEASURED: "sensor_msgs/msg/JointState",
-    _COMMANDED: "sensor_msgs/msg/JointState",
-    _TRANSFORMS: "tf2_msgs/msg/TFMessage",
+_PICTURE, _DEPTH_TYPE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
+TOPICS = {
+    _COLOUR: _PICTURE,
+    _DEPTH: _DEPTH_TYPE,
+    _BEFORE_COLOUR: _PICTURE,
+    _BEFORE_DEPTH: _DEPTH_TYPE,
+    _AFTER_COLOUR: _PICTURE,
+    _AFTER_DEPTH: _DEPTH_TYPE,
+    **topics.TYPES,
 }
+"""Topic -> type, of every recording."""
+COLOURS = (_COLOUR, _BEFORE_COLOUR, _AFTER_COLOUR)
 _IMAGES = (_COLOUR, _DEPTH, _BEFORE_COLOUR, _BEFORE_DEPTH, _AFTER_COLOUR, _AFTER_DEPTH)
-_JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
+Depth = NDArray[np.uint16]
 Message = tuple[int, str, bytes]  # time in ns, topic, CDR
 
 
@@ -77,6 +75,7 @@ def encode(
     X_BT_at: Callable[[float], Array],
     camera_late_s: float = 0.0,
     after: Frame | None = None,
+    arm: str = "panda",
 ) -> bytes:
     """The whole recording in memory, so that it can be written whole. Messages are in order of time.
 
@@ -88,37 +87,51 @@ def encode(
         *_images(frames, _COLOUR, _DEPTH, _jpeg),
         *_images([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH, _png),
     ]
-    for t_s, measured, commanded in zip(
-        execution.t_s, execution.q_measured_rad, execution.q_commanded_rad, strict=True
-    ):
-        t_ns = _ns(execution.t_start_s + t_s)
-        messages.append((t_ns, _MEASURED, cdr.joint_state(t_ns, _JOINTS, measured)))
-        messages.append((t_ns, _COMMANDED, cdr.joint_state(t_ns, _JOINTS, commanded)))
-    times_s = [frame.t_s for frame in frames]
-    if len(execution.t_s):
-        messages += [_transform(_ns(t_s), "base", "tool", X_BT_at(t_s)) for t_s in times_s]
-    messages += [_transform(_ns(t_s), "base", "camera_colour", X_BC) for t_s in times_s[:1]]
-    return _mcap(_TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    times_s, start_ns = [frame.t_s for frame in frames], _ns(before.t_s)
+    messages += [*topics.cameras(model, start_ns), topics.description(arm, start_ns), *topics.joints(execution)]
+    messages += topics.transforms(times_s or [before.t_s], execution, X_BT_at, model, X_BC)
+    return as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
 
 
 def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
     """The tracked centre, on the clock of the recording; the motion began at `t_start_s`."""
-    messages = [
-        (_ns(t_s), _OBJECT, cdr.point(_ns(t_s), "base", state[:3]))
+    return as_mcap({topics.OBJECT: topics.AFTERWARDS[topics.OBJECT]}, track_messages(track, t_start_s), {})
+
+
+def track_messages(track: ObjectTrack, t_start_s: float) -> list[Message]:
+    """The tracked centre at every time of the track."""
+    return [
+        (_ns(t_s), topics.OBJECT, cdr.point(_ns(t_s), "base", state[:3]))
         for t_s, state in zip(track.t_s + t_start_s, track.state, strict=True)
     ]
-    return _mcap({_OBJECT: "geometry_msgs/msg/PointStamped"}, messages, {})
 
 
-def _mcap(topics: Mapping[str, str], messages: Sequence[Message], attached: Mapping[str, bytes]) -> bytes:
-    """A file of `topics` (name -> type) with `messages` in order of time, and JSON attached by name."""
+def depths(stored: Recording) -> list[Message]:
+    """Every depth image, as it is."""
+    after = [] if stored.after is None else [stored.after]
+    return [
+        (_ns(frame.t_s), topic, cdr.image(_ns(frame.t_s), "camera_depth", frame.depth_mm))
+        for topic, frames in ((_DEPTH, stored.frames), (_BEFORE_DEPTH, [stored.before]), (_AFTER_DEPTH, after))
+        for frame in frames
+    ]
+
+
+def as_mcap(
+    types: Mapping[str, str],
+    messages: Sequence[Message],
+    attached: Mapping[str, bytes],
+    metadata: Mapping[str, str] | None = None,
+) -> bytes:
+    """A file of topics (name -> type) with `messages` in order of time, JSON attached by name, and metadata."""
     stream = io.BytesIO()
-    writer = McapWriter(stream, compression=CompressionType.NONE)
+    writer = McapWriter(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="adaptsim")
-    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(topics.values()))}
-    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in topics.items()}
+    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(types.values()))}
+    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in types.items()}
     for name, content in attached.items():
         writer.add_attachment(0, 0, name, "application/json", content)
+    if metadata:
+        writer.add_metadata("adaptsim", dict(metadata))
     for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
         writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
     writer.finish()
@@ -161,14 +174,13 @@ def _read(reader: object) -> Recording:
             camera = json.loads(attachment.data)
     if camera is None:
         raise SessionError("the recording lacks its camera.json")
-    images: dict[str, dict[int, Bytes]] = {topic: {} for topic in _IMAGES}
-    joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {_MEASURED: [], _COMMANDED: []}
-    for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
+    images: dict[str, dict[int, Bytes | Depth]] = {topic: {} for topic in _IMAGES}
+    joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
+    for schema, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
         fields, topic = cdr.Reader(message.data), channel.topic
         if topic in images:
             t_ns, _ = fields.header()
-            fields.string()
-            images[topic][t_ns] = np.frombuffer(fields.blob(), np.uint8)
+            images[topic][t_ns] = _depth(fields) if schema.name == _DEPTH_TYPE else _compressed(fields)
         elif topic in joints:
             t_ns, _ = fields.header()
             fields.strings()
@@ -177,9 +189,9 @@ def _read(reader: object) -> Recording:
     start_s = float(camera["t_start_s"])
     execution = Execution(
         t_start_s=start_s,
-        t_s=np.array([t_ns * 1e-9 - start_s for t_ns, _ in joints[_MEASURED]]),
-        q_commanded_rad=np.array([q for _, q in joints[_COMMANDED]]).reshape(-1, 7),
-        q_measured_rad=np.array([q for _, q in joints[_MEASURED]]).reshape(-1, 7),
+        t_s=np.array([t_ns * 1e-9 - start_s for t_ns, _ in joints[topics.MEASURED]]),
+        q_commanded_rad=np.array([q for _, q in joints[topics.COMMANDED]]).reshape(-1, 7),
+        q_measured_rad=np.array([q for _, q in joints[topics.MEASURED]]).reshape(-1, 7),
         control_success_rate=float(camera["control_success_rate"]),
     )
     frames = _frames(images[_COLOUR], images[_DEPTH])
@@ -188,7 +200,7 @@ def _read(reader: object) -> Recording:
     return Recording(before, frames, _camera_model(camera), X_BC, execution, after[0] if after else None)
 
 
-def _frames(colour: dict[int, Bytes], depth: dict[int, Bytes]) -> tuple[Frame, ...]:
+def _frames(colour: dict[int, Bytes | Depth], depth: dict[int, Bytes | Depth]) -> tuple[Frame, ...]:
     def decoded(t_ns: int) -> Frame:
         return Frame(t_ns * 1e-9, _decode_colour(colour[t_ns]), _decode_depth(depth[t_ns]))
 
@@ -204,7 +216,7 @@ def _images(
         kind, colour = as_colour(frame.colour)
         return [
             (t_ns, colour_topic, cdr.compressed_image(t_ns, "camera_colour", kind, colour)),
-            (t_ns, depth_topic, cdr.compressed_image(t_ns, "camera_depth", "16UC1; png", _encode_png(frame.depth_mm))),
+            (t_ns, depth_topic, cdr.image(t_ns, "camera_depth", frame.depth_mm)),
         ]
 
     with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it encodes
@@ -220,7 +232,7 @@ def _png(rgb: Bytes) -> tuple[str, bytes]:
     return "png", _encode_png(rgb[..., ::-1])
 
 
-def _encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+def _encode_png(image: NDArray[np.uint8]) -> bytes:
     ok, content = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not ok:
         raise SessionError("an image could not be encoded as PNG")
@@ -235,24 +247,32 @@ def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     return bytes(content.tobytes())
 
 
-def _decode_colour(
-    content: Bytes,
-) -> Bytes:
+def _compressed(fields: cdr.Reader) -> Bytes:
+    fields.string()
+    return np.frombuffer(fields.blob(), np.uint8)
+
+
+def _depth(fields: cdr.Reader) -> Depth:
+    """Of a message that is as long as it says. Raises ValueError for another encoding."""
+    height, width, encoding = fields.count(), fields.count(), fields.string()
+    fields.byte(), fields.count()
+    if encoding != "16UC1":
+        raise ValueError(f"a depth image of encoding {encoding!r}")
+    return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
+
+
+def _decode_colour(content: Bytes | Depth) -> Bytes:
     return np.ascontiguousarray(decode_image(content.tobytes(), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def _decode_depth(
-    content: Bytes,
-) -> NDArray[np.uint16]:
+def _decode_depth(content: Bytes | Depth) -> Depth:
+    """As it is, or from the PNG of an earlier version."""
+    if content.dtype == np.uint16:
+        return np.asarray(content, np.uint16)
     image = decode_image(content.tobytes(), cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16:
         raise ValueError("a depth image cannot be decoded")
     return np.asarray(image, np.uint16)
-
-
-def _transform(t_ns: int, parent: str, child: str, X: Array) -> Message:
-    xyzw = Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
-    return t_ns, _TRANSFORMS, cdr.transform(t_ns, parent, child, X[:3, 3].tolist(), xyzw)
 
 
 def _ns(t_s: float) -> int:

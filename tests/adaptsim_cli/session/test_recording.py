@@ -80,9 +80,12 @@ def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None
         found = [(s.name, s.encoding, c.topic, m.log_time) for s, c, m in reader.iter_messages(log_time_order=False)]
     assert {(name, topic) for name, _, topic, _ in found} == {
         ("sensor_msgs/msg/CompressedImage", "/camera/colour"),
-        ("sensor_msgs/msg/CompressedImage", "/camera/depth"),
+        ("sensor_msgs/msg/Image", "/camera/depth"),
+        ("sensor_msgs/msg/CameraInfo", "/camera/colour/camera_info"),
+        ("sensor_msgs/msg/CameraInfo", "/camera/depth/camera_info"),
+        ("std_msgs/msg/String", "/robot_description"),
         ("sensor_msgs/msg/CompressedImage", "/before/colour"),
-        ("sensor_msgs/msg/CompressedImage", "/before/depth"),
+        ("sensor_msgs/msg/Image", "/before/depth"),
         ("sensor_msgs/msg/JointState", "/joints/measured"),
         ("sensor_msgs/msg/JointState", "/joints/commanded"),
         ("tf2_msgs/msg/TFMessage", "/tf"),

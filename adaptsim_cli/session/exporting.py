@@ -1,0 +1,82 @@
+"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Literal, get_args
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session import table
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.storage import durable
+
+Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+LAYOUT = "foxglove-layout.json"
+
+Progress = Callable[[str, int, int], None]
+
+
+def export(
+    store: SessionStore, kind: str, out: Path, progress: Progress = lambda stage, done, total: None
+) -> list[Path]:
+    """Write the trials that count to `out`: a file for tables, a folder otherwise. Returns what was written.
+
+    Raises UsageError on an unknown format, without a trial, or where a data set would overwrite something;
+    ExtraMissing, SessionError.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"--format {kind}: it is one of {', '.join(FORMATS)}")
+    if not (records := table.trials_of(store)):
+        raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
+    if kind == "csv":
+        return [_written(out, table.as_csv(table.rows(store)).encode())]
+    if kind == "parquet":
+        return [_written(out, _parquet(store))]
+    if kind == "lerobot":
+        from adaptsim_cli.session import episodes
+
+        episodes.write(store, out)
+        return [out]
+    if store.facts.curves:
+        raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
+    from adaptsim_cli.session import rerun_file, whole
+
+    written = []
+    for done, record in enumerate(records):
+        if progress is not None:
+            progress("trials", done + 1, len(records))
+        trial = whole.open_trial(store, record)
+        if kind == "rerun":
+            written.append(rerun_file.write(trial, out / f"{trial.title}.rrd"))
+        else:
+            written.append(_written(out / f"{trial.title}.mcap", whole.encode(trial)))
+    if kind == "mcap":
+        written.append(_written(out / LAYOUT, layout()))
+    return written
+
+
+def layout() -> bytes:
+    """The layout that shows such a file in Foxglove."""
+    return (resources.files("adaptsim_cli.session") / LAYOUT).read_bytes()
+
+
+def default_name(store: SessionStore, kind: str) -> str:
+    """Where it is written when nobody says: in the present folder."""
+    return f"{store.facts.name}.{kind}" if kind in ("csv", "parquet") else f"{store.facts.name}-{kind}"
+
+
+def _parquet(store: SessionStore) -> bytes:
+    from adaptsim_cli.session.episodes import as_parquet
+
+    rows = table.rows(store)
+    units = {f"unit of {name}": unit for name, unit in table.units(store).items()}
+    return as_parquet({name: [row[name] for row in rows] for name in rows[0]}, units)
+
+
+def _written(path: Path, content: bytes) -> Path:
+    durable.make_folder(path.absolute().parent)
+    durable.replace_file(path.absolute(), content)
+    return path

@@ -1,0 +1,114 @@
+"""A completed trial for the Rerun viewer: the arm moves, depth is depth, and the track lies in the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli.session import whole
+from adaptsim_cli.session.retracking import tool_poses
+from adaptsim_cli.session.topics import FRAMES, X_FH
+from adaptsim_cli.session.whole import Trial
+from adaptsim_cli.storage import durable
+from hw.kinematics import FLANGE, link_poses
+from hw.types import Array
+from sim.errors import ExtraMissing
+from sim.panda.shapes import PRIMITIVES, mesh
+
+TIMELINE = "arm_clock"
+CAMERA, DEPTH = "base/camera", "base/camera/depth_camera"
+
+
+def write(trial: Trial, path: Path) -> Path:
+    """Write `path` (.rrd), in place of what may be there, and return it. Raises ExtraMissing, SessionError."""
+    durable.make_folder(path.parent)
+    durable.replace_file(path, encode(trial))
+    return path
+
+
+def encode(trial: Trial) -> bytes:
+    """The whole file in memory. Raises ExtraMissing without rerun-sdk, SessionError."""
+    rr = _rerun()
+    stream = rr.RecordingStream("adaptsim", recording_id=trial.title)
+    memory = stream.memory_recording()
+    stream.send_recording_name(trial.title)
+    stream.log("about", rr.TextDocument(_about(trial), media_type="text/markdown"), static=True)
+    _scene(rr, stream, trial)
+    _motion(rr, stream, trial)
+    _story(rr, stream, trial)
+    stream.flush()
+    return bytes(memory.drain_as_bytes())
+
+
+def _rerun() -> Any:
+    try:
+        import rerun
+    except ImportError as error:
+        raise ExtraMissing("this needs Rerun: pip install 'adaptsim[rerun]'") from error
+    return rerun
+
+
+def _scene(rr: Any, stream: Any, trial: Trial) -> None:
+    """What never moves: cameras, table, the shapes of the links."""
+    model = trial.stored.model
+    stream.log("base", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for entity, X, camera in ((CAMERA, trial.stored.X_BC, model.colour), (DEPTH, model.X_CD, model.depth)):
+        stream.log(entity, rr.Transform3D(translation=X[:3, 3], mat3x3=X[:3, :3]), static=True)
+        stream.log(
+            f"{entity}/image",
+            rr.Pinhole(image_from_camera=camera.K, resolution=[camera.width, camera.height]),
+            static=True,
+        )
+    stream.log("base/table", rr.Boxes3D(centers=[[0.5, 0.0, -0.01]], half_sizes=[[0.5, 0.5, 0.01]]), static=True)
+    for index, primitive in enumerate(PRIMITIVES):
+        vertices, triangles = mesh(primitive)
+        colour = (*(round(255 * part) for part in primitive.rgb), 255)
+        shape = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
+        stream.log(f"base/{primitive.link}/shape-{index}", shape, static=True)
+
+
+def _motion(rr: Any, stream: Any, trial: Trial) -> None:
+    """Images, the links, the tool and the joints over time."""
+    played, tool_at = trial.stored.execution, tool_poses(trial.file)
+    for t_s, jpeg in whole.jpegs(trial):
+        _at(stream, t_s)
+        stream.log(f"{CAMERA}/image", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
+    for frame in trial.stored.frames:
+        _at(stream, frame.t_s)
+        stream.log(f"{DEPTH}/image", rr.DepthImage(frame.depth_mm, meter=1000.0))
+        since_s = frame.t_s - played.t_start_s
+        q_rad = np.array([np.interp(since_s, played.t_s, joint) for joint in played.q_measured_rad.T])
+        poses = link_poses(q_rad)
+        for name, X in zip(FRAMES, (*poses, poses[FLANGE] @ X_FH), strict=True):
+            stream.log(f"base/{name}", _pose(rr, X))
+        stream.log("base/tool", _pose(rr, tool_at(frame.t_s)), rr.TransformAxes3D(0.05))
+    for i in range(0, len(played.t_s), 10):
+        _at(stream, played.t_start_s + float(played.t_s[i]))
+        stream.log("joints/measured", rr.Scalars(played.q_measured_rad[i]))
+
+
+def _story(rr: Any, stream: Any, trial: Trial) -> None:
+    """The track, and what happened."""
+    track = trial.record.track.track()
+    stream.log("base/track", rr.LineStrips3D([track.state[:, :3]], colors=[(255, 190, 40)]), static=True)
+    for t_s, state in zip(track.t_s, track.state, strict=True):
+        _at(stream, trial.start_s + float(t_s))
+        stream.log("base/object", rr.Points3D([state[:3]], radii=[0.008], colors=[(255, 190, 40)]))
+    for t_s, text, warns in trial.events():
+        _at(stream, t_s)
+        stream.log("events", rr.TextLog(text, level="WARN" if warns else "INFO"))
+
+
+def _at(stream: Any, t_s: float) -> None:
+    stream.set_time(TIMELINE, duration=t_s)
+
+
+def _pose(rr: Any, X: Array) -> Any:
+    return rr.Transform3D(translation=X[:3, 3], mat3x3=X[:3, :3])
+
+
+def _about(trial: Trial) -> str:
+    facts = {**trial.metadata(), **{name: str(value) for name, value in trial.outcome().items()}}
+    return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in facts.items() if value)])

@@ -1,0 +1,158 @@
+"""A completed trial as one MCAP file: pictures, joints, transforms, the arm, its track, its outcome and its events.
+
+A stored recording is written before anyone has looked at it and never edited, so this file is made from it and from the
+trial's record when somebody asks. Recordings of earlier versions become as complete as new ones.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from adaptsim_cli.session import cdr, recording, topics
+from adaptsim_cli.session.recording import Recording
+from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
+from adaptsim_cli.session.retracking import tool_poses
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.store import SessionStore
+
+REAL_ARMS = ("panda", "fr3")
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A completed trial with its recording read."""
+
+    facts: Facts
+    record: TrialRecord
+    stored: Recording
+    file: Path
+
+    @property
+    def start_s(self) -> float:
+        """Arm clock at the start of the tool's motion."""
+        return self.stored.execution.t_start_s
+
+    @property
+    def arm(self) -> str:
+        """The model of the arm; the simulated lab has a Panda."""
+        return self.facts.hw if self.facts.hw in REAL_ARMS else "panda"
+
+    @property
+    def title(self) -> str:
+        """For a file or a viewer's window."""
+        return f"{self.facts.name}-trial-{self.record.number:03d}"
+
+    def events(self) -> Iterator[tuple[float, str, bool]]:
+        """(arm clock in s, what happened, whether it warns), in order of time."""
+        record, start_s = self.record, self.start_s
+        yield self.stored.before.t_s, f"the {self.facts.object_name} was detected", False
+        yield start_s, "the motion started", False
+        for moment in record.moments:
+            yield start_s + moment.t_s, f"key moment: {moment.label}", False
+        end_s = start_s + record.track.t_s[-1]
+        for flag in record.track.flags:
+            yield end_s, flag, True
+        words = record.outcome.value.replace("_", " ")
+        yield end_s, f"outcome: {words}, reward {record.reward:.2f}, expected {record.predicted_reward:.2f}", False
+        if record.overruled_from is not None:
+            yield end_s, f"the operator set the outcome; tracked: {record.overruled_from.value}", True
+
+    def outcome(self) -> dict[str, object]:
+        """How it ended, by name and in units."""
+        facts, record = self.facts, self.record
+        return {
+            "outcome": record.outcome.value,
+            "reward": record.reward,
+            "predicted_reward": record.predicted_reward,
+            "context": {d.name: value for d, value in zip(facts.context, record.context, strict=True)},
+            "action": {d.name: value for d, value in zip(facts.action, record.action, strict=True)},
+        }
+
+    def metadata(self) -> dict[str, str]:
+        """What a viewer shows of the file as a whole."""
+        facts, record = self.facts, self.record
+        units = {d.name: d.unit for space in (facts.context, facts.action, facts.parameters) for d in space if d.unit}
+        return {
+            "task": facts.task,
+            "title": facts.title,
+            "session": facts.name,
+            "hardware": "simulated lab" if facts.world else facts.hw,
+            "world": facts.world,
+            "method": facts.method,
+            "seed": str(facts.seed),
+            "iteration": str(record.iteration + 1),
+            "trial": str(record.number),
+            "attempt": str(record.attempt + 1),
+            "started": record.started,
+            "units": ", ".join(f"{name} in {unit}" for name, unit in units.items()),
+            "velocity": "differentiated from the positions",
+            "effort": "of the arm's rigid-body model with its hand, without tool and contact",
+        }
+
+
+def open_trial(store: SessionStore, record: TrialRecord) -> Trial:
+    """Raises SessionError where its recording is missing, pruned or corrupt."""
+    file = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt)) / recording.FILE
+    return Trial(store.facts, record, recording.read(file), file)
+
+
+def encode(trial: Trial) -> bytes:
+    """The whole file in memory. Colour stays as it was stored, bit by bit. Raises SessionError."""
+    stored, track = trial.stored, trial.record.track.track()
+    played, times_s = stored.execution, [frame.t_s for frame in stored.frames]
+    start_ns = round(stored.before.t_s * 1e9)
+    messages = [
+        *_colours(trial.file),
+        *recording.depths(stored),
+        *topics.cameras(stored.model, start_ns),
+        topics.description(trial.arm, start_ns),
+        *topics.joints(played),
+        *topics.transforms(times_s, played, tool_poses(trial.file), stored.model, stored.X_BC),
+        *recording.track_messages(track, played.t_start_s),
+        *(topics.event(t_s, text, is_warning=warns) for t_s, text, warns in trial.events()),
+        topics.outcome(played.t_start_s + float(track.t_s[-1]), trial.outcome()),
+    ]
+    return recording.as_mcap({**recording.TOPICS, **topics.AFTERWARDS}, messages, {}, trial.metadata())
+
+
+def centre_px(trial: Trial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
+    """(2,) the tracked centre in the colour image at an arm clock's time; None while it is not tracked."""
+    import cv2
+
+    track, since_s = trial.record.track.track(), t_s - trial.start_s
+    if not track.t_s[0] <= since_s <= track.t_s[-1]:
+        return None
+    colour, X_CB = trial.stored.model.colour, np.linalg.inv(trial.stored.X_BC)
+    p_m = track.at(np.array([since_s]))[:, :3] @ X_CB[:3, :3].T + X_CB[:3, 3]
+    pixels, _ = cv2.projectPoints(p_m, np.zeros(3), np.zeros(3), colour.K, colour.distortion)
+    return np.asarray(pixels.reshape(2), np.float64)
+
+
+def jpegs(trial: Trial) -> list[tuple[float, bytes]]:
+    """(arm clock in s, JPEG) of every image of the motion, as it is stored. Raises SessionError."""
+    found = []
+    for t_ns, topic, message in _colours(trial.file):
+        if topic == recording.COLOURS[0]:
+            fields = cdr.Reader(message)
+            fields.header(), fields.string()
+            found.append((1e-9 * t_ns, bytes(fields.blob())))
+    return found
+
+
+def _colours(file: Path) -> list[topics.Message]:
+    """The colour images as they are stored."""
+    try:
+        with file.open("rb") as stream:
+            found = make_reader(stream).iter_messages(topics=list(recording.COLOURS))
+            return [
+                (cdr.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found
+            ]
+    except (McapError, OSError, ValueError, IndexError, struct.error) as error:
+        raise corrupt(file, str(error)) from error

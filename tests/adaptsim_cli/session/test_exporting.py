@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from toy_session import NAME, run
+
+from adaptsim_cli import app
+from adaptsim_cli.session import cdr, exporting, recording, topics, whole
+from adaptsim_cli.session.store import SessionStore
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("exporting")
+    run(home)
+    return home
+
+
+@pytest.fixture
+def store(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SessionStore:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(home))
+    monkeypatch.chdir(tmp_path)
+    return SessionStore.open(home / "data/sessions", NAME)
+
+
+def messages(file: Path) -> dict[str, list[bytes]]:
+    found: dict[str, list[bytes]] = {}
+    with file.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            found.setdefault(channel.topic, []).append(message.data)
+    return found
+
+
+def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Path) -> None:
+    *files, layout = exporting.export(store, "mcap", tmp_path)
+    assert len(files) == len(store.trials(0))
+    found, record = messages(files[0]), store.trials(0)[0]
+    assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
+    assert len(found["/object"]) == len(record.track.t_s)
+    assert json.loads(cdr.Reader(found["/outcome"][0]).string())["reward"] == record.reward
+    assert any(b"outcome: " in line for line in found["/events"])
+    assert b"<robot" in found["/robot_description"][0]
+    with files[0].open("rb") as stream:
+        (about,) = list(make_reader(stream).iter_metadata())
+    assert (about.metadata["session"], about.metadata["trial"]) == (NAME, "1")
+    stored = whole.open_trial(store, record).stored
+    assert json.loads(layout.read_text())["layout"]["direction"] == "row"
+    depth = cdr.Reader(found["/camera/depth"][0])
+    depth.header()
+    height, width, encoding = depth.count(), depth.count(), depth.string()
+    depth.byte(), depth.count()
+    assert encoding == "16UC1"
+    pixels = np.frombuffer(depth.blob(), "<u2").reshape(height, width)
+    assert np.array_equal(pixels, stored.frames[0].depth_mm)
+
+
+def test_every_frame_of_the_layout_is_in_the_file(store: SessionStore, tmp_path: Path) -> None:
+    *files, layout = exporting.export(store, "mcap", tmp_path)
+    configured = json.loads(layout.read_text())["configById"]
+    named = {configured[key]["imageMode"][which] for key in configured if "Image!" in key
+             for which in ("imageTopic", "calibrationTopic")}  # fmt: skip
+    assert named | set(configured["3D!scene"]["topics"]) <= set(messages(files[0]))
+
+
+def test_joints_have_the_velocity_and_torque_of_their_motion() -> None:
+    t_s = np.arange(0.0, 2.0, 1e-3)
+    q = np.tile([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.7], (len(t_s), 1))
+    q[:, 0] += 0.3 * np.sin(2.0 * t_s)
+    speed = topics.derivative(t_s, q, 1)
+    assert np.abs(speed[50:-50, 0] - 0.6 * np.cos(2.0 * t_s[50:-50])).max() < 1e-3
+    assert np.abs(speed[:, 1:]).max() < 1e-9
+    assert topics.derivative(t_s[:3], q[:3], 1).tolist() == np.zeros((3, 7)).tolist()
+
+
+def test_a_table_has_a_row_for_each_trial(store: SessionStore) -> None:
+    assert app.run(["sessions", "export", NAME]) == 0
+    rows = list(csv.DictReader(Path(f"{NAME}.csv").read_text().splitlines()))
+    assert [float(row["reward"]) for row in rows] == [trial.reward for trial in store.trials(0)]
+
+
+def test_a_replay_is_a_video_with_every_frame(store: SessionStore, tmp_path: Path) -> None:
+    assert app.run(["replay", NAME, "2", "--out", str(tmp_path / "v.webm")]) == 0
+    trial = whole.open_trial(store, store.trials(0)[1])
+    video = cv2.VideoCapture(str(tmp_path / "v.webm"))
+    frames = 0
+    while video.read()[0]:
+        frames += 1
+    assert frames == len(trial.stored.frames)
+    assert whole.centre_px(trial, trial.start_s - 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["sessions", "export", NAME, "--format", "xls"], "csv, parquet, mcap, lerobot, rerun"),
+        (["replay", NAME, "99"], "trial 99 of"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(
+    store: SessionStore, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(arguments) == 2
+    assert message in capsys.readouterr().err

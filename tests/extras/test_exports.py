@@ -1,0 +1,102 @@
+"""Exported trials, read by the programs that they are for: `make test-extra`."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from toy_session import run
+
+from adaptsim_cli.session import episodes, exporting, table
+from adaptsim_cli.session.store import SessionStore
+
+pytestmark = pytest.mark.extra
+
+READ_BY_LEROBOT = """
+import json, sys
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+data = LeRobotDataset("local/session", root=sys.argv[1])
+last = data[len(data) - 1]
+print(json.dumps({
+    "frames": len(data), "episodes": data.num_episodes, "fps": data.fps,
+    "shapes": {name: list(value.shape) for name, value in last.items() if hasattr(value, "shape")},
+    "reward": float(last["next.reward"]), "done": bool(last["next.done"]), "task": last["task"],
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+    return run(tmp_path_factory.mktemp("exports"))
+
+
+def chunks(file: Path) -> Iterator[Any]:
+    from rerun.chunk import RrdReader  # noqa: PLC0415 - collected without the extra too
+
+    yield from RrdReader(str(file)).stream()
+
+
+def components(file: Path, entity: str) -> dict[str, list[Any]]:
+    """All values of an entity by the name of their component."""
+    found: dict[str, list[Any]] = {}
+    for chunk in chunks(file):
+        if str(chunk.entity_path) == entity:
+            batch = chunk.to_record_batch()
+            for name in batch.schema.names:
+                found.setdefault(name, []).extend(batch.column(name).to_pylist())
+    return found
+
+
+def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path: Path) -> None:
+    file, *_ = exporting.export(store, "rerun", tmp_path)
+    depth = components(file, "/base/camera/depth_camera/image")
+    assert "DepthImage:buffer" in depth
+    assert {meter for row in depth["DepthImage:meter"] if row for meter in row} == {1000.0}
+    hand = components(file, "/base/panda_hand")["Transform3D:translation"]
+    places = np.array([row[0] for row in hand if row])
+    assert np.ptp(places, axis=0).max() > 0.01
+    assert "Mesh3D:vertex_positions" in components(file, "/base/panda_hand/shape-34")
+    assert any("outcome" in row[0] for row in components(file, "/events")["TextLog:text"] if row)
+
+
+def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -> None:
+    file, *_ = exporting.export(store, "mcap", tmp_path)
+    out = tmp_path / "converted.rrd"
+    subprocess.run([sys.executable, "-m", "rerun", "mcap", "convert", str(file), "-o", str(out)], check=True)
+    assert "DepthImage:buffer" in components(out, "/camera/depth")
+    assert "EncodedImage:blob" in components(out, "/camera/colour")
+
+
+def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq  # noqa: PLC0415 - collected without the extra too
+
+    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet")
+    found = pq.read_table(file)
+    assert found.to_pylist() == table.rows(store)
+    assert found.schema.metadata[b"unit of duration_s"] == b"s"
+
+
+def test_lerobot_loads_the_data_set(store: SessionStore, tmp_path: Path) -> None:
+    count = episodes.write(store, tmp_path / "set")
+    env = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "hf")}
+    if "LEROBOT" in os.environ:
+        env["PYTHONPATH"] = os.environ["LEROBOT"]
+    program = [os.environ.get("LEROBOT_PYTHON", sys.executable), "-c", READ_BY_LEROBOT, str(tmp_path / "set")]
+    said = subprocess.run(program, env=env, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stderr[-2000:]
+    found = json.loads(said.stdout.splitlines()[-1])
+    trials = table.trials_of(store)
+    assert found["episodes"] == count == len(trials)
+    assert found["fps"] == episodes.CAMERA_FPS
+    assert found["shapes"]["observation.state"] == found["shapes"]["action"] == [7]
+    assert found["shapes"][episodes.IMAGE][0] == 3
+    assert found["reward"] == pytest.approx(trials[-1].reward)
+    assert found["done"]
+    assert found["task"] == store.facts.title

@@ -181,16 +181,11 @@ def _image_statistics(images: Sequence[bytes]) -> dict[str, Any]:
     from hw.bounded import decode_image
 
     chosen = images[:: max(1, len(images) // 8)]
-    pixels = np.concatenate(
-        [decode_image(jpeg, cv2.IMREAD_COLOR)[::8, ::8, ::-1].reshape(-1, 3) / 255.0 for jpeg in chosen]
-    )
-    found = {
-        "min": pixels.min(axis=0),
-        "max": pixels.max(axis=0),
-        "mean": pixels.mean(axis=0),
-        "std": pixels.std(axis=0),
-    }
-    return {**{name: row.reshape(3, 1, 1).tolist() for name, row in found.items()}, "count": [len(chosen)]}
+    decoded = (np.asarray(decode_image(jpeg, cv2.IMREAD_COLOR), np.uint8) for jpeg in chosen)
+    pixels = np.concatenate([picture[::8, ::8, ::-1].reshape(-1, 3).astype(np.float64) / 255.0 for picture in decoded])
+    found = _statistics(pixels)
+    colours = {name: np.reshape(values, (3, 1, 1)).tolist() for name, values in found.items() if name != "count"}
+    return {**colours, "count": [len(chosen)]}
 
 
 def _names(store: SessionStore, e: Episode, *, has_camera: bool) -> Mapping[str, list[str]]:

@@ -20,6 +20,7 @@ from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
     Note,
+    OutlookRecord,
     ResultRecord,
     Row,
     Samples,
@@ -136,6 +137,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
         trials=trials,
         latest=results[-1] if results else None,
         best=_named(facts, results[-1].best.params) if results else "",
+        correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
         figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.particles, facts.trials, w))
@@ -201,7 +203,8 @@ def levels(
     if results:
         best = results[-1].best
         pooled = Measured(best.mean_reward, *best.ci95, best.trials)
-        rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
+        of = "at its parameters and near by" if results[-1].outlook is None else "of this session"
+        rows.append(_measured("Adapted policy", pooled, of, _ADAPTED))
     if reference is not None:
         of_udr = mean_of(reference.rewards, std)
         rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
@@ -292,6 +295,15 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
         for r in records
         for bare in (Dimension(r.name, r.unit, r.low, r.high),)
     )
+
+
+def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
+    """What the trials add to the simulator's action, in words."""
+    if outlook is None:
+        return ""
+    told = outlook.noticeable(_described(facts, facts.action))
+    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{abs(off):.2g} {d.unit}".rstrip() for d, off in told]
+    return ", ".join(signed) or "none"
 
 
 def _named(facts: Facts, params: Mapping[str, float]) -> str:

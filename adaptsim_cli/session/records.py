@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -17,7 +18,7 @@ from adaptsim_cli.storage.validation import place
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.types import Space
+from sim.types import Dimension, Space
 
 if TYPE_CHECKING:
     from sim.adaptation.outlook import Outlook
@@ -197,6 +198,10 @@ class BestRecord(Record):
     ci95: tuple[float, float]
 
 
+NOTICEABLE = 0.05
+"""Fraction of its range from which the correction of a quantity is worth a word."""
+
+
 class OutlookRecord(Record):
     """What another iteration may gain, and by how much the actions differ from those of the simulator's policy."""
 
@@ -206,6 +211,11 @@ class OutlookRecord(Record):
     hopeless: bool  # nothing in the ranges of the action is expected to work
     correction: Row  # in the units of the action, mean over contexts
     correction_std: Row  # over contexts
+
+    def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
+        """Those quantities of the action whose correction is worth a word, with it."""
+        pairs = zip(dimensions, self.correction, strict=True)
+        return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
 
     @classmethod
     def of(cls, outlook: Outlook) -> OutlookRecord:

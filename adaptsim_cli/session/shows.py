@@ -108,18 +108,13 @@ def adapted(
     )  # fmt: skip
 
 
-NOTICEABLE = 0.05
-"""Fraction of its range by which a quantity of the action has to be corrected to be worth a word."""
-
-
 def _correction(task: Task, result: ResultRecord) -> list[Text]:
     """By how much its actions differ from what the simulator alone would do with the same parameters."""
     if result.outlook is None:
         return []
     told = [
         f"{d.plain_name} {'+' if off > 0 else '−'}{views.number(abs(off))} {d.unit}".rstrip()
-        for d, off in zip(task.action.dimensions, result.outlook.correction, strict=True)
-        if abs(off) >= NOTICEABLE * (d.high - d.low)
+        for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not told:
         return [Text("The actions are those that the simulator proposes for these parameters.", style="dim")]

@@ -26,6 +26,7 @@ from calib.geometry import rotation_vector
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, reject
 from calib.types import Forward, JointOffsets, Noise, Setup, Solution, View, ViewFit
 from calib.uncertainty import jackknife, uncertainty
+from calib.worth import worth
 from hw.poses import inverse
 from hw.types import Array
 
@@ -283,6 +284,7 @@ def _solution(
         size_known=setup.size_known,
         tilt_spread_deg=float(_spread_deg(data.X_CM[kept])[1]),
         pose_span_m=float(np.linalg.norm(np.ptp(seen, axis=0))),
+        worth=worth(final, [views[i].name for i in kept], setup.p_AP_m - final.state.X_AC[:3, 3]),
     )
 
 

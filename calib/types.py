@@ -187,6 +187,40 @@ class Noise:
     flange_mm: float  # what that (or an error of the poses given) means at the board
 
 
+@dataclass(frozen=True)
+class Worth:
+    """Of the views that were used. A share is of the error at the worst corner of the work volume."""
+
+    without: tuple[tuple[str, float], ...]  # by how much the error grows without a view, the largest first
+    more: tuple[str, ...]  # three more views like these lower the error most
+    left: float  # share of the error that is then left
+    to_halve: int | None  # how many such views halve it; None: more than a dozen
+
+    @property
+    def helpful(self) -> tuple[str, ...]:
+        """The three that the result rests on most."""
+        return tuple(name for name, _ in self.without[:3])
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Without any one of these the error grows by less than a hundredth."""
+        return tuple(sorted(name for name, share in self.without if share < 0.01))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """In words."""
+        most = ", ".join(f"{name} (+{100 * share:.0f} %)" for name, share in self.without[:3])
+        said = [f"The views that help most: {most} error without them"]
+        if self.idle:
+            said.append(f"Views that change next to nothing: {', '.join(self.idle)}")
+        halve = "" if self.to_halve is None else f"; {self.to_halve} such views would halve it"
+        said.append(
+            f"Three more views like {', '.join(self.more)} would lower the error that views can lower by "
+            f"{100 * (1 - self.left):.0f} %{halve}"
+        )
+        return tuple(said)
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """A calibration. Independent of the order of the views, bit by bit."""
@@ -207,6 +241,7 @@ class Solution:
     size_known: bool  # False: the target's size comes from the arm's motion, and the stated error counts that
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few
     pose_span_m: float  # diagonal of the box of board centres in the camera
+    worth: Worth  # of each view, and of more like them
 
     def __post_init__(self) -> None:
         for name in ("X_AC", "X_HM"):

@@ -108,6 +108,8 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
     screen.show(shows.calibration(solved.record))
+    for sentence in solved.worth.sentences:
+        screen.plain(f"  {sentence}")
     for fault in solved.faults:
         screen.note(f"  {fault.sentence}" + (f". To use them so: {fault.option}" if fault.option else ""))
     path = (out or folder / REPORT).absolute()
@@ -163,8 +165,11 @@ def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
 
 
 def _told(solved: Solved) -> dict[str, Any]:
+    worth = solved.worth
     return {
-        "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults]
+        "views_that_help": dict(worth.without),
+        "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
+        "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults],
     }
 
 

@@ -172,6 +172,8 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     """Show, and store if accepted. Raises CalibrationRejected, the report beside the views and nothing replaced."""
     page = report.render(solved).encode()
     screen.show(shows.calibration(solved.record))
+    for sentence in solved.worth.sentences:
+        screen.plain(f"  {sentence}")
     show_arm(solved, views, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)

@@ -13,7 +13,7 @@ from calib.errors import UnusableViews
 from calib.pairing import Fault
 from calib.residuals import Residuals, residuals
 from calib.saved import Origin, SavedCalibration, record_calibration
-from calib.types import Forward, Setup, Solution, View
+from calib.types import Forward, Setup, Solution, View, Worth
 
 DEVICES = ("arm", "camera")
 """Whose temperatures are kept with a calibration, where they tell them."""
@@ -31,6 +31,7 @@ class Solved:
     recognised: tuple[str, ...]  # sentences: what of the folder was found rather than told
     faults: tuple[Fault, ...]  # what is wrong with views that do not fit
     residuals: tuple[Residuals, ...]  # of every view that shows the target
+    worth: Worth  # which views help, and what more would give
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,9 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         setup.colour if setup.lens_covariance is not None else None,
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
-    return Solved(record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left)
+    return Solved(
+        record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left, solution.worth
+    )
 
 
 def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:

@@ -25,6 +25,8 @@ LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the ta
 _REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from where the piece lay
 _HIGHEST_M = 0.14
 _HIDDEN = 0.25  # less visible than this is flagged
+_FREE = 0.8  # of frames that show so much of the piece ...
+_POOR_FIT = 0.72  # ... the middle one agrees better than this with the picture (docs/results/tracking.md)
 _STILL_M = 0.003  # from its first pose: the tool shows where the camera stands only while it rests
 _FAR_OFF_PX = 4.0
 _MOVED_M = 0.006
@@ -119,6 +121,12 @@ def _flags(t_s: Array, places: Sequence[Place | None], state: Array, detection: 
         if which.any():
             first, last = t_s[which][0], t_s[which][-1]
             flags.append(f"{what} in {which.sum()} of {len(t_s)} frames ({first:.2f} to {last:.2f} s)")
+    fits = [place.fit for place in places if place is not None and place.visible >= _FREE]
+    if fits and np.median(fits) < _POOR_FIT:
+        flags.append(
+            f"the piece looks other than when it was found (agreement {np.median(fits):.2f}, at least {_POOR_FIT:g} is "
+            "usual): motion blur, a shining spot, or another exposure; its place may be off by more than 5 mm"
+        )
     moved_m = float(np.linalg.norm(state[0, :2] - detection.xy_m))
     if moved_m > _MOVED_M:
         flags.append(f"moved by {1e3 * moved_m:.0f} mm between detection and start")

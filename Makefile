@@ -13,7 +13,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site package
+.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site check-site package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -86,6 +86,10 @@ site:
 	$(PYTHON) -m venv .venv-site
 	.venv-site/bin/python -m pip install --quiet --disable-pip-version-check 'mkdocs>=1.6,<2'
 	.venv-site/bin/mkdocs build --strict --quiet --site-dir build/site
+
+# Lays out every page of the site as wide as a phone; needs Chromium or Chrome.
+check-site: site
+	$(PYTHON) docs/check_site.py build/site
 
 # What a user gets: the wheel, installed in an empty environment and used outside of the checkout.
 package:

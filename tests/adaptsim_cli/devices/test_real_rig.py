@@ -11,15 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cells import cell
-from in_process import InProcess
 from real_lab import (
     HANDLE_M,
     READY_RAD,
     RIG,
     ToyBalance,
     ToyDevices,
-    ToyPedal,
     Untouched,
     calibrated,
     own_place,
@@ -28,14 +25,12 @@ from real_lab import (
     typing,
     write_rig,
 )
-from sdk_fake import FakeSdk
 from toy_rig import ToyLab, on_rig, toy_parts
 from toy_session import unattended
 
 from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales, offer_recovery
-from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
@@ -48,13 +43,7 @@ from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.around import AroundArm
-from hw.collision import LEVEL
-from hw.errors import HandError, MotionRefused
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
-from hw.franka.arm import FrankaArm
-from hw.franka.connection import Connection
-from hw.franka.player import DRIVES
-from hw.franka.settings import FrankaSettings
+from hw.errors import HandError
 from hw.ports import Arm
 from hw.types import Execution, JointPath
 from perception.board.types import Board
@@ -160,40 +149,6 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
         assert parts.provenance.calibration == "calibrated"
 
 
-def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
-    typing(monkeypatch, "", "y", "yes", "Panda")
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda at 10.0.0.1", screen, None) as arm:
-        arm.execute(STILL)
-        arm.execute(STILL)
-    assert len(bare.executed) == 2
-    assert said(screen).count("Type panda to confirm all of this") == 4
-    assert "THE REAL ROBOT, panda at 10.0.0.1, is about to move for the first time" in said(screen)
-
-
-@pytest.mark.parametrize("answers", [("q",), ("yes", "q"), ()])
-def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    bare = FakeArm(READY_RAD, FakeClock(), cell())
-    typing(monkeypatch, *answers)
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
-        arm.execute(STILL)
-    assert bare.executed == []
-
-
-def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    typing(monkeypatch, "panda")
-    bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
-    pedal = ToyPedal([False, False, False, True]).__enter__()
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
-        arm.execute(STILL)
-        assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)
-        assert clock.now_s() == pytest.approx(0.04), "two looks"
-        pedal.held = [False]
-        with pytest.raises(MotionRefused, match="not held within 30 s"):
-            arm.execute(STILL)
-    assert len(bare.executed) == 1
-
-
 def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     devices = ToyDevices(balance=ToyBalance([None, 0.4123]))
     typing(monkeypatch, "panda", "", "", "", "")
@@ -236,48 +191,6 @@ def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.Monk
         typing(monkeypatch, "recover")
         assert all(check.ok for check in real.checks())
         assert devices.arm.executed == []
-
-
-def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_moves() -> None:
-    """The stop button, a reflex behind it that needs a joint to be guided first, and then an arm that is Idle."""
-    sdk = FakeSdk(k=True)
-    settings = FrankaSettings("172.16.0.2")
-    drive = DRIVES["panda"]
-    sdk.modes.pressed = True
-    asked: list[str] = []
-
-    def answer(question: str) -> str:
-        asked.append(question.partition(" (")[0])
-        if not sdk.modes.pressed:
-            return "recover"
-        sdk.modes.be("Reflex")
-        sdk.modes.by_hand_first = True
-        return ""
-
-    screen = quiet()
-    screen.ask = answer  # type: ignore[method-assign]
-    with FrankaArm(
-        cell(), settings, lambda: InProcess(Connection("panda", sdk, drive, settings, realtime=True))
-    ) as arm:
-        offer_recovery(arm, screen)
-        assert arm.state().fault is None
-    assert asked == ["Enter once that is done", "Type recover to clear it", "Type recover to clear it"]
-    assert not any(name in ("command", "set_load") for name, _ in sdk.calls)
-
-
-def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
-    sdk = FakeSdk(k=False)
-    sdk.modes.pressed = True
-    settings = FrankaSettings("172.16.0.2")
-    screen = quiet()
-    screen.ask = lambda question: "q"  # type: ignore[method-assign]
-    with (
-        FrankaArm(
-            cell("fr3"), settings, lambda: InProcess(Connection("fr3", sdk, DRIVES["fr3"], settings, realtime=True))
-        ) as arm,
-        pytest.raises(StoppedByOperator, match="nothing has moved"),
-    ):
-        offer_recovery(arm, screen)
 
 
 def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ import typer
 
 from adaptsim_cli.commands import (
     benchmark,
+    bundle,
     calibrate,
     checkpoints,
     compare,
@@ -46,7 +47,6 @@ app = typer.Typer(
     help="Adapt simulation parameters to a real robot task with some twenty trials.",
     epilog=EXIT_CODES,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -59,6 +59,7 @@ app.command("preview")(preview.preview)
 app.command("touch-off")(touch_off.touch_off)
 app.command("report")(report.report)
 app.command("compare")(compare.compare)
+app.command("bundle")(bundle.bundle)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(retrack.retrack)
 app.command("replay")(exporting.replay)

@@ -7,9 +7,14 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 
 def compare(
-    sessions: Annotated[list[str], typer.Argument(help="Names of two sessions or more, of one task.")],
+    sessions: Annotated[
+        list[str],
+        typer.Argument(help="Names of two sessions or more, of one task.", autocompletion=completing.sessions),
+    ],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for page and tables.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The comparison as one JSON object on stdout.")] = False,
 ) -> None:

@@ -7,12 +7,16 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 
 def export(
-    name: Annotated[str, typer.Argument(help="Name of the session.")],
-    kind: Annotated[str, typer.Option("--format", help="csv, parquet, mcap, lerobot or rerun.")] = "csv",
+    name: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
+    kind: Annotated[
+        str, typer.Option("--format", autocompletion=completing.formats, help="csv, parquet, mcap, lerobot or rerun.")
+    ] = "csv",
     out: Annotated[
         Path | None, typer.Option("--out", help="File of a table, folder otherwise; in the present folder if left out.")
     ] = None,
@@ -41,7 +45,7 @@ def export(
 
 
 def replay(
-    session: Annotated[str, typer.Argument(help="Name of the session.")],
+    session: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
     trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the video or the Rerun file.")] = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="Open it in the Rerun viewer (extra rerun).")] = False,

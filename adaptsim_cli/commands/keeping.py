@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 if TYPE_CHECKING:
     from adaptsim_cli.session.keeping import About
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
-_Name = Annotated[str, typer.Argument(help="Name of the session.")]
+_Name = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)]
+_Archived = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.archived)]
 _Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
 
 
@@ -72,7 +75,7 @@ def archive(name: _Name, as_json: _Json = False) -> None:
     screen.plain(f"Bring it back with: adaptsim sessions restore {name}")
 
 
-def restore(name: _Name, as_json: _Json = False) -> None:
+def restore(name: _Archived, as_json: _Json = False) -> None:
     """Move an archived session back into the list.
 
     Example: adaptsim sessions restore scooping-ood-1-adaptsim-seed0

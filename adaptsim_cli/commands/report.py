@@ -7,9 +7,16 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 
 def report(
-    session: Annotated[str | None, typer.Argument(help="Name of the session; the newest where it is left out.")] = None,
+    session: Annotated[
+        str | None,
+        typer.Argument(
+            help="Name of the session; the newest where it is left out.", autocompletion=completing.sessions
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Where the page lies, as JSON on stdout.")] = False,
 ) -> None:

@@ -6,9 +6,11 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 
 def retrack(
-    session: Annotated[str, typer.Argument(help="Name of the session.")],
+    session: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
     trial: Annotated[
         int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
     ] = None,

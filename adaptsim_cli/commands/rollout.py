@@ -7,11 +7,15 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 _Values = list[str] | None
 
 
 def rollout(
-    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    task: Annotated[
+        str | None, typer.Option("--task", autocompletion=completing.tasks, help="Which task, e.g. scooping.")
+    ] = None,
     context: Annotated[
         _Values, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
     ] = None,
@@ -21,10 +25,20 @@ def rollout(
     param: Annotated[
         _Values, typer.Option("--param", help="Parameter to train the policy for, as name=value, repeatable.")
     ] = None,
-    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
+    world: Annotated[
+        str | None,
+        typer.Option(
+            "--world", autocompletion=completing.worlds, help="World of the simulated lab: name or TOML file."
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
-    session: Annotated[str | None, typer.Option("--session", help="With --best: whose policy, task and world.")] = None,
+    session: Annotated[
+        str | None,
+        typer.Option(
+            "--session", autocompletion=completing.sessions, help="With --best: whose policy, task and world."
+        ),
+    ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
     out: Annotated[Path | None, typer.Option("--out", help="New folder for record and recording.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,

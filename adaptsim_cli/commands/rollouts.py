@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 app = typer.Typer(help="Look at stored rollouts: single trials that belong to no session.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
@@ -35,7 +37,12 @@ def list_rollouts(as_json: _Json = False) -> None:
 
 @app.command()
 def report(
-    name: Annotated[str | None, typer.Argument(help="Name of the rollout; the newest where it is left out.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="Name of the rollout; the newest where it is left out.", autocompletion=completing.rollouts
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
     as_json: _Json = False,
 ) -> None:

@@ -6,18 +6,30 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli.commands import completing
+
 
 def run_iteration(
-    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    task: Annotated[
+        str | None, typer.Option("--task", autocompletion=completing.tasks, help="Which task, e.g. scooping.")
+    ] = None,
     iterations: Annotated[
         int | None, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.", show_default="1")
     ] = None,
     until_done: Annotated[
         bool, typer.Option("--until-done", help="Go on until another iteration is not worth its trials.")
     ] = False,
-    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
+    world: Annotated[
+        str | None,
+        typer.Option(
+            "--world", autocompletion=completing.worlds, help="World of the simulated lab: name or TOML file."
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
-    session: Annotated[str | None, typer.Option("--session", help="Which session to begin or continue.")] = None,
+    session: Annotated[
+        str | None,
+        typer.Option("--session", autocompletion=completing.sessions, help="Which session to begin or continue."),
+    ] = None,
     method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")

@@ -6,17 +6,19 @@ from typing import Annotated
 
 import typer
 
-from adaptsim_cli.commands import exporting, keeping
+from adaptsim_cli.commands import completing, exporting, keeping
 
 app = typer.Typer(help="Look at stored sessions, check, keep, prune and export them.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
-_Name = Annotated[str, typer.Argument(help="Name of the session.")]
+_Name = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)]
 
 
 @app.command("list")
 def list_sessions(
-    task: Annotated[str | None, typer.Option("--task", help="Only those of this task.")] = None,
+    task: Annotated[
+        str | None, typer.Option("--task", autocompletion=completing.tasks, help="Only those of this task.")
+    ] = None,
     tag: Annotated[str | None, typer.Option("--tag", help="Only those with this tag.")] = None,
     archived: Annotated[bool, typer.Option("--archived", help="Those in the archive.")] = False,
     as_json: _Json = False,
@@ -67,7 +69,10 @@ def show(name: _Name, as_json: _Json = False) -> None:
 
 @app.command()
 def verify(
-    names: Annotated[list[str] | None, typer.Argument(help="Names of sessions; without one, all of them.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Names of sessions; without one, all of them.", autocompletion=completing.sessions),
+    ] = None,
     as_json: _Json = False,
 ) -> None:
     """Read every file of a session and compare it with its checksum.

@@ -1,0 +1,54 @@
+"""What a shell completes, asked as a shell asks it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli.commands import completing
+from sim.tasks import TASKS
+
+PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.app import main; main()"
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    for name in ("sessions/scoop-1", "sessions/push-1", "sessions/.hidden", "archived-sessions/old", "rollouts/one"):
+        (tmp_path / "data" / name).mkdir(parents=True)
+    return tmp_path
+
+
+def test_names_of_this_machine_are_completed(home: Path) -> None:
+    assert completing.sessions("") == ["push-1", "scoop-1"]
+    assert completing.sessions("sc") == ["scoop-1"]
+    assert completing.archived("") == ["old"]
+    assert completing.rollouts("o") == ["one"]
+    assert completing.tasks("") == sorted(TASKS)
+    assert "ood-1" in completing.worlds("ood")
+
+
+def test_without_data_there_is_nothing_to_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    assert completing.sessions("") == completing.archived("") == completing.rollouts("") == []
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("adaptsim sessions sh", ["show"]),
+        ("adaptsim sessions show s", ["scoop-1"]),
+        ("adaptsim run-iteration --session p", ["push-1"]),
+        ("adaptsim run-iteration --task pen", ["pendulum"]),
+        ("adaptsim sessions restore o", ["old"]),
+    ],
+)
+def test_a_shell_gets_them(home: Path, typed: str, expected: list[str]) -> None:
+    asked = {"_ADAPTSIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+    program = [sys.executable, "-c", PROGRAM]
+    found = subprocess.run(program, env={**os.environ, **asked}, capture_output=True, text=True, check=False)
+    assert found.stdout.split() == expected, found.stderr

@@ -2,17 +2,22 @@
 
     python benchmarks/scaling.py --task scooping --workers 1 2 --count 256
     python benchmarks/scaling.py --task scooping --workers --dataset build/dataset-scooping --sizes 1000 4000 16000
+    python benchmarks/scaling.py --task scooping --workers --predict 2 32 64 1000
 
 First table: rollouts a second on pools of so many processes, once they have started and imported what they need; and
 rollouts a CPU second, which tells a machine that has other work from cores that do not add up. Second table, with
 `--dataset` (that folder of `adaptsim pretrain`): what it costs to train the emulator on so many rollouts drawn from it,
-and its errors on `--held` others, the same for all sizes.
+and its errors on `--held` others, the same for all sizes. `--predict`: how long a dataset takes on so many workers,
+from the cost of a rollout (`--rollout-ms`), what the scheduler spends on a task (`--scheduler-ms`), and how tasks are
+cut.
 """
 
 from __future__ import annotations
 
 import argparse
+import heapq
 import os
+import pickle
 import resource
 import time
 from concurrent.futures import wait
@@ -24,7 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
+from sim.rollouts.dataset import SHARD
 from sim.rollouts.draws import sobol
+from sim.rollouts.run import CALLS, CHUNK
 from sim.solvers.emulator.training import held_out_errors, train_emulator
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -41,6 +48,8 @@ def main() -> None:
             first = first or per_s
             print(f"| {workers} | {per_s:.2f} | {per_s / first:.2f} | {per_cpu_s:.2f} |", flush=True)
         print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end.")
+    if arguments.predict:
+        predict(task, arguments.total, arguments.predict, arguments.rollout_ms / 1e3, arguments.scheduler_ms / 1e3)
     if arguments.dataset:
         by_size(task, load_dataset(Path(arguments.dataset), task), arguments.sizes, arguments.held, arguments.seed)
 
@@ -58,6 +67,28 @@ def speed(task: Task, workers: int, count: int) -> tuple[float, float]:
         run_many(task, draws(task, count), pool)
         took_s = time.perf_counter() - began_s
     return count / took_s, count / (_children_s() - before_s - sum(started.values()))
+
+
+def predict(task: Task, total: int, workers: list[int], rollout_s: float, scheduler_s: float) -> None:
+    """Shards one after the other as they are, and all at once as they could be."""
+    whole, size = draws(task, SHARD), min(CHUNK, SHARD // CALLS)
+    sent = len(pickle.dumps(whole[:size]))
+    print(f"{total} rollouts of {1e3 * rollout_s:g} ms in tasks of {size}; {sent} bytes go out with a task\n")
+    print("| workers | shard by shard, s | of them busy | all at once, s | of them busy |\n|---|---|---|---|---|")
+    for count in workers:
+        one = makespan_s(SHARD // size, count, size * rollout_s, scheduler_s)
+        took = [one * -(-total // SHARD), makespan_s(-(-total // size), count, size * rollout_s, scheduler_s)]
+        busy = [total * rollout_s / (count * seconds) for seconds in took]
+        print(f"| {count} | {took[0]:.0f} | {busy[0]:.2f} | {took[1]:.0f} | {busy[1]:.2f} |")
+
+
+def makespan_s(tasks: int, workers: int, task_s: float, scheduler_s: float) -> float:
+    """A scheduler hands out one task after the other, `scheduler_s` each, to whoever is free first."""
+    free_s, clock_s = [0.0] * workers, 0.0
+    for _ in range(tasks):
+        clock_s = max(clock_s, free_s[0]) + scheduler_s
+        heapq.heapreplace(free_s, clock_s + task_s)
+    return max(free_s)
 
 
 def draws(task: Task, count: int) -> Requests:
@@ -132,6 +163,10 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
+    parser.add_argument("--predict", type=int, nargs="*", default=[], help="numbers of workers")
+    parser.add_argument("--total", type=int, default=24_576, help="rollouts of the predicted dataset")
+    parser.add_argument("--rollout-ms", type=float, default=130.0)
+    parser.add_argument("--scheduler-ms", type=float, default=1.0, help="what Dask's documentation says of a task")
     parser.add_argument("--count", type=int, default=256, help="rollouts that are timed")
     parser.add_argument("--dataset", default="", help="folder of a dataset")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1000, 2000, 4000, 8000, 16000, 32000, 64000])

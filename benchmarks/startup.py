@@ -2,10 +2,12 @@
 
     python benchmarks/startup.py
     python benchmarks/startup.py --against FOLDER
+    python benchmarks/startup.py --against FOLDER --runs 1 --command "rollout --task scooping --yes"
 
 Without options: `adaptsim --help` beside an empty Typer program; the bar is a factor of 3. With `--against`, a checkout
-of another commit: CPU seconds of light commands here and there. Both run alternately in fresh processes, after one run
-that warms the disk cache; the ratio is the median over the pairs, so that a busy machine cancels.
+of another commit: CPU seconds of light commands, or of `--command`, here and there. Both run alternately in fresh
+processes, after one run that warms the disk cache; the ratio is the median over the pairs, so that a busy machine
+cancels.
 """
 
 from __future__ import annotations
@@ -53,10 +55,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", type=Path, help="checkout of another commit")
     parser.add_argument("--runs", type=int, default=15)
+    parser.add_argument("--command", action="append", help="instead of the light commands, repeatable")
     arguments = parser.parse_args()
     if arguments.against is not None:
         print("| command | CPU s there | here | here / there |\n|---|---|---|---|")
-        for command in COMMANDS:
+        for command in arguments.command or COMMANDS:
             trees = (OURS, HERE), (OURS, arguments.against.absolute())
             ours, theirs, ratio = pairs(*trees, command.split(), arguments.runs)
             print(f"| `adaptsim {command}` | {theirs:.2f} | {ours:.2f} | {ratio:.2f} |", flush=True)

@@ -46,7 +46,7 @@ def test_the_page_is_served_to_this_machine_alone() -> None:
         (["--action", "pitch=3"], "lies outside of"),
         (["--context", "x=2"], "lies outside of"),
         (["--arm", "ur5"], "it is one of panda, fr3"),
-        (["--task", "juggling"], "no task"),
+        (["--task", "juggling"], "must be one of pendulum"),
     ],
 )
 def test_bad_values_are_named(arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]) -> None:

@@ -45,7 +45,6 @@ class Comparison:
     seeds: int
     tabled: bool  # whether trials were looked up in world tables
     left_out: tuple[tuple[str, str], ...]  # methods that these checkpoints do not hold, and why
-    defaults: tuple[str, ...]  # what `adaptsim` stands for in the checkpoints
     rows: tuple[Row, ...]
     summaries: tuple[SetSummary, ...]
 
@@ -55,7 +54,6 @@ class Comparison:
             **self.plan,
             "targets": list(self.targets),
             "seeds": self.seeds,
-            "adaptsim": list(self.defaults),
             "left_out": dict(self.left_out),
             "rows": [asdict(row) for row in self.rows],
             "summary": [asdict(summary) for summary in self.summaries],

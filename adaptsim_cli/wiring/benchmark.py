@@ -131,7 +131,6 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
         seeds=asked.seeds,
         tabled=any(table is not None for table in tables),
         left_out=asked.left_out,
-        defaults=tuple(dict.fromkeys(checkpoint.method for _, checkpoint in asked.checkpoints)),
         rows=tuple(rows),
         summaries=summarise(rows),
     )

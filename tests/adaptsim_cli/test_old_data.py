@@ -84,7 +84,7 @@ def test_a_checkpoint_is_verified(old: Path, capfd: pytest.CaptureFixture[str]) 
     assert app.run(asked) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["holds"]
-    assert [figure["name"] for figure in found["figures"]] == ["mean reward of adaptsim", "mean reward of udr"]
+    assert [figure["name"] for figure in found["figures"]] == ["mean reward of adaptsim-belief", "mean reward of udr"]
 
 
 def test_a_calibration_is_what_a_session_works_with_and_the_doctor_shows(old: Path) -> None:

@@ -147,20 +147,21 @@ def _sessions(
     """Whole sessions in `count` fresh targets, for a task whose rollouts cost next to nothing."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
-    method, udr = make_method("adaptsim", task, checkpoint), udr_policies(solver, rng)
-    earned: dict[str, list[float]] = {"adaptsim": [], "udr": []}
+    name = checkpoint.method  # the best of those that the card judges
+    method, udr = make_method(name, task, checkpoint), udr_policies(solver, rng)
+    earned: dict[str, list[float]] = {name: [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):
         session = run_session(solver, method, target, roll, settings, rng)
-        earned["adaptsim"].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
+        earned[name].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
         earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
         progress(i + 1, count)
     behind = int(stored.get("targets", 0))
     last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}
-    said = {"adaptsim": last.get(checkpoint.method), "udr": stored.get("udr")}
+    said = {name: last.get(name), "udr": stored.get("udr")}
     return [
-        _figure(f"mean reward of {name}", float(said[name]), behind, np.array(values), "more", _mean, rng)
-        for name, values in earned.items()
-        if said[name] is not None and behind
+        _figure(f"mean reward of {of}", float(said[of]), behind, np.array(values), "more", _mean, rng)
+        for of, values in earned.items()
+        if said[of] is not None and behind
     ]
 
 

@@ -1,7 +1,7 @@
 """Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
 
-TOML, JSON, PNG and JPEG. Whatever is wrong with a file is one `Unreadable`; its message continues a sentence that the
-file's name begins.
+TOML, JSON, PNG and JPEG; of safetensors and Matroska what must hold before their libraries open them. Whatever is wrong
+with a file is one `Unreadable`; its message continues a sentence that the file's name begins.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ TOML_BYTES = 4 * 2**20
 JSON_BYTES = 64 * 2**20
 IMAGE_BYTES = 64 * 2**20
 IMAGE_PIXELS = 2**26
+TENSOR_BYTES = 4 * 2**30
+TENSOR_HEADER_BYTES = 2**20
+VIDEO_BYTES = 64 * 2**30
 DEEPEST = 32
 """Tables and arrays within each other, and parts of a key."""
 
@@ -80,6 +83,44 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(content) > most:
         raise Unreadable(f"has more than {most / 2**20:g} MB")
     return content
+
+
+def require_file(path: Path, most: int) -> int:
+    """The size of a regular file of at most so many bytes. Raises FileNotFoundError, Unreadable."""
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise Unreadable(f"cannot be read: {error.strerror}") from error
+    if not stat.S_ISREG(found.st_mode):
+        raise Unreadable("is a folder" if stat.S_ISDIR(found.st_mode) else "is not a file")
+    if found.st_size > most:
+        raise Unreadable(f"has more than {most / 2**20:g} MB")
+    return found.st_size
+
+
+def require_tensors(path: Path) -> None:
+    """A safetensors file as far as its header says: within bounds, and as long as it claims.
+
+    Raises FileNotFoundError, Unreadable.
+    """
+    size = require_file(path, TENSOR_BYTES)
+    with path.open("rb") as file:
+        head = file.read(8)
+        if len(head) < 8 or (length := int.from_bytes(head, "little")) > min(TENSOR_HEADER_BYTES, size - 8):
+            raise Unreadable("is no whole safetensors file: its header is cut short, or claims too much")
+        table = parse_table(file.read(length), is_toml=False)
+    ends = [entry["data_offsets"][-1] for entry in table.values() if _has_offsets(entry)]
+    if len(ends) + ("__metadata__" in table) != len(table):
+        raise Unreadable("is no safetensors file: a tensor has no place in it")
+    if max(ends, default=0) != size - 8 - length:
+        raise Unreadable("is cut short or damaged: its tensors end elsewhere than the file")
+
+
+def _has_offsets(entry: object) -> bool:
+    offsets = entry.get("data_offsets") if isinstance(entry, dict) else None
+    return isinstance(offsets, list) and len(offsets) == 2 and all(isinstance(one, int) for one in offsets)
 
 
 def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:

@@ -6,13 +6,13 @@ maker's SDK.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from hw.bounded import parse_table
 from hw.errors import CameraError
 from hw.types import Array, CameraModel, Intrinsics
 
@@ -50,7 +50,7 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
     Raises CameraError naming what is lacking or unknown.
     """
     try:
-        content = json.loads(calibration.rstrip(b"\0"))["CalibrationInformation"]
+        content = parse_table(calibration.rstrip(b"\0"), is_toml=False)["CalibrationInformation"]
         cameras = {camera["Purpose"].removeprefix("CALIBRATION_CameraPurpose"): camera for camera in content["Cameras"]}
         colour, depth = cameras["PhotoVideo"], cameras["Depth"]
         return CameraModel(

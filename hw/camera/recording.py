@@ -4,13 +4,15 @@ device's factory calibration attached. Needs PyAV (`pip install adaptsim[kinect]
 
 from __future__ import annotations
 
+import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from hw.bounded import IMAGE_PIXELS, VIDEO_BYTES, Unreadable, require_file
 from hw.camera.kinect import camera_model
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
     import av.video
 
 _TOGETHER_S = 0.010  # colour and depth of one instant differ by less
+MOST_ALONE = 300
+"""Images, some 1 GB, that may wait for their partner in another track."""
 _PIXELS = {"gray16be": ">u2", "gray16le": "<u2"}
 
 
@@ -37,8 +41,13 @@ class KinectRecording:
         except ImportError as error:
             raise DeviceUnavailable("recordings need PyAV: install it with pip install 'adaptsim[kinect]'") from error
         try:
-            self._container = av.open(str(self._path))
-        except (OSError, av.error.FFmpegError) as error:
+            require_file(self._path, VIDEO_BYTES)
+            # As Matroska alone: a playlist under this name could have FFmpeg open other files.
+            self._container = av.open(str(self._path), format="matroska", options={"protocol_whitelist": "file"})
+            self._require_bounds(self._container)
+        except Unreadable as error:
+            raise CameraError(f"{self._path} {error}") from error
+        except (OSError, ValueError, av.error.FFmpegError) as error:
             raise CameraError(f"{self._path} cannot be opened as a recording: {error}") from error
         return self
 
@@ -46,6 +55,14 @@ class KinectRecording:
         if self._container is not None:
             self._container.close()
             self._container = None
+
+    def _require_bounds(self, container: av.container.InputContainer) -> None:
+        """Raises CameraError on images or attachments of a size that no camera makes."""
+        for stream in container.streams.video:
+            width, height = getattr(stream, "width", 0), getattr(stream, "height", 0)  # none of an unknown codec
+            if width * height > IMAGE_PIXELS:
+                self.__exit__()
+                raise CameraError(f"{self._path} claims images of {width} x {height} pixels: too many")
 
     def model(self) -> CameraModel:
         """Factory calibration, for the modes that were recorded. Raises CameraError."""
@@ -60,13 +77,14 @@ class KinectRecording:
         container = self._open
         tracks = [self._track(title) for title in ("COLOR", "DEPTH")]
         tracks += [stream for stream in container.streams.video if stream.metadata.get("title") == "IR"]
-        start_s = 1e-9 * int(container.metadata.get("K4A_START_OFFSET_NS", "0"))
+        start_s = 1e-9 * self._offset_ns(container.metadata.get("K4A_START_OFFSET_NS", "0"))
         waiting: dict[int, deque[tuple[float, Any]]] = {track.index: deque() for track in tracks}
         queues = tuple(waiting.values())
-        container.seek(0)
-        for packet in container.demux(*tracks):
-            for image in packet.decode():
-                waiting[packet.stream.index].append((start_s + float(image.time or 0.0), image))
+        for index, images in self._packets(container, tracks):
+            for image in images:
+                waiting[index].append((start_s + float(image.time or 0.0), image))
+                if len(waiting[index]) > MOST_ALONE:
+                    raise CameraError(f"{self._path}: {MOST_ALONE} images of one track in a row have no partner")
             while all(queues):
                 stamps_s = [queue[0][0] for queue in queues]
                 if max(stamps_s) - min(stamps_s) < _TOGETHER_S:
@@ -75,6 +93,24 @@ class KinectRecording:
                     yield Frame(stamps_s[0], _rgb(colour), grey16(depth), dark)
                 else:  # the oldest has no partner
                     queues[stamps_s.index(min(stamps_s))].popleft()
+
+    def _packets(
+        self, container: av.container.InputContainer, tracks: Sequence[Any]
+    ) -> Iterator[tuple[int, Sequence[Any]]]:
+        """(index of the track, its images), packet by packet. Raises CameraError where one is damaged."""
+        import av  # noqa: PLC0415 an optional extra
+
+        try:
+            container.seek(0)
+            for packet in container.demux(*tracks):
+                yield packet.stream.index, packet.decode()
+        except (OSError, ValueError, av.error.FFmpegError) as error:
+            raise CameraError(f"{self._path} is cut short or damaged ({error})") from error
+
+    def _offset_ns(self, text: str) -> int:
+        if not re.fullmatch(r"-?[0-9]{1,18}", text):
+            raise CameraError(f"{self._path}: its tag K4A_START_OFFSET_NS is {text[:40]!r}, which is no whole number")
+        return int(text)
 
     @property
     def _open(self) -> av.container.InputContainer:

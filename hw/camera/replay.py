@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Self
 
 from hw.camera.recording import KinectRecording
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
+
+MOST_FRAMES = 1800
+"""Of one film: a minute, some 6 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,9 @@ def recorded_kinect(path: Path) -> RecordedCamera:
     Reads the whole file, some 4 MB a frame. Raises CameraError, DeviceUnavailable without PyAV.
     """
     with KinectRecording(path) as recording:
-        model, frames = recording.model(), tuple(recording.frames())
+        model, frames = recording.model(), tuple(islice(recording.frames(), MOST_FRAMES + 1))
+    if len(frames) > MOST_FRAMES:
+        raise CameraError(f"{path} is longer than {MOST_FRAMES} frames, which is a minute: cut it")
     if not frames:
         raise CameraError(f"{path} holds no instant with both a colour and a depth image: record again")
     return RecordedCamera(model, [Take(frames[0], frames)])

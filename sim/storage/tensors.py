@@ -9,6 +9,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from hw.bounded import Unreadable, require_tensors
 from sim.errors import CheckpointError
 from sim.storage.files import whole_file
 
@@ -20,8 +21,11 @@ def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
 
 
 def load_tensors(path: Path) -> dict[str, Tensor]:
-    """Raises CheckpointError."""
+    """The tensors of a file that someone else may have written. Raises CheckpointError."""
     try:
+        require_tensors(path)
         return dict(load_file(path))
+    except Unreadable as error:
+        raise CheckpointError(f"{path} {error}: make it again") from error
     except (OSError, SafetensorError) as error:
         raise CheckpointError(f"{path} cannot be read as safetensors ({error}): make it again") from error

@@ -1,0 +1,124 @@
+"""Hostile safetensors and Matroska files: damaged at many places, each is read or refused with one error."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from kinect_files import record
+
+from hw.bounded import TENSOR_HEADER_BYTES
+from hw.camera.recording import KinectRecording
+from hw.camera.replay import recorded_kinect
+from hw.errors import CameraError
+from sim.errors import CheckpointError
+from sim.storage.tensors import load_tensors, save_tensors
+
+
+def tensors_of(header: bytes, data: bytes = b"", claimed: int | None = None) -> bytes:
+    return struct.pack("<Q", len(header) if claimed is None else claimed) + header + data
+
+
+def entry(shape: list[int], offsets: list[object]) -> dict[str, object]:
+    return {"dtype": "F32", "shape": shape, "data_offsets": offsets}
+
+
+TENSORS = {
+    "empty": b"",
+    "seven bytes": b"\0" * 7,
+    "huge header": tensors_of(b"{}", claimed=2**63),
+    "header beyond the file": tensors_of(b"{}", claimed=100),
+    "header of megabytes": tensors_of(b" " * (TENSOR_HEADER_BYTES + 1)),
+    "deep header": tensors_of(b'{"a":' * 5000),
+    "no table": tensors_of(b"[]"),
+    "latin": tensors_of(b'{"\xe4": 1}'),
+    "no offsets": tensors_of(json.dumps({"a": {"dtype": "F32", "shape": [1]}}).encode(), bytes(4)),
+    "offsets of text": tensors_of(json.dumps({"a": entry([1], ["0", "4"])}).encode(), bytes(4)),
+    "claims terabytes": tensors_of(json.dumps({"a": entry([2**40], [0, 2**42])}).encode(), bytes(4)),
+    "shape and size differ": tensors_of(json.dumps({"a": entry([9], [0, 4])}).encode(), bytes(4)),
+    "shape overflows": tensors_of(json.dumps({"a": entry([2**62, 2**62], [0, 4])}).encode(), bytes(4)),
+    "negative offset": tensors_of(json.dumps({"a": entry([1], [-4, 4])}).encode(), bytes(4)),
+    "unknown kind": tensors_of(json.dumps({"a": entry([1], [0, 4]) | {"dtype": "Q"}}).encode(), bytes(4)),
+    "data left over": tensors_of(json.dumps({"a": entry([1], [0, 4])}).encode(), bytes(400)),
+    "a pickle": b"\x80\x04\x95" + bytes(100),
+    "a zip": b"PK\x03\x04" + bytes(100),
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("name", TENSORS)
+def test_hostile_tensors_end_in_an_error_that_names_the_file(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "policy.safetensors"
+    path.write_bytes(TENSORS[name])
+    with pytest.raises(CheckpointError, match=r"policy\.safetensors.*make it again"):
+        load_tensors(path)
+
+
+@pytest.mark.timeout(120)
+def test_tensors_cut_short_or_damaged_are_read_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "policy.safetensors"
+    save_tensors(path, {"a": torch.arange(6.0).reshape(2, 3), "b": torch.ones(4, dtype=torch.int64)})
+    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
+    for number in range(150):
+        content = bytearray(whole)
+        if number % 3 == 0:
+            del content[int(rng.integers(len(content))) :]
+        else:
+            content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bytes(content))
+        try:
+            load_tensors(path)
+        except CheckpointError:
+            refused += 1
+    assert refused >= 100
+
+
+MATROSKA = {
+    "empty": b"",
+    "zeros": b"\0" * 5000,
+    "a playlist": b"#EXTM3U\n#EXTINF:1,\nfile:///etc/passwd\n#EXT-X-ENDLIST\n",
+    "a list of files": b"ffconcat version 1.0\nfile '/etc/passwd'\n",
+    "head alone": b"\x1aE\xdf\xa3" + b"\x01" + b"\xff" * 7,
+    "html": b"<!doctype html><title>Sign in</title>",
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("name", MATROSKA)
+def test_hostile_recordings_end_in_an_error_that_names_the_file(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "film.mkv"
+    path.write_bytes(MATROSKA[name])
+    with pytest.raises(CameraError, match=r"film\.mkv"):
+        recorded_kinect(path)
+
+
+def test_a_folder_and_a_pipe_are_no_recording(tmp_path: Path) -> None:
+    with pytest.raises(CameraError, match="is a folder"):
+        KinectRecording(tmp_path).__enter__()
+    with pytest.raises(CameraError, match="is not a file"):
+        KinectRecording(Path("/dev/zero")).__enter__()
+
+
+@pytest.mark.timeout(240)
+def test_recordings_cut_short_or_damaged_are_read_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "film.mkv"
+    times_s = [i / 30 for i in range(4)]
+    record(path, times_s, times_s)
+    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
+    for number in range(120):
+        content = bytearray(whole)
+        if number % 4 == 0:
+            del content[int(rng.integers(len(content))) :]
+        else:
+            for _ in range(int(rng.integers(1, 20))):
+                content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bytes(content))
+        try:
+            recorded_kinect(path)
+        except CameraError:
+            refused += 1
+    assert refused >= 20

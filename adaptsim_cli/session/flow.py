@@ -18,6 +18,7 @@ import numpy as np
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import shows, trial
+from adaptsim_cli.session.drift import drift
 from adaptsim_cli.session.history import history_of, particles_of
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts
@@ -117,12 +118,20 @@ def _move(session: Session, stage: RunTrial) -> bool:
             store.save_motion(stage.iteration, stage.key, motion, executed.files())
 
         trial.execute(planned, save, session.screen)
+        _say_drift(session)
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
         if isinstance(error, PerceptionError) and operator.try_again(stage):
             return False
         raise
     return True
+
+
+def _say_drift(session: Session) -> None:
+    """Compare what the camera sees with the session's first motion."""
+    seen = list(session.store.rigs())
+    if seen and (said := drift(seen[0], seen[-1])) is not None:
+        session.screen.note(said)
 
 
 def _look(session: Session, stage: RunTrial) -> None:

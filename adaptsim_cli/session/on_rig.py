@@ -13,9 +13,10 @@ import numpy as np
 from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
+from adaptsim_cli.session.drift import brightness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
-from adaptsim_cli.session.records import to_json
+from adaptsim_cli.session.records import RIG, to_json
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import TrialEvidence
@@ -210,7 +211,10 @@ class RigTrial:
             self.after,
             rig.arm.model,
         )
-        said = {} if rig.attendant is None else {"rig.json": to_json(rig.attendant.facts())}
+        said = {}
+        if rig.attendant is not None:
+            facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.colour)})
+            said = {RIG: to_json(facts)}
         return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}
 
 

@@ -34,6 +34,8 @@ def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Rea
     detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
     detail += f", {1e3 * eye.camera_late_s:.1f} ms subtracted from the camera's time stamps"
     days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0
+    if days < 0:
+        detail += ". It was made in the future: is the clock of this computer right?"
     if days >= calibration_days:
         detail += f". It is {days} days old: has the camera moved? adaptsim calibrate check, one minute"
     return Readiness("calibration", True, detail)

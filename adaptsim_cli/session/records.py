@@ -178,6 +178,9 @@ class TrialRecord(Record):
     checksums: dict[str, str] = {}  # name -> SHA-256 of what was derived from the recording
 
 
+RIG = "rig.json"
+
+
 class RigFacts(Record):
     """rig.json beside a trial on a real rig: the object's mass, and what the camera says of itself."""
 
@@ -186,6 +189,7 @@ class RigFacts(Record):
     pedal: Literal["held", "waived"] | None = None  # "waived": the rig file says without_pedal
     tool: Literal["held", "waived"] | None = None  # by the hand before every motion; "waived": without_hand
     tool_width_m: float | None = None  # between the fingers that hold it, at the command's first look
+    brightness: float | None = None  # median grey value of the picture before the motion, 0 to 255
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
 
 

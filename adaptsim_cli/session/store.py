@@ -109,6 +109,13 @@ class SessionStore:
         path = folder / PRUNED
         return records.read(Pruned, path, must_be_sealed=True).files if path.exists() else {}
 
+    def rigs(self) -> Iterator[records.RigFacts]:
+        """What the rig said of itself beside each motion, in their order. Raises SessionError where one is corrupt."""
+        for _, folder in self._iterations():
+            for entry in entries(folder):
+                if (entry / records.RIG).is_file():
+                    yield records.read(records.RigFacts, entry / records.RIG)
+
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
         """The completed trials of an iteration that count, in order."""
         existing = self.existing()

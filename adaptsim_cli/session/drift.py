@@ -1,0 +1,47 @@
+"""Whether the camera still sees as it did in the session's first trial: exposure, white balance, brightness."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptsim_cli.session.records import RigFacts
+
+MOST_BRIGHTER = 0.15
+"""Share by which the picture before the motion may become brighter or darker before it is said."""
+
+
+def brightness(rgb: NDArray[np.uint8]) -> float:
+    """The median grey value of a picture (H, W, 3), 0 to 255."""
+    return float(np.median(rgb.mean(axis=2)))
+
+
+def drift(first: RigFacts, now: RigFacts) -> str | None:
+    """What to tell the operator of a camera that sees otherwise than in the first trial; None: nothing."""
+    before, after = _exposed(first), _exposed(now)
+    said = []
+    if before and after and before != after:
+        said.append(f"exposure and white balance are {_words(after)}, {_words(before)} in the first trial")
+    if first.brightness and now.brightness is not None:
+        share = now.brightness / first.brightness - 1.0
+        if abs(share) > MOST_BRIGHTER:
+            how = "brighter" if share > 0.0 else "darker"
+            said.append(
+                f"the picture is {abs(share):.0%} {how} than in the first trial ({first.brightness:.0f} then, "
+                f"{now.brightness:.0f} of 255 now; at most {MOST_BRIGHTER:.0%})"
+            )
+    if not said:
+        return None
+    return f"The camera sees otherwise: {'; '.join(said)}. Restore lamps and daylight: colours decide what is found"
+
+
+def _exposed(facts: RigFacts) -> list[tuple[int, int]]:
+    """Every exposure (µs) and white balance (K) of the recording; none where the camera does not tell."""
+    film: Any = (facts.camera or {}).get("recording") or {}
+    return sorted((int(e), int(w)) for e, w in film.get("exposure_us_and_white_balance_K", ()))
+
+
+def _words(seen: list[tuple[int, int]]) -> str:
+    return ", ".join(f"{exposure_us} µs and {balance_K} K" for exposure_us, balance_K in seen)

@@ -150,6 +150,7 @@ class Contact:
     felt_commanded_rad: Array  # (M, 7)
     felt_measured_rad: Array  # (M, 7)
     felt_torque_Nm: Array  # (M, 7) the arm's estimate of the torque that external forces put on its joints
+    control_success_rate: float = 1.0  # share of 1 kHz cycles that were answered in time, on the way there
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "q_rad", frozen_array(self.q_rad, (7,), "q_rad"))

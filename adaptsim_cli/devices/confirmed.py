@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.devices.drivers import RealArm
+from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.around import AroundArm
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 PATIENCE_S = 30.0
 """How long a motion waits for the pedal to be pressed."""
 _LOOK_S = 0.02
+LEAST_RATE = 0.95
+"""Of the commands that reach an arm in time; the maker asks for it (libfranka's communication test)."""
 
 
 class ConfirmedArm(AroundArm[RealArm]):
@@ -35,12 +39,15 @@ class ConfirmedArm(AroundArm[RealArm]):
         *,
         table: str = "nothing on the table but the object",
         before: Callable[[], None] = lambda: None,
+        last: LastMotion | None = None,
         now_s: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`before` is called before every motion, with the pedal held; it raises where none may begin."""
+        """`before` is called before every motion, with the pedal held; it raises where none may begin. `last`
+        remembers a motion that does not come to its end.
+        """
         super().__init__(arm)
-        self._before = before
+        self._before, self._last = before, last
         self._where, self._screen, self._pedal, self._table = where, screen, pedal, table
         self._now_s, self._pause = now_s, pause
         self._confirmed = False
@@ -55,23 +62,37 @@ class ConfirmedArm(AroundArm[RealArm]):
         self.confirm()
         self.await_pedal()
         self._before()
-        return self._arm.execute(path)
+        with self._remembered():
+            played = self._arm.execute(path)
+        self._say_rate(played.control_success_rate)
+        return played
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """Raises as `execute`, and what a guarded motion raises."""
         self.confirm()
         self.await_pedal()
         self._before()
-        return self._arm.execute_until_contact(path, guard)
+        with self._remembered():
+            contact = self._arm.execute_until_contact(path, guard)
+        self._say_rate(contact.control_success_rate)
+        return contact
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """What hangs on the flange from now on. Nothing moves."""
         self._arm.carry(tool, payload)
 
+    def __enter__(self) -> Self:
+        super().__enter__()
+        for note in self._arm.notes:
+            self._screen.note(f"  {note}")
+        return self
+
     def confirm(self) -> None:
         """Have the arm's model typed before its first motion. Raises StoppedByOperator."""
         if self._confirmed:
             return
+        if (unended := self._last.unended() if self._last else None) is not None:
+            self._screen.note(unended)
         self._screen.note(
             f"THE REAL ROBOT, {self._where}, is about to move for the first time. Check: nobody within its "
             f"reach, {self._table}, a hand on the arm's stop button"
@@ -95,6 +116,20 @@ class ConfirmedArm(AroundArm[RealArm]):
                     "motion did not start. Hold the pedal and run the same command again"
                 )
             self._pause(_LOOK_S)
+
+    def _remembered(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._last is None else self._last.moving()
+
+    def _say_rate(self, rate: float) -> None:
+        """After every motion."""
+        told = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
+        if rate >= LEAST_RATE:
+            self._screen.plain(f"  {told}")
+            return
+        self._screen.note(
+            f"  Only {told} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "
+            f"motion may have been rough. End other programs; adaptsim doctor --hw {self.model} checks both"
+        )
 
 
 class ConfirmedHand:

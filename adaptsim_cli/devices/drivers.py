@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 class RealArm(GuardedArm, Protocol):
     """The arm of a lab, which is told what its hand holds."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give the process that drives it: a sentence each, once it is connected."""
+        ...
+
     def carry(self, tool: Tool, payload: Payload) -> None:
         """For the checks, and for the arm's own compensation of weight. Nothing moves. Raises HardwareError."""
         ...

@@ -7,10 +7,12 @@ from contextlib import ExitStack
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from adaptsim_cli.config import places
 from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
 from adaptsim_cli.devices.drivers import Drivers
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
+from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD
@@ -97,7 +99,8 @@ class RealLab:
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
-        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table, before=before)
+        last = LastMotion(places().data / "arms" / f"{self.rig.arm.model}-{self.rig.name}.json")
+        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table, before=before, last=last)
 
     @cached_property
     def _pedal(self) -> Pedal | None:

@@ -6,6 +6,7 @@ import importlib.metadata
 import os
 import platform
 import shutil
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,9 +20,11 @@ from adaptsim_cli.doctor.finding import Finding, missing, ok, skipped
 from adaptsim_cli.errors import PreflightFailed, SessionError, UsageError
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.errors import CalibrationError
-from hw.errors import BalanceError, DeviceUnavailable, MotionRefused
+from hw.camera.process import CameraProcess, open_kinect
+from hw.errors import BalanceError, CameraError, DeviceUnavailable, MotionRefused
 from sim.errors import SimError
 
+STREAM_S = 0.5
 LOOK_S = 5.0
 """How long libk4a may take to list its cameras."""
 
@@ -34,7 +37,9 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     yield from _machine(config, places, arm)
     if arm is None:
         yield ok(lab.DEVICES, "arm, camera, bench", "the simulated lab has its own")
-        yield from lab.not_needed(("driver", "rig file", "real-time kernel", "network", "pedal", "balance", "camera"))
+        yield from lab.not_needed(
+            ("driver", "rig file", "real-time kernel", "network", "arm", "pedal", "balance", "camera")
+        )
         yield from _task(config)
         return
     try:
@@ -52,8 +57,10 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
 
 def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Finding]:
     yield ok(lab.DEVICES, "rig file", f"{config.rig}: {rig.name}, {rig.arm.model} at {rig.arm.address}")
-    yield machine.network(rig.arm.address, readings.round_trips(rig.arm.address))
-    yield _camera(rig)
+    trips = readings.round_trips(rig.arm.address)
+    yield machine.network(rig.arm.address, trips)
+    yield _arm(rig, reached=bool(trips.times_ms))
+    yield from _camera(rig)
     yield _calibration(config, places)
     yield from _pedal(rig)
     yield from _balance(rig)
@@ -100,10 +107,40 @@ def _task(config: Config) -> Iterator[Finding]:
         yield lab.attempt("world", world, wrong, f"adaptsim lab list --task {config.task}")
 
 
-def _camera(rig: RigDescription) -> Finding:
+def _arm(rig: RigDescription, *, reached: bool) -> Finding:
+    """Over FCI, without a motion."""
+    if not reached:
+        return skipped(lab.DEVICES, "arm", "not asked: its address does not answer")
+    from hw.franka.inspection import inspect
+    from hw.franka.realtime import kernel_is_real_time
+
+    try:
+        seen = inspect(rig.arm.model, rig.arm.settings(), realtime=kernel_is_real_time())
+    except DeviceUnavailable as error:
+        return missing(lab.DEVICES, "arm", str(error), "unlock the joints and activate FCI in Desk; docs/guide/arms.md")
+    return lab.arm(seen, rig.arm.model)
+
+
+def _camera(rig: RigDescription) -> Iterator[Finding]:
     from hw.camera.probe import probe_k4a
 
-    return lab.camera(probe_k4a(patience_s=LOOK_S), rig.camera.serial)
+    found = lab.camera(probe_k4a(patience_s=LOOK_S), rig.camera.serial)
+    yield found
+    if found.fix:
+        return
+    yield _stream(open_kinect(rig.camera.serial or None, rig.camera.settings()))
+
+
+def _stream(camera: CameraProcess) -> Finding:
+    """Half a second of images."""
+    try:
+        with camera:
+            camera.start_recording()
+            time.sleep(STREAM_S)
+            camera.stop_recording()
+            return lab.stream(camera.facts(), STREAM_S)
+    except (CameraError, DeviceUnavailable) as error:
+        return missing(lab.DEVICES, "camera images", str(error), "docs/guide/cameras.md: USB, power, display")
 
 
 def _calibration(config: Config, places: Places) -> Finding:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.doctor.finding import Finding, advice, missing, ok, skipped
 
 if TYPE_CHECKING:
     from calib.saved import SavedCalibration
     from hw.camera.probe import ProbeReport
+    from hw.franka.inspection import Inspection
 
 DEVICES, LEARNING = "devices", "task"
+MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
+"""Of an arm's states: libfranka wants 95 % of the commands in time, and twenty lost in a row stop the arm."""
+LEAST_FRAMES = 10
 
 
 def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: str) -> Finding:
@@ -22,6 +26,9 @@ def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: st
         return missing(DEVICES, "calibration", "this rig has no calibration: the camera pose is unknown", fix)
     u, age = known.uncertainty, (now - datetime.fromisoformat(known.created)).days
     found = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°, {age} day{'s' if age != 1 else ''} old"
+    if age < 0:
+        found = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°, made {-age} day{'s' if age != -1 else ''} in the future"
+        return advice(DEVICES, "calibration", found, "timedatectl set-ntp true: the clock of this computer is wrong")
     if age >= days:
         fix = f"has the camera moved? adaptsim calibrate check --hw {hw}, one minute"
         return advice(DEVICES, "calibration", f"{found} (calibration_days {days})", fix)
@@ -43,6 +50,39 @@ def camera(report: ProbeReport, serial: str) -> Finding:
         return missing(DEVICES, "camera", f"{report.library} has no depth engine, so there would be no depth", fix)
     which = serial or report.serials[0]
     return ok(DEVICES, "camera", f"{which}, {report.maker} library {report.version or '(version unknown)'}")
+
+
+def arm(seen: Inspection, model: str) -> Finding:
+    """What the arm says over FCI, and whether a second of its states came without a gap."""
+    rhythm, reading = seen.rhythm, seen.reading
+    served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
+    joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
+    told = (
+        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad; {rhythm.states} states at 1 kHz, "
+        f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
+    )
+    if reading.unwilling is not None:
+        fix = "do what the message asks for; every command that moves the arm leads you through it, too"
+        return missing(DEVICES, "arm", f"{told}; it would not move: {reading.unwilling}", fix)
+    if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
+        fix = "one cable without a switch, a real-time kernel, governor performance, and nothing else running"
+        return advice(DEVICES, "arm", f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
+    if seen.notes:
+        return advice(DEVICES, "arm", told, "; ".join(seen.notes))
+    return ok(DEVICES, "arm", told)
+
+
+def stream(facts: Mapping[str, Any], seconds: float) -> Finding:
+    """Synchronised frames of the camera, as its own record tells of them (`CameraProcess.facts`)."""
+    film = facts.get("recording") or {}
+    frames, dropped = int(film.get("frames", 0)), int(film.get("dropped", 0))
+    told = f"{frames} synchronised frames in {seconds:.1f} s, {dropped} dropped"
+    if frames < LEAST_FRAMES:
+        fix = "give it a USB 3 controller and a power supply of its own, end other programs; docs/guide/cameras.md"
+        return missing(DEVICES, "camera images", f"{told}; at least {LEAST_FRAMES} are needed", fix)
+    if dropped:
+        return advice(DEVICES, "camera images", told, "give it a USB 3 controller of its own, and end other programs")
+    return ok(DEVICES, "camera images", told)
 
 
 def answers(name: str, ask: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:

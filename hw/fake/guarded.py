@@ -37,6 +37,11 @@ class FakeGuardedArm(AroundArm[FakeArm]):
         self.carried: list[Payload] = []
         self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing is missing."""
+        return ()
+
     def execute(self, path: JointPath) -> Execution:
         """See `hw.ports.Arm`."""
         return self._arm.execute(path)

@@ -77,6 +77,11 @@ class FrankaArm:
         """See `hw.ports.Arm`."""
         return self._model
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give the process that plays motions; empty before it is entered."""
+        return () if self._player is None else self._player.notes
+
     def __enter__(self) -> Self:
         """Start the player and connect. Raises DeviceUnavailable."""
         self._entered = True

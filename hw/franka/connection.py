@@ -7,6 +7,7 @@ given to it before every motion.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -35,6 +36,7 @@ class Connection:
         """Raises Failure."""
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
+        self.notes: tuple[str, ...] = ()
         # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
         self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
         config = sdk.RealtimeConfig.kEnforce if realtime else sdk.RealtimeConfig.kIgnore
@@ -49,6 +51,21 @@ class Connection:
             return _reading(self._robot.read_once())
         except self._errors as error:
             raise self._failure(error) from error
+
+    def listen(self, states: int) -> tuple[int, float, int | None]:
+        """See `Driver`."""
+        robot = self._robot
+        try:
+            first_s = last_s = robot.read_once().time.to_sec()
+            before_s, gap_s = time.monotonic(), 0.0
+            for _ in range(states - 1):
+                last_s = robot.read_once().time.to_sec()
+                now_s = time.monotonic()
+                gap_s, before_s = max(gap_s, now_s - before_s), now_s
+            version = int(robot.server_version()) if hasattr(robot, "server_version") else None
+        except self._errors as error:
+            raise self._failure(error) from error
+        return max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version
 
     def prepare(self) -> None:
         """See `Driver`."""

@@ -64,6 +64,11 @@ Step = Callable[[SdkState, float], tuple[list[float], bool]]
 class Driver(Protocol):
     """One connected arm. Every method raises `Failure`."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give the process that drives it (`hw.franka.realtime.settle`)."""
+        ...
+
     def reading(self) -> Reading:
         """What the arm reports now."""
         ...
@@ -74,6 +79,10 @@ class Driver(Protocol):
 
     def drive(self, step: Step) -> None:
         """Call `step` every millisecond until it says that its joints are the last."""
+        ...
+
+    def listen(self, states: int) -> tuple[int, float, int | None]:
+        """Read so many states as they come -> milliseconds missed, longest gap (s), version of the arm's server."""
         ...
 
     def recover(self) -> None:

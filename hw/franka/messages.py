@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw.franka.driver import Failure
+from hw.franka.driver import Failure, Reading
 from hw.franka.playback import PlayableMotion, Played
 from hw.franka.settings import FrankaSettings, Payload
 from hw.listening import SILENCE_S
@@ -54,7 +54,33 @@ class Carry:
     payload: Payload
 
 
-Request = Connect | Read | Play | Recover | Carry
+@dataclass(frozen=True)
+class Listen:
+    """Read so many states in a row, one a millisecond; nothing moves."""
+
+    states: int
+
+
+Request = Connect | Read | Play | Recover | Carry | Listen
+
+
+@dataclass(frozen=True)
+class Connected:
+    """The answer to `Connect`."""
+
+    reading: Reading
+    notes: tuple[str, ...] = ()
+    """What the computer does not give the player (`hw.franka.realtime.settle`)."""
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """The answer to `Listen`: how evenly the arm's states came."""
+
+    states: int
+    missed: int  # milliseconds of the arm's clock without one
+    longest_gap_s: float  # on the computer's clock
+    interface: int | None  # version of the arm's server; None: the SDK does not tell, and has refused any but its own
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,11 @@ class Player(Protocol):
         """Whether its process runs."""
         ...
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give its process: a sentence each."""
+        ...
+
     def reading(self) -> Reading:
         """What the arm reports now."""
         ...

@@ -20,7 +20,7 @@ from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import Carry, Connect, Play, PlayOutcome, Recover, Request
+from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm
 from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.listening import Listener
 from hw.types import Guard
@@ -73,11 +73,13 @@ def serve(program: Connection, listener: Listener, connect: Callable[[Connect], 
         try:
             if isinstance(request, Connect):
                 driver = connect(request)
-                answer: Any = driver.reading()
+                answer: Any = Connected(driver.reading(), driver.notes)
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif isinstance(request, Play):
                 answer = play(driver, request.motion, listener, request.guard)
+            elif isinstance(request, Listen):
+                answer = Rhythm(request.states, *driver.listen(request.states))
             else:
                 if isinstance(request, Recover):
                     driver.recover()
@@ -101,7 +103,10 @@ def connect(request: Connect) -> Driver:
         sdk = versions.load(versions.PACKAGES[model])
     except DeviceUnavailable as error:
         raise Failure(UNAVAILABLE, str(error)) from error
-    return connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
+    driver = connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
+    if timing.realtime:
+        driver.notes = realtime.settle()  # once all is loaded
+    return driver
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:

@@ -8,7 +8,19 @@ from typing import Any, TypeVar
 
 from hw.child import Child, ChildGone
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import Carry, Connect, Play, PlayOutcome, Read, Recover, Request, Timing
+from hw.franka.messages import (
+    Carry,
+    Connect,
+    Connected,
+    Listen,
+    Play,
+    PlayOutcome,
+    Read,
+    Recover,
+    Request,
+    Rhythm,
+    Timing,
+)
 from hw.franka.playback import HOLD_S, PlayableMotion
 from hw.franka.settings import FrankaSettings, Payload
 from hw.listening import WORD_EVERY_S
@@ -29,7 +41,7 @@ class PlayerProcess:
         self._child = Child("hw.franka.player", str(timing.silence_s))
         self._asking = threading.Lock()
         try:
-            self._ask(Connect(model, settings, timing))
+            self._connected = _known(self._ask(Connect(model, settings, timing)), Connected)
         except Failure:
             self.close()
             raise
@@ -43,6 +55,15 @@ class PlayerProcess:
     def alive(self) -> bool:
         """See `Player`."""
         return self._child.alive
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """See `Player`."""
+        return self._connected.notes
+
+    def listen(self, states: int) -> Rhythm:
+        """Read so many states as they come; nothing moves."""
+        return _known(self._ask(Listen(states)), Rhythm)
 
     def reading(self) -> Reading:
         """See `Player`."""

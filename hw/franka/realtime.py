@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import resource
 from pathlib import Path
 
 from hw.errors import DeviceUnavailable
@@ -35,3 +37,65 @@ def claim(flag: Path = KERNEL_FLAG) -> None:
             f"no permission for real-time priority {PRIORITY} ({error}); give your user 'rtprio 99' and "
             "'memlock unlimited' in /etc/security/limits.d/realtime.conf, then log in again (docs/guide/arms.md)"
         ) from error
+
+
+LATENCY = Path("/dev/cpu_dma_latency")
+"""Holds the processor out of its sleep states while it is open with a 0 written to it (kernel: PM QoS)."""
+ISOLATED = Path("/sys/devices/system/cpu/isolated")
+"""Cores that the kernel was started to leave alone."""
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_LEAST_LOCKED_BYTES = 2**30
+"""All that the player maps, its libraries included, must fit; a smaller limit would fail in the middle."""
+
+
+def settle(latency: Path = LATENCY, isolated: Path = ISOLATED) -> tuple[str, ...]:
+    """Lock and touch this process's memory, bind it to one core, and keep the processor awake while it lives.
+
+    Call it once, when everything is loaded. -> a sentence for each of the three that the computer does not permit;
+    motions work without, and their success rate tells.
+    """
+    return tuple(filter(None, (_lock_memory(), _keep_to_a_core(isolated), _stay_awake(latency))))
+
+
+def _lock_memory() -> str:
+    allowed, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    hint = "give your user 'memlock unlimited' (docs/guide/arms.md)"
+    if os.geteuid() != 0 and allowed != resource.RLIM_INFINITY and allowed < _LEAST_LOCKED_BYTES:
+        return f"the player's memory is not locked ({allowed / 2**20:.0f} MB are allowed): {hint}"
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:  # every page is there from now on: that touches them
+        return f"the player's memory is not locked ({os.strerror(ctypes.get_errno())}): {hint}"
+    return ""
+
+
+def _keep_to_a_core(isolated: Path) -> str:
+    cores = sorted(os.sched_getaffinity(0))
+    apart = [core for core in _listed(isolated) if core in cores]
+    if len(cores) == 1:
+        return "the player shares the only core with everything else: give it a computer of two cores or more"
+    try:
+        os.sched_setaffinity(0, {apart[-1] if apart else cores[-1]})
+    except OSError as error:
+        return f"the player is not bound to a core ({error.strerror}): it may be moved in the middle of a motion"
+    return ""
+
+
+def _listed(file: Path) -> list[int]:
+    """The cores of a list such as 2-3,5; none where there is no such file."""
+    try:
+        parts = [part.split("-") for part in file.read_text().strip().split(",") if part]
+    except OSError:
+        return []
+    return [core for part in parts for core in range(int(part[0]), int(part[-1]) + 1)]
+
+
+def _stay_awake(latency: Path) -> str:
+    try:
+        held = os.open(latency, os.O_WRONLY | os.O_CLOEXEC)  # kept open until the process ends
+        os.write(held, bytes(4))
+    except OSError as error:
+        return (
+            f"the processor may fall asleep between two cycles ({latency}: {error.strerror}): write "
+            f'KERNEL=="{latency.name}", GROUP="realtime", MODE="0660" into /etc/udev/rules.d/60-realtime.rules'
+        )
+    return ""

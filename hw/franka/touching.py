@@ -30,7 +30,9 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
     measured = every_ms(played.q_measured_rad)
     commanded = path.q_rad[np.minimum(ticks, len(path.t_s) - 1)]
     torque_Nm = every_ms(played.torque_Nm)
-    return Contact(float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm)
+    return Contact(
+        float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm, played.success_rate
+    )
 
 
 def way_back(

@@ -32,6 +32,7 @@ class InProcess:
 
     driver: connection.Connection
     alive: bool = True
+    notes: tuple[str, ...] = ()
 
     def reading(self) -> Reading:
         return self.driver.reading()

@@ -24,6 +24,7 @@ class Sink:
     held_off_rad: Array = field(default_factory=lambda: np.zeros(7))
     mode: str = "Idle"
     alive: bool = True
+    notes: tuple[str, ...] = ()
     given: list[PlayableMotion] = field(default_factory=list)
     carried: list[Payload] = field(default_factory=list)
 

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from real_lab import RIG, calibrated, calibration, write_rig
+from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
 from rich.console import Console
 
 from adaptsim_cli import app, config
@@ -27,6 +27,9 @@ from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
 from hw.camera.probe import FoundDevice, ProbeReport
 from hw.errors import DeviceUnavailable
+from hw.franka.driver import Reading
+from hw.franka.inspection import Inspection
+from hw.franka.messages import Rhythm
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
@@ -40,6 +43,11 @@ def absent(package: str) -> None:
 def kinect(*serials: str, engine: bool = True, error: str | None = None) -> ProbeReport:
     devices = tuple(FoundDevice(i, serial, "colour 1.6") for i, serial in enumerate(serials))
     return ProbeReport("libk4a.so.1.4", "1.4.1", "Microsoft", engine, devices, error, "plug it in" if error else None)
+
+
+def seen(mode: str = "Idle", missed: int = 0, gap_s: float = 0.0012, notes: tuple[str, ...] = ()) -> Inspection:
+    q_rad = tuple(READY_RAD)
+    return Inspection(Reading(q_rad, q_rad, (0.0,) * 7, mode), Rhythm(1000, missed, gap_s, 5), notes)
 
 
 HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-python": "1.0.0"}
@@ -82,12 +90,23 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (lab.calibration(None, 30, NOW, "fr3"), MISSING, "this rig has no calibration: the camera pose is unknown"),
         (lab.calibration(calibration("2026-02-28T00:00:00+00:00"), 30, NOW, "fr3"), OK, "± 0.5 mm, ± 0.05°, 1 day old"),
         (lab.calibration(calibration("2026-01-01T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "59 days old"),
+        (lab.calibration(calibration("2026-03-05T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "made 4 days in"),
         (lab.camera(kinect("12"), ""), OK, "12, Microsoft library 1.4.1"),
         (lab.camera(kinect("12", "34"), "34"), OK, "34"),
         (lab.camera(kinect("12", "34"), ""), MISSING, "several cameras are plugged in: 12, 34"),
         (lab.camera(kinect("12"), "34"), MISSING, "34 is not plugged in; found: 12"),
         (lab.camera(kinect("12", engine=False), "12"), MISSING, "no depth engine"),
         (lab.camera(kinect(error="no camera is seen"), ""), MISSING, "no camera is seen"),
+        (lab.arm(seen(), "panda"), OK, "panda answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
+        (lab.arm(seen(missed=3), "panda"), OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
+        (lab.arm(seen(missed=80), "panda"), ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
+        (lab.arm(seen(gap_s=0.03), "panda"), ADVICE, "longest gap 30.0 ms (at most"),
+        (lab.arm(seen(notes=("memory is not locked",)), "panda"), ADVICE, "0 missed"),
+        (lab.arm(seen(mode="UserStopped"), "panda"), MISSING, "it would not move: the stop button is pressed"),
+        (lab.stream({"recording": {"frames": 15, "dropped": 0}}, 0.5), OK, "15 synchronised frames in 0.5 s, 0"),
+        (lab.stream({"recording": {"frames": 12, "dropped": 3}}, 0.5), ADVICE, "3 dropped"),
+        (lab.stream({"recording": {"frames": 4, "dropped": 0}}, 0.5), MISSING, "at least 10 are needed"),
+        (lab.stream({"recording": None}, 0.5), MISSING, "0 synchronised frames"),
         (lab.no_pedal(waived=True), ADVICE, "only the arm's own stop button"),
         (lab.no_pedal(waived=False), MISSING, "the arm does not move"),
     ],
@@ -253,6 +272,8 @@ def test_a_real_lab_is_looked_at_device_by_device(
     checks = {c["name"]: c for c in json.loads(capfd.readouterr().out)["checks"]}
     assert checks["rig file"]["verdict"] == "ok"
     assert checks["network"]["verdict"] in ("ok", "advice")
+    assert checks["arm"]["verdict"] == "missing"
+    assert "activate FCI in Desk" in checks["arm"]["fix"]
     assert checks["pedal port"]["detail"] == "/dev/ttyACM0 is not there"
     assert checks["camera"]["verdict"] == "missing"
     assert checks["calibration"]["verdict"] in ("ok", "advice")

@@ -12,7 +12,7 @@ import pytest
 from cells import cell
 
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
-from hw.franka.messages import Connect, Play, PlayOutcome, Read, Recover, Timing
+from hw.franka.messages import Connect, Connected, Listen, Play, PlayOutcome, Read, Recover, Rhythm, Timing
 from hw.franka.playback import PlayableMotion, motion_of
 from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
@@ -82,6 +82,8 @@ def test_the_end_of_the_program_is_a_stop(pipe: list[int]) -> None:
 class Follower:
     """A driver whose arm follows at once, and fails where it is told to."""
 
+    notes = ("the processor may fall asleep",)
+
     def __init__(self, fails_at: int = -1) -> None:
         self.q = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
         self.mode, self._fails_at = "Idle", fails_at
@@ -90,6 +92,9 @@ class Follower:
         return Reading(tuple(self.q), tuple(self.q), (0.0,) * 7, self.mode)
 
     def prepare(self) -> None: ...
+
+    def listen(self, states: int) -> tuple[int, float, int | None]:
+        return states // 100, 0.0012, 5
 
     def recover(self) -> None:
         self.mode = "Idle"
@@ -144,7 +149,7 @@ def test_requests_are_answered_in_order(pipe: list[int]) -> None:
     driver = Follower()
     asked = motion(driver)
     connected, before, outcome, after = answers(driver, pipe, CONNECT, Read(), Play(asked), Read())
-    assert connected == before
+    assert connected == Connected(before, Follower.notes)  # type: ignore[arg-type]
     assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is None
     np.testing.assert_array_equal(outcome.played.q_commanded_rad[:501], asked.path.q_rad)
@@ -163,6 +168,14 @@ def test_a_fault_keeps_the_log_until_then_and_the_player_goes_on(pipe: list[int]
     assert isinstance(recovered, Reading)
     assert recovered.mode == "Idle"
     np.testing.assert_array_equal(recovered.q_rad, asked.path.q_rad[199])
+
+
+def test_states_are_counted_without_a_motion(pipe: list[int]) -> None:
+    driver = Follower()
+    before = driver.q.copy()
+    _, rhythm = answers(driver, pipe, CONNECT, Listen(1000))
+    assert rhythm == Rhythm(1000, 10, 0.0012, 5)
+    assert driver.q == before
 
 
 def test_nothing_is_done_before_connecting(pipe: list[int]) -> None:

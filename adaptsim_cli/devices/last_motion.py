@@ -1,0 +1,62 @@
+"""A motion that did not come to its end is remembered on the disk, also where the program was killed in the middle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from adaptsim_cli.storage import durable
+from hw.bounded import Unreadable, read_table
+from hw.errors import MotionRefused
+
+CHECK = (
+    "Check before anything moves: does the arm stand still and touch nothing, does the hand hold the tool as before, "
+    "are object, table and camera where they were?"
+)
+_KILLED = "the program ended in the middle of it: it was killed, or the computer was switched off"
+
+
+@dataclass(frozen=True)
+class LastMotion:
+    """`path` lies there from before a motion until after its end; a stop writes its reason into it."""
+
+    path: Path
+
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """Around one motion. Raises DiskFull or SessionError before it begins."""
+        durable.make_folder(self.path.parent)
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        self._write(began, "")
+        try:
+            yield
+        except MotionRefused:
+            self._forget()
+            raise
+        except BaseException as error:
+            with suppress(Exception):  # it lies there already, and never hides what happened
+                self._write(began, str(error) or type(error).__name__)
+            raise
+        self._forget()
+
+    def unended(self) -> str | None:
+        """What to tell a person of the last motion, None where it came to its end."""
+        try:
+            said = read_table(self.path)
+        except FileNotFoundError:
+            return None
+        except Unreadable as error:
+            return f"The last motion of this arm did not come to its end ({self.path} {error}). {CHECK}"
+        why = str(said.get("stopped") or _KILLED)
+        return f"The last motion of this arm, begun {said.get('began')}, did not come to its end: {why}. {CHECK}"
+
+    def _write(self, began: str, stopped: str) -> None:
+        durable.replace_file(self.path, json.dumps({"began": began, "stopped": stopped}).encode())
+
+    def _forget(self) -> None:
+        with suppress(OSError):
+            self.path.unlink(missing_ok=True)

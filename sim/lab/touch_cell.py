@@ -32,7 +32,7 @@ from hw.types import PATH_RATE_HZ, Array, JointPath
 from sim.lab import mounting
 from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD, hold, make_position_controlled
 from sim.lab.world import World
-from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, Feeler
+from sim.panda.feelers import FINGERTIPS, Feeler
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.tasks.shared.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
 from sim.tasks.shared.drake_types import vector
@@ -41,6 +41,7 @@ from sim.tasks.task import Task
 STEP_S = 0.0025
 FEELER_STIFFNESS_N_M = 2e5
 GRIP_NM_RAD, GRIP_NMS_RAD = 4000.0, 4.0
+_GRIP_M = 0.1034  # from the flange to the middle of what the fingers hold
 _GRIP = "grip"
 _OUT_OF_THE_WAY_M = 20.0
 _BASE_FRICTION = 0.3
@@ -165,7 +166,7 @@ class TouchCell:
         self._grip = plant.AddModelInstance(_GRIP)
         inertia = SpatialInertia(0.1, vector(0.0, 0.0, 0.0), UnitInertia(1e-3, 1e-3, 1e-3))
         body = plant.AddRigidBody(_GRIP, self._grip, inertia)
-        at = RigidTransform(vector(0.0, 0.0, FINGERTIP_M))
+        at = RigidTransform(vector(0.0, 0.0, _GRIP_M))
         above = plant.AddFrame(FixedOffsetFrame("fingers", flange, at))
         self._grip_joint = plant.AddJoint(RevoluteJoint(_GRIP, above, body.body_frame(), vector(*hardware.X_FT[:3, 1])))
         actuator = plant.AddJointActuator(_GRIP, self._grip_joint)

@@ -9,11 +9,10 @@ import numpy as np
 
 from hw.collision import HAND, HAND_MASS, Tool
 from hw.types import Array, frozen_array
+from hw.wrist import FINGERTIP_M
 from sim.errors import UnknownName
 from sim.panda.tool import Held, held
 
-FINGERTIP_M = 0.1034
-"""From the flange to the ends of the Franka Hand's fingers (the maker's data sheet)."""
 FINGERTIP_RADIUS_M = 0.003
 
 

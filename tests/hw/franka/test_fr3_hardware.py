@@ -21,7 +21,8 @@ from hw.franka.arm import FrankaArm, open_franka
 from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
-from sim.panda.feelers import FINGERTIP_M, FINGERTIPS, empty_hand
+from hw.wrist import FINGERTIP_M
+from sim.panda.feelers import FINGERTIPS, empty_hand
 from sim.panda.touching import HeldTool, Stage, descent
 
 pytestmark = pytest.mark.hardware

@@ -1,0 +1,193 @@
+"""Sessions in a lab that shares no code with the product: `python benchmarks/foreign_lab/run.py --out foreign`.
+
+Starts the arm (franky-sim's FR3 over its network protocol) and the camera (MuJoCo's renderer), then types the commands
+of the operator's guide: doctor, calibrate, touch-off, run-iteration. All that was said is in OUT/transcript.txt, truth
+against belief in OUT/found.json. A step that is done already is not done again, so a run that failed can go on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import compare
+import cv2
+import person
+import postures
+from line import Line
+from world import START_RAD, TRUTH, Room
+
+HERE = Path(__file__).parent
+RIG = """\
+name = "foreign"
+without_pedal = true
+{hand}[arm]
+model = "fr3"
+address = "{host}"
+[person]
+side = "left"
+[tools.scooping.payload]
+mass_kg = 0.12
+com_F_m = [0.02, -0.02, 0.17]
+[tools.pushing.payload]
+mass_kg = 0.15
+com_F_m = [0.02, -0.02, 0.12]
+[tools.board.payload]
+mass_kg = 0.45
+com_F_m = [0.0, 0.0, 0.22]
+"""
+BOARD_MM = "259.4"
+VIEWS = 22
+
+
+def main() -> None:
+    options = parse()
+    out: Path = options.out.absolute()
+    out.mkdir(parents=True, exist_ok=True)
+    lab = Lab(out, options.host, options)
+    try:
+        lab.open()
+        lab.prepare()
+        for task in options.task:
+            for number in range(options.sessions):
+                lab.session(task, number + 1, options.iterations)
+    finally:
+        lab.close()
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("foreign"))
+    parser.add_argument("--host", default="127.77.0.2")
+    parser.add_argument("--task", nargs="*", default=["scooping", "pushing"])
+    parser.add_argument("--sessions", type=int, default=1)
+    parser.add_argument("--iterations", type=int, default=5)
+    parser.add_argument(
+        "--again", action="store_true", help="calibrate once more, the arm visiting the views by itself"
+    )
+    parser.add_argument("--touch-off", action="store_true", help="touch off the spatula")
+    parser.add_argument("--particles", type=int, default=8)
+    return parser.parse_args()
+
+
+class Lab:
+    def __init__(self, out: Path, host: str, steps: argparse.Namespace) -> None:
+        self._steps = steps
+        self._out, self._host, self._log = out, host, out / "transcript.txt"
+        self._processes: list[subprocess.Popen[str]] = []
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
+        self._environment = {**kept, "ADAPTSIM_HOME": str(out / "home"), "TERM": "dumb", "COLUMNS": "400"}
+        self._found = out / "found.json"
+        self._board = out / "board.png"
+
+    def open(self) -> None:
+        """Print the board, switch on arm and camera."""
+        (self._out / "rig.toml").write_text(
+            RIG.format(host=self._host, hand="" if self._steps.touch_off else "without_hand = true\n")
+        )
+        (self._out / "adaptsim.toml").write_text(f"particles = {self._steps.particles}\n")
+        if not self._board.exists():
+            page = self._out / "page.png"
+            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--yes")
+            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--width-mm", BOARD_MM, "--yes")
+            cv2.imwrite(str(self._board), cv2.resize(cv2.imread(str(page)), (1782, 1260), interpolation=cv2.INTER_AREA))
+        self._start("arm.py", self._host, str(self._out), str(self._board))
+        self._start("camera.py", str(self._out), str(self._board))
+        self.arm = Line(self._out)
+
+    def close(self) -> None:
+        for process in self._processes:
+            process.kill()
+            process.wait()
+
+    def prepare(self) -> None:
+        """Doctor, calibration by hand, once more by the arm itself, touch-off."""
+        found = self._read()
+        if "doctor" not in found:
+            ended = self._run("scooping", ["doctor", "--hw", "fr3", "--json"])
+            found["doctor"] = {"code": ended.code, "said": ended.data}
+            self._write(found)
+        if found.get("guided", {}).get("code") != 0:
+            self.arm.ask(do="hold", what="board")
+            ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--guide", "--json"], guided=True)
+            found["guided"] = self._judged(ended, compare.calibration)
+            self._write(found)
+        if self._steps.again and found.get("calibration", {}).get("code") != 0:
+            self.arm.ask(do="hold", what="board")
+            ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--json"])
+            found["calibration"] = self._judged(ended, compare.calibration)
+        self._write(found)
+        if found.get("calibration", found["guided"])["code"] != 0:
+            raise SystemExit("no calibration: see transcript.txt")
+        if self._steps.touch_off and found.get("touch_off", {}).get("code") != 0:
+            ended = self._run("scooping", ["touch-off", "--task", "scooping", "--hw", "fr3", "--json"])
+            found["touch_off"] = self._judged(ended, compare.touch_off)
+            self._write(found)
+
+    def session(self, task: str, number: int, iterations: int) -> None:
+        name = f"{task}-{number}"
+        self.arm.ask(do="hold", what="spatula" if task == "scooping" else "pusher")
+        for _ in range(iterations):
+            found = self._read()
+            done = found.setdefault("sessions", {}).setdefault(name, [])
+            if sum(run["code"] == 0 for run in done) >= iterations:
+                return
+            began_s = time.monotonic()
+            run = ["run-iteration", "--task", task, "--hw", "fr3", "--session", name, "--json"]
+            ended = self._run(task, run, seed=number)
+            done.append({"code": ended.code, "took_s": time.monotonic() - began_s, "said": ended.data[-1:]})
+            self._write(found)
+            if ended.code != 0:
+                return
+
+    def _judged(self, ended: person.Ended, judge: Any) -> dict[str, Any]:
+        told = {"code": ended.code, "said": ended.said[-1500:] if ended.code else ""}
+        return told | (judge(ended.data[-1], TRUTH) if ended.code == 0 and ended.data else {})
+
+    def _run(self, task: str, arguments: list[str], *, seed: int = 0, guided: bool = False) -> person.Ended:
+        postures = self._postures() if guided else []
+        who = person.Person(self.arm, task, postures, seed)
+        ended = person.run(self._out, arguments, who, self._environment, self._log)
+        sys.stdout.write(f"{arguments[0]} {' '.join(arguments[1:])}: exit code {ended.code}\n")
+        sys.stdout.flush()
+        return ended
+
+    def _postures(self) -> list[list[float]]:
+        kept = self._out / "postures.json"
+        if not kept.exists():
+            room = Room(TRUTH, None, self._out)
+            room.build(START_RAD)
+            kept.write_text(json.dumps(postures.guided(room, VIEWS)))
+        found: list[list[float]] = json.loads(kept.read_text())
+        return found
+
+    def _alone(self, *arguments: str) -> None:
+        program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
+        subprocess.run(program, check=True, env=self._environment, cwd=self._out, stdout=subprocess.DEVNULL)
+
+    def _start(self, script: str, *arguments: str) -> None:
+        with (self._out / f"{script}.log").open("w") as log:
+            process = subprocess.Popen(
+                [sys.executable, str(HERE / script), *arguments], stdout=subprocess.PIPE, stderr=log, text=True
+            )
+        self._processes.append(process)
+        assert process.stdout is not None
+        if process.stdout.readline() != "ready\n":
+            raise SystemExit(f"{script} did not start: see {self._out / script}.log")
+
+    def _read(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self._found.read_text()) if self._found.exists() else {}
+        return found
+
+    def _write(self, found: dict[str, Any]) -> None:
+        self._found.write_text(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()

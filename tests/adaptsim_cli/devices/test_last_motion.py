@@ -18,7 +18,7 @@ from hw.errors import ArmFault, MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.types import Execution, JointPath
 
-STILL = JointPath(np.arange(11) * 1e-3, np.tile(READY_RAD, (11, 1)))
+STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(READY_RAD, (11, 1)))
 
 
 def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -28,7 +29,7 @@ class Bundled:
     left_out: int  # files with pictures
 
 
-def bundle(folder: Path, out: Path, settings: dict[str, object], *, pictures: bool = False) -> Bundled:
+def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False) -> Bundled:
     """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises SessionError, DiskFull.
 
     The names of folders above the session are left out: they may name a person.

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, table
+from adaptsim_cli.session import episodes, exporting, rerun_file, table, whole
 from adaptsim_cli.session.store import SessionStore
 
 pytestmark = pytest.mark.extra
@@ -43,27 +44,36 @@ def chunks(file: Path) -> Iterator[Any]:
     yield from RrdReader(str(file)).stream()
 
 
-def components(file: Path, entity: str) -> dict[str, list[Any]]:
-    """All values of an entity by the name of their component."""
-    found: dict[str, list[Any]] = {}
-    for chunk in chunks(file):
-        if str(chunk.entity_path) == entity:
-            batch = chunk.to_record_batch()
-            for name in batch.schema.names:
-                found.setdefault(name, []).extend(batch.column(name).to_pylist())
-    return found
+def components(file: Path, entity: str) -> set[str]:
+    """What an entity has, as archetype:field."""
+    return {
+        name
+        for chunk in chunks(file)
+        if str(chunk.entity_path) == entity
+        for name in chunk.to_record_batch().schema.names
+    }
+
+
+def values(file: Path, entity: str, component: str) -> list[Any]:
+    """All values of one component of an entity."""
+    batches = [chunk.to_record_batch() for chunk in chunks(file) if str(chunk.entity_path) == entity]
+    return [row for b in batches if component in b.schema.names for row in b.column(component).to_pylist() if row]
 
 
 def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path: Path) -> None:
-    file, *_ = exporting.export(store, "rerun", tmp_path)
-    depth = components(file, "/base/camera/depth_camera/image")
-    assert "DepthImage:buffer" in depth
-    assert {meter for row in depth["DepthImage:meter"] if row for meter in row} == {1000.0}
-    hand = components(file, "/base/panda_hand")["Transform3D:translation"]
-    places = np.array([row[0] for row in hand if row])
-    assert np.ptp(places, axis=0).max() > 0.01
+    trial = whole.open_trial(store, store.trials(0)[0])
+    played = trial.stored.execution  # the toy's arm rests: here it turns about its base
+    turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
+    moving = replace(trial, stored=replace(trial.stored, execution=replace(played, q_measured_rad=turned)))
+    file = rerun_file.write(moving, tmp_path / "moving.rrd")
+    depth = "/base/camera/depth_camera/image"
+    assert "DepthImage:buffer" in components(file, depth)
+    assert {meter for row in values(file, depth, "DepthImage:meter") for meter in row} == {1000.0}
+    places = np.array([row[0] for row in values(file, "/base/panda_hand", "Transform3D:translation")])
+    assert np.ptp(places, axis=0).max() > 0.05
+    assert np.ptp(np.linalg.norm(places[:, :2], axis=1)) < 1e-4
     assert "Mesh3D:vertex_positions" in components(file, "/base/panda_hand/shape-34")
-    assert any("outcome" in row[0] for row in components(file, "/events")["TextLog:text"] if row)
+    assert any("outcome" in row[0] for row in values(file, "/events", "TextLog:text"))
 
 
 def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -> None:

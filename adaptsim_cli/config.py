@@ -129,6 +129,11 @@ class Places:
         return self.data / "benchmarks"
 
     @property
+    def durations(self) -> Path:
+        """How long things took lately: a convenience that may be deleted."""
+        return self.data / "durations.json"
+
+    @property
     def calibrations(self) -> Path:
         """The folder of the calibrations."""
         return self.data / "calibrations"

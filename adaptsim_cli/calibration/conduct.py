@@ -20,7 +20,7 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import console, views
+from adaptsim_cli.screen import console, replacing, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.storage import durable
@@ -38,6 +38,9 @@ Stores = Callable[[Config, Places], CalibrationStore]
 
 RESIDUALS = "residuals.csv"
 OVERLAY = "overlay"
+Ends = Callable[[Config, Places], Sequence[str]]
+"""Settings -> the open sessions that rest on what is in use."""
+
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""
 
@@ -53,11 +56,19 @@ class CalibrationRequest:
     as_json: bool
 
 
-def calibrate(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
+def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
+    """`Ends` where no sessions are kept."""
+    return ()
+
+
+def calibrate(
+    resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
+) -> None:
     """The whole calibration. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
+    replacing.tell(screen, "the calibration in use", ends(config, resolved.places))
     board = _board(resolved, screen, request)
     with (
         store.locked(),
@@ -69,6 +80,7 @@ def calibrate(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig
         screen.show(shows.explanation(rig, None if request.guide else request.views))
         options = flow.Options(request.fresh, _unattended(resolved, request), _now(), versions())
         solved, folder = flow.calibrate(rig, store, visits, screen, options)
+    screen.next(*_after(config))
     if request.as_json:
         screen.data(summary(solved.record) | {"folder": str(folder)})
 
@@ -94,6 +106,9 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
             visits = _visits(rig, screen, request)
         found = drift.check(rig, known, visits, screen)
     screen.show(Text(found.message, style="bold red" if found.moved else "green"))
+    where = flags(config)
+    again = (f"adaptsim calibrate {where}", "the camera's pose has to be found again")
+    screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration holds"))
     if request.as_json:
         screen.data(drift.as_json(found))
 
@@ -119,6 +134,8 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     flow.show_arm(solved, path.parent, screen)
     table = path.with_name(RESIDUALS)
     durable.replace_file(table, residuals.table(solved.residuals).encode())
+    if solved.record.accepted:
+        screen.next((f"xdg-open {path}", "where every view stands, and what is left over"))
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
     screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
     if as_json:
@@ -160,6 +177,7 @@ def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
     durable.make_folder(path.parent)
     durable.replace_file(path, together.content(found))
     screen.plain(f"Written: {path}")
+    screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
     if as_json:
         screen.data(together.as_json(found) | {"file": str(path)})
 
@@ -199,6 +217,9 @@ def board(
             "Print at 100 %, glue it to something stiff and flat, measure all squares of a row together, and run this "
             "again with --width-mm (adaptsim calibrate asks for it too)."
         )
+    measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
+    step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
+    screen.next(step)
     if as_json:
         screen.data({"file": str(path), "paper": paper, **kept.model_dump()})
 
@@ -227,6 +248,20 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
+def flags(config: Config) -> str:
+    """What leads another command to the same rig or world."""
+    place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
+    return f"--task {config.task} {place}"
+
+
+def _after(config: Config) -> tuple[tuple[str, str], ...]:
+    where = flags(config)
+    return (
+        (f"adaptsim touch-off {where}", "finds table and tool, for a task whose tool touches the table"),
+        (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
+    )
+
+
 def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> Board:
     """The board in use, its size measured where somebody is there to ask."""
     known = printing.known(resolved.places.data)
@@ -237,14 +272,12 @@ def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> B
     if known.measured or request.yes:
         return known.board.board()
     across = known.board.squares_across
-    answer = screen.ask(
-        f"How wide are all {across} squares of a row together on the print, in mm? "
-        f"(Enter: {across * known.nominal_square_mm:g}, as planned)"
+    planned_mm = across * known.nominal_square_mm
+    width_mm = screen.length(
+        f"How wide are all {across} squares of a row together on the print, in mm? (Enter: {planned_mm:g}, as planned; "
+        "q stops):",
+        planned_mm,
     )
-    try:
-        width_mm = float(answer.replace(",", ".")) if answer else across * known.nominal_square_mm
-    except ValueError:
-        raise UsageError(f"{answer!r} is not a width in mm, such as {across * known.nominal_square_mm:g}") from None
     return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
 
 

@@ -7,7 +7,6 @@ calibration-0001/  calibration.json and report.html, written whole or not at all
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import Any
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.numbered import Numbered
 from calib import files
 from calib.errors import ViewFolderError
 from calib.records import SetupRecord, read
@@ -105,10 +105,10 @@ class CalibrationStore:
         """The series to go on with, and whether it had been begun. A new one if `fresh`, if the last one has led to
         a calibration, or if the setup has changed since.
         """
-        found = self._numbered(VIEWS)
+        found = self._series.all()
         if found and not fresh and not self._finished(found[-1]) and _same(found[-1], setup):
             return Series(found[-1]), True
-        path = self.folder / f"{VIEWS}{self._next(VIEWS):04d}"
+        path = self._series.next()
         durable.make_folder(self.folder)
         durable.write_folder(path, {files.SETUP: files.setup_file(setup)})
         return Series(path), False
@@ -116,32 +116,40 @@ class CalibrationStore:
     def save(self, record: SavedCalibration, report: bytes) -> Path:
         """Store an accepted calibration; from now on it is the current one. -> its folder."""
         durable.make_folder(self.folder)
-        path = self.folder / f"{RESULT}{self._next(RESULT):04d}"
+        path = self.numbered.next()
         durable.write_folder(path, {FILE: record.content(), REPORT: report})
         return path
 
     def current(self) -> SavedCalibration | None:
         """The latest calibration. Raises SessionError where it cannot be read: an older one is never taken silently."""
-        found = self._numbered(RESULT)
+        found = self.numbered.all()
         if not found:
             return None
         try:
             return read(SavedCalibration, found[-1] / FILE)
         except ViewFolderError as error:
             raise SessionError(
-                f"{error}. Move {found[-1]} away to go back to the calibration before it, or calibrate again"
+                f"{error}. Go back to an earlier one: adaptsim calibrate restore; or calibrate again"
             ) from error
 
     def _finished(self, series: Path) -> bool:
-        return any(read(SavedCalibration, path / FILE).folder == series.name for path in self._numbered(RESULT))
+        return any(read(SavedCalibration, path / FILE).folder == series.name for path in self.numbered.all())
 
-    def _numbered(self, prefix: str) -> list[Path]:
-        pattern = re.compile(re.escape(prefix) + r"\d{4,}")
-        return sorted(path for path in self.folder.glob(f"{prefix}*") if pattern.fullmatch(path.name))
+    @property
+    def numbered(self) -> Numbered:
+        """The calibrations by name."""
+        return Numbered(self.folder, RESULT)
 
-    def _next(self, prefix: str) -> int:
-        found = self._numbered(prefix)
-        return int(found[-1].name.removeprefix(prefix)) + 1 if found else 1
+    def read(self, path: Path) -> SavedCalibration:
+        """One of them. Raises SessionError where it cannot be read."""
+        try:
+            return read(SavedCalibration, path / FILE)
+        except ViewFolderError as error:
+            raise SessionError(str(error)) from error
+
+    @property
+    def _series(self) -> Numbered:
+        return Numbered(self.folder, VIEWS)
 
 
 def _same(folder: Path, setup: SetupRecord) -> bool:

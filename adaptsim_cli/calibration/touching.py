@@ -17,6 +17,7 @@ from adaptsim_cli.calibration.store import Series
 from adaptsim_cli.calibration.taking import ViewRefused, at_rest, look
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
 from calib import files
 from calib.touch import LIMIT_SCATTER_M, MIN_TOUCHES, pivot
 from hw.types import Array
@@ -29,7 +30,7 @@ LEFT_OUT = "  no point is touched: that check is left out"
 _SIDES = ("towards the camera", "away from the camera", "to the left", "to the right")
 _LAY = (
     "A check by touch, two minutes: take the board out of the gripper and lay it flat in view of the camera, face up, "
-    "the arm drawn back. Enter when it lies there, n to leave this out, q to stop:"
+    "the arm drawn back. Does it lie there?"
 )
 
 
@@ -117,7 +118,7 @@ class _Asking:
         """(7,) of one touch at rest; None where it is left out, or the arm does not come to rest in a few tries."""
         question = (
             f"Touch {number % MIN_TOUCHES + 1} of {MIN_TOUCHES}: guide the tip to the corner, the gripper leaning "
-            f"{_SIDES[number % len(_SIDES)]} by 20 to 40°, let go. Enter when it rests, n to leave this out, q to stop:"
+            f"{_SIDES[number % len(_SIDES)]} by 20 to 40°, let go. At rest?"
         )
         for _ in range(TRIES):
             if not self._go_on(question):
@@ -134,7 +135,10 @@ class _Asking:
         """Enter is yes, n no. Raises StoppedByOperator at q."""
         if self.unattended:
             return True
-        while (answer := self.screen.ask(question)) not in ("", "n"):
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; the views so far are stored")
+        go_on = enter("to go on", "What you were asked for is done: the camera looks, or the joints are read.")
+        leave_out = Key("n", "to leave this out", "The calibration is solved without the touched corner.")
+        way_out = stop("The command ends; the views so far are stored, and the same command goes on with them.")
+        answer = self.screen.choose(question, go_on, leave_out, way_out)
+        if answer == "q":
+            raise StoppedByOperator("stopped by the operator; the views so far are stored")
         return answer == ""

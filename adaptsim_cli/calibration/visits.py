@@ -13,6 +13,7 @@ from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
 from calib import poses
 from calib.coverage import Coverage
 from hw.types import Array
@@ -76,10 +77,9 @@ class Automatic:
         if self.unattended:
             return
         what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
-        question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper? Enter to start, q to stop:"
-        while (answer := self.screen.ask(question)) != "":
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; nothing has moved")
+        question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper?"
+        stopped = "stopped by the operator; nothing has moved"
+        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", stopped=stopped)
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Move to one posture, or leave it out where no way leads there. Raises MotionRefused, HardwareError."""
@@ -123,13 +123,13 @@ class HandGuided:
         if have is not None and have.missing:
             self.screen.note(f"  missing: {have.missing[0]}")
         enough = number >= FEWEST and have is not None and have.complete
-        more = "s to solve, " if enough else ""
-        while (answer := self.screen.ask(f"Place {number + 1}. Enter when the arm is at rest, {more}q to stop:")) != "":
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; the views so far are stored")
-            if answer == "s" and enough:
-                return Arrival.ENOUGH
-        return Arrival.THERE
+        view = enter("when the arm is at rest", "The camera takes a picture of the board.")
+        solve = (Key("s", "to solve", "The views so far are enough: the camera's pose is computed."),) if enough else ()
+        way_out = stop("The command ends; the views so far are stored, and the same command goes on with them.")
+        answer = self.screen.choose(f"Place {number + 1}.", view, *solve, way_out)
+        if answer == "q":
+            raise StoppedByOperator("stopped by the operator; the views so far are stored")
+        return Arrival.ENOUGH if answer == "s" else Arrival.THERE
 
     def end(self, film: Callable[[], None]) -> None:
         """Nothing: without a planned motion there is nothing to film."""

@@ -54,5 +54,6 @@ def benchmark(
     for part in views.tables(found.summaries):
         screen.show(part)
     screen.plain(f"Report: {document}")
+    screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
     if as_json:
         screen.data(found.as_json())

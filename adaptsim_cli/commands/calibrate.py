@@ -39,13 +39,13 @@ def calibrate(
     """
     if context.invoked_subcommand is not None:
         return
-    from adaptsim_cli import config
     from adaptsim_cli.calibration import conduct
     from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import ground, settings
 
-    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     request = conduct.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
-    conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
+    conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations, ground.open_sessions)
 
 
 @app.command()
@@ -85,11 +85,11 @@ def check(
 
     Example: adaptsim calibrate check --hw fake --world ood-1 --seed 0 --yes
     """
-    from adaptsim_cli import config
     from adaptsim_cli.calibration import conduct
     from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import settings
 
-    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     request = conduct.CalibrationRequest(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
     conduct.check(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
 
@@ -161,3 +161,126 @@ def overlay(
     from adaptsim_cli.calibration import conduct
 
     conduct.overlay(folder, out, as_json=as_json)
+
+
+_Calibration = Annotated[str, typer.Argument(help="Name or number, as `calibrate list` shows it.")]
+
+
+@app.command("list")
+def list_calibrations(
+    task: _Task = None, world: _World = None, seed: _Seed = None, hw: _Hw = None, as_json: _Json = False
+) -> None:
+    """List the calibrations of a rig or world, oldest first, and the sessions that rest on the one in use.
+
+    Example: adaptsim calibrate list --hw fr3
+    """
+    from adaptsim_cli.calibration import kept
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import ground, settings
+
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    store = wiring.calibrations(resolved.config, resolved.places)
+    screen, found = console.Screen(as_json=as_json), kept.listed(store)
+    resting = ground.open_sessions(resolved.config, resolved.places)
+    if as_json:
+        screen.data({"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)})
+        return
+    kept.tell(screen, store, found, resting)
+
+
+@app.command("show")
+def show_calibration(
+    name: _Calibration,
+    task: _Task = None,
+    world: _World = None,
+    seed: _Seed = None,
+    hw: _Hw = None,
+    as_json: _Json = False,
+) -> None:
+    """Show one calibration with every check, and where its report lies.
+
+    Example: adaptsim calibrate show calibration-0001 --hw fr3
+    """
+    from adaptsim_cli.calibration import conduct, shows
+    from adaptsim_cli.calibration.store import REPORT
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import settings
+
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    store = wiring.calibrations(resolved.config, resolved.places)
+    path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
+    known = store.read(path)
+    if as_json:
+        screen.data(conduct.summary(known) | {"folder": str(path)})
+        return
+    screen.show(shows.calibration(known))
+    screen.plain(f"Report: {path / REPORT}")
+    screen.next((f"adaptsim calibrate restore {path.name} {conduct.flags(resolved.config)}", "puts it in use again"))
+
+
+@app.command("restore")
+def restore_calibration(
+    name: _Calibration,
+    task: _Task = None,
+    world: _World = None,
+    seed: _Seed = None,
+    hw: _Hw = None,
+    as_json: _Json = False,
+) -> None:
+    """Put an earlier calibration in use again, as a copy with the next number. Nothing is deleted.
+
+    Names the open sessions that rest on the one in use until now.
+
+    Example: adaptsim calibrate restore calibration-0001 --hw fr3
+    """
+    from datetime import UTC, datetime
+
+    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.screen import console, replacing
+    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import ground, settings
+
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    store = wiring.calibrations(resolved.config, resolved.places)
+    screen = console.Screen(as_json=as_json)
+    store.numbered.named(name)
+    replacing.tell(screen, "the calibration in use", ground.open_sessions(resolved.config, resolved.places))
+    with store.locked():
+        path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
+    if as_json:
+        screen.data({"in_use": path.name, "restored_from": store.numbered.named(name).name, "folder": str(path)})
+        return
+    screen.plain(f"In use from now on: {path}")
+    screen.next((f"adaptsim calibrate check {conduct.flags(resolved.config)}", "does the camera still stand there?"))
+
+
+@app.command("compare")
+def compare_calibrations(
+    first: _Calibration,
+    second: _Calibration,
+    task: _Task = None,
+    world: _World = None,
+    seed: _Seed = None,
+    hw: _Hw = None,
+    as_json: _Json = False,
+) -> None:
+    """Say how far the camera's poses of two calibrations lie apart, beside how well both are known.
+
+    Example: adaptsim calibrate compare 1 2 --hw fr3
+    """
+    from adaptsim_cli.calibration import conduct, kept
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.wiring import settings
+
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    store = wiring.calibrations(resolved.config, resolved.places)
+    screen, found = console.Screen(as_json=as_json), kept.compared(store, first, second)
+    if as_json:
+        screen.data(found)
+        return
+    screen.show(kept.sentence(found))
+    again = f"adaptsim calibrate restore {found['first']} {conduct.flags(resolved.config)}"
+    screen.next((again, "puts the first in use again"))

@@ -28,6 +28,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
     else:
         body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
         screen.show(views.rows(("task", "name", "created", "folder"), body))
+        screen.next(("adaptsim checkpoints verify FOLDER", "does what its card says still hold?"))
 
 
 @app.command()
@@ -54,7 +55,7 @@ def verify(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import console, values, views
     from adaptsim_cli.wiring import checkpoints
     from sim.errors import CheckpointError
 
@@ -74,7 +75,7 @@ def verify(
     if found["figures"]:
         columns = ("", "figure", "card", "now", "may be worse by")
         body = [
-            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
+            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(values.number, _numbers(f)))
             for f in found["figures"]
         ]
         screen.show(views.rows(columns, body))
@@ -82,7 +83,9 @@ def verify(
         screen.note("Every session trains its own task policies: there is no figure to compare with rollouts.")
     if as_json:
         screen.data(found)
-    if not found["holds"]:
+    if found["holds"]:
+        screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, where the settings name it"))
+    else:
         worse = ", ".join(f["name"] for f in found["figures"] if not f["holds"])
         raise CheckpointError(
             f"the card of {found['folder']} does not hold: {worse}. The simulation has changed since it was made, or "
@@ -103,7 +106,7 @@ def parameters(
     Example: adaptsim checkpoints parameters --task pushing
     """
     from adaptsim_cli import config
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import console, values, views
     from adaptsim_cli.wiring import checkpoints
 
     settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
@@ -113,9 +116,10 @@ def parameters(
     if as_json:
         screen.data(found)
         return
-    body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
+    body = [(p["title"], values.number(p["left"]), p["words"]) for p in found["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
     screen.plain(f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials tell nothing.")
+    screen.next((f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials told"))
 
 
 @app.command()
@@ -148,6 +152,8 @@ def repair(
     verdict = "It has learnt to adapt" if gate["passed"] else "It has not learnt to adapt"
     screen.plain(f"{verdict}: it earns {earned} (threshold {made['threshold']:.3f})")
     screen.plain(f"Checkpoint: {made['checkpoint']}")
+    use = f"ADAPTSIM_CHECKPOINT={made['checkpoint']} adaptsim run-iteration --method adaptsim-attainable"
+    screen.next((f"{use} --task {resolved.config.task}", "a session with this policy"))
     if as_json:
         screen.data(made)
 

@@ -36,8 +36,10 @@ def show(as_json: _Json = False) -> None:
     elif rig is not None:
         screen.plain("")
         screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
+        screen.next(("adaptsim doctor", "is everything there?"))
     else:
-        screen.plain("No rig file, so no real arm: adaptsim config init writes one.")
+        screen.plain("No rig file, so no real arm.")
+        screen.next(("adaptsim config init", "asks about the lab, and writes the rig file"))
 
 
 @app.command()
@@ -58,6 +60,7 @@ def path(as_json: _Json = False) -> None:
     else:
         for name, place in where.items():
             screen.plain(f"{name.replace('_', ' '):<13} {place}")
+        screen.next(("adaptsim config show", "what the settings are, and where each comes from"))
 
 
 @app.command()

@@ -19,11 +19,11 @@ def doctor(
 
     Example: adaptsim doctor --hw fr3
     """
-    from adaptsim_cli import config
     from adaptsim_cli.doctor import examination, shown
     from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import settings
 
-    resolved = config.load({"task": task, "world": world, "hw": hw})
+    resolved = settings.load({"task": task, "world": world, "hw": hw})
     screen = console.Screen(as_json=as_json)
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
         found = tuple(examination.examine(resolved))

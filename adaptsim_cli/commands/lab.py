@@ -29,15 +29,15 @@ def show(
 
     Example: adaptsim lab show --task scooping --world ood-1 --json
     """
-    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring import settings
     from sim.lab.simulated import SimulatedLab, truth_of
     from sim.lab.world import load_world
     from sim.panda.tool import cell_as_shipped
     from sim.tasks import get_task
 
-    chosen = config.load({"task": task, "world": world, "seed": seed}).config
+    chosen = settings.load({"task": task, "world": world, "seed": seed}).config
     the_task = get_task(chosen.task)
     if the_task.hardware is None:
         target = load_world(chosen.world, the_task)
@@ -51,6 +51,7 @@ def show(
         if png is not None:
             the_world.require_lab()
         _show(screen, the_task, truth_of(the_task, the_world), as_json)
+        _next(screen, chosen.task, chosen.world, chosen.seed)
         return
     lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
     _show(screen, the_task, lab.truth(), as_json)
@@ -61,6 +62,12 @@ def show(
 
         durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
         screen.plain(f"Written: {png}")
+    _next(screen, chosen.task, chosen.world, chosen.seed)
+
+
+def _next(screen: Screen, task: str, world: str, seed: int) -> None:
+    command = f"adaptsim run-iteration --task {task} --world {world} --seed {seed}"
+    screen.next((command, "a session in this world; it never sees this table"))
 
 
 def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> None:
@@ -111,3 +118,4 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
             views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
         )
         screen.show(views.meanings(the_task.parameters, the_task.context, the_task.action, the_task.nuisance))
+        screen.next((f"adaptsim run-iteration --task {the_task.name} --world NAME", "a session in one of these worlds"))

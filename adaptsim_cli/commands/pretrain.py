@@ -91,9 +91,10 @@ def pretrain(
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""
-    screen.plain(f"Use it: adaptsim run-iteration --task {chosen.task}{whose}, with ADAPTSIM_CHECKPOINT={folder}")
     if document is not None:
         screen.plain(f"Report: {document}")
+    use = f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{whose}"
+    screen.next((use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "does its card hold?"))
     if as_json:
         told = {"report": str(document)} if document else {}
         screen.data(

@@ -28,7 +28,8 @@ def preview(
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
     from adaptsim_cli import config
-    from adaptsim_cli.screen import console
+    from adaptsim_cli.config import SIMULATED
+    from adaptsim_cli.screen import console, keys, views
     from adaptsim_cli.wiring import motion
 
     resolved = config.load({"task": task, "hw": hw})
@@ -38,13 +39,17 @@ def preview(
     if as_json:
         screen.data(planned.as_json())
     else:
+        screen.show(views.badge(SIMULATED, "a plan on the screen"))
         screen.show(planned.table())
     if html is not None:
         from adaptsim_cli.storage import durable
 
         durable.replace_file(html, planned.page().html().encode())
         screen.plain(f"Written: {html}")
+        screen.next(planned.next_step(resolved.config))
     elif not as_json:
         page = planned.page()
         screen.plain(f"The motion plays at {page.url}")
-        screen.ask("Enter to close the page:")
+        close = keys.enter("to close the page", "The page ends, and so does the command."), keys.stop("The same.")
+        screen.choose("Look at it in a browser.", *close)
+        screen.next(planned.next_step(resolved.config))

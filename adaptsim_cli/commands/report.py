@@ -24,6 +24,8 @@ def report(
 
     Example: adaptsim report scooping-ood-1-adaptsim-seed0
     """
+    import shlex
+
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import store
@@ -38,3 +40,7 @@ def report(
         screen.data({"session": opened.facts.name, "report": str(path)})
     else:
         screen.plain(f"Report: {path}")
+        screen.next(
+            (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is one file that can be sent"),
+            (f"adaptsim run-iteration --session {opened.facts.name}", "goes on with the session"),
+        )

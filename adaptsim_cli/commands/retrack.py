@@ -36,4 +36,5 @@ def retrack(
         screen.data({"session": session, "trials": [one.as_json() for one in found]})
     else:
         screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
+        screen.next(*retracking.next_steps(session, found))
     retracking.require_tracked(found)

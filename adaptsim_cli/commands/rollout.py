@@ -50,22 +50,24 @@ def rollout(
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
+    from contextlib import ExitStack
     from dataclasses import replace
     from datetime import UTC, datetime
     from math import dist
     from tempfile import TemporaryDirectory
 
-    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen import console
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen.durations import Durations
     from adaptsim_cli.session import single
     from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
+    from adaptsim_cli.wiring.settings import load
     from sim.adaptation.method import Iteration
     from sim.tasks import get_task
 
-    resolved = config.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = load({"task": task, "world": world, "seed": seed, "hw": hw})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
     if best != (session is not None):
@@ -81,7 +83,11 @@ def rollout(
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)
     single.typed(get_task(settings.task), chosen)  # refused before anything is loaded or connected
-    with TemporaryDirectory() as learnt, wiring.open_parts(settings, Path(learnt)) as parts:
+    screen.expect(Durations(resolved.places.durations, f"{settings.hw} {settings.task} {settings.world}"))
+    with TemporaryDirectory() as learnt, ExitStack() as stack:
+        with screen.busy("Loading the task, the policies and the devices"):
+            parts = stack.enter_context(wiring.open_parts(settings, Path(learnt)))
+        screen.show(views.badge(settings.hw, parts.target.title))
         record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes)
     if as_json:
         screen.data(record)
@@ -92,3 +98,5 @@ def rollout(
     for flag in record["flags"]:
         screen.note(f"note: {flag}")
     screen.plain(f"Stored: {folder}")
+    place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
+    screen.next((f"adaptsim run-iteration --task {settings.task} {place}", "adapts in some twenty such trials"))

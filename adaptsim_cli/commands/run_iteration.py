@@ -37,6 +37,13 @@ def run_iteration(
     own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
+    own_calibration: Annotated[
+        bool, typer.Option("--own-calibration", help="Go on with the calibration and touch-off of the session.")
+    ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
+    view_port: Annotated[
+        int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object per iteration on stdout.")] = False,
 ) -> None:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
@@ -46,14 +53,19 @@ def run_iteration(
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """
-    from adaptsim_cli import config
+    from functools import partial
+
     from adaptsim_cli.session import conduct
+    from adaptsim_cli.wiring import looking, settings
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
-    resolved = config.load(flags)
+    resolved = settings.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)
     request = conduct.SessionRequest(session, given, most, yes, as_json, until_done)
-    conduct.conduct(resolved, request, wiring.open_parts, Reports().draw)
+    looking_on = looking.beside(view_port) if view or view_port is not None else conduct.terminal_alone
+    begun = conduct.facts_of(resolved, request) if own_calibration else None
+    opener = wiring.open_parts if begun is None else partial(wiring.open_parts, own=begun)
+    conduct.conduct(resolved, request, opener, Reports().draw, open_view=looking_on)

@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/redo/verify`."""
+"""`adaptsim sessions list/show/verify/redo/restore/amend`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import typer
 
 from adaptsim_cli.commands import completing, exporting, keeping
 
-app = typer.Typer(help="Look at stored sessions, check, keep, prune and export them.", no_args_is_help=True)
+app = typer.Typer(help="Look at stored sessions, check, correct, keep, prune and export them.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)]
@@ -44,6 +44,12 @@ def list_sessions(
         screen.data(found)
     elif found:
         screen.show(listing.sessions(found))
+        whole = [one["session"] for one in found if "error" not in one]
+        for name in whole[-1:]:
+            screen.next(
+                (f"adaptsim sessions show {name}", "every trial of the newest"),
+                (f"adaptsim run-iteration --session {name}", "goes on with it"),
+            )
     else:
         chosen = " that were asked for" if task is not None or tag is not None else ""
         screen.plain(f"No sessions{chosen} in {root}. Begin one: adaptsim run-iteration --task scooping")
@@ -65,6 +71,10 @@ def show(name: _Name, as_json: _Json = False) -> None:
         screen.data(shown)
     else:
         screen.show(shows.session(shown))
+        screen.next(
+            (f"adaptsim run-iteration --session {name}", "goes on with it"),
+            (f"adaptsim report {name}", "pictures, paths and parameters on one page"),
+        )
 
 
 @app.command()
@@ -96,6 +106,8 @@ def verify(
         screen.data([one.as_json() for one in checked])
     elif checked:
         screen.show(shows.verified(checked))
+        if not any(one.damage for one in checked):
+            screen.next(("adaptsim sessions list", "all files are whole"))
     else:
         screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
     if damage := [message for one in checked for message in one.damage]:
@@ -124,7 +136,69 @@ def redo(
     if as_json:
         screen.data({"session": name, "trial": trial, "next_attempt": attempt})
     else:
-        screen.plain(f"Trial {trial} of {name} will be done again: adaptsim run-iteration --session {name}")
+        screen.plain(f"Trial {trial} of {name} will be done again.")
+        screen.next(
+            (f"adaptsim run-iteration --session {name}", "repeats it and adapts again"),
+            (f"adaptsim sessions restore {name} {trial}", "if it was right after all"),
+        )
+
+
+@app.command()
+def restore(
+    name: _Name,
+    trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
+    attempt: Annotated[
+        int | None,
+        typer.Option("--attempt", min=1, help="Which attempt; if left out, the newest with a recording."),
+    ] = None,
+    reason: Annotated[str, typer.Option("--reason", help="Why it counts after all.")] = "restored by the operator",
+    as_json: _Json = False,
+) -> None:
+    """Take back a rejection: an attempt that did not count counts again. Nothing moves, nothing is deleted.
+
+    Example: adaptsim sessions restore scooping-ood-1-adaptsim-seed0 3
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import amending, shows, store
+
+    opened = store.SessionStore.open(config.load().places.sessions, name)
+    changed = amending.restore(opened, trial, None if attempt is None else attempt - 1, reason)
+    shows.tell_amended(console.Screen(as_json=as_json), name, changed, as_json=as_json)
+
+
+@app.command()
+def amend(
+    name: _Name,
+    trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
+    outcome: Annotated[
+        str | None, typer.Option("--outcome", help="The outcome that you saw, e.g. on_blade; asked for, if left out.")
+    ] = None,
+    reason: Annotated[str, typer.Option("--reason", help="How you know.")] = "amended by the operator",
+    as_json: _Json = False,
+) -> None:
+    """Set another outcome of an accepted trial, of any iteration, after looking at its recording.
+
+    Later trials stay as they are; the next adaptation takes the new outcome into account and says so.
+
+    Example: adaptsim sessions amend scooping-ood-1-adaptsim-seed0 3 --outcome on_table --reason "it fell off at home"
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import amending, shows, store
+    from adaptsim_cli.session.attended import choose_amendment
+    from adaptsim_cli.wiring.amending import seen_by_camera
+
+    if outcome is None:
+        console.require_terminal("there is no terminal to answer at: name the outcome with --outcome")
+    resolved = config.load()
+    opened = store.SessionStore.open(resolved.places.sessions, name)
+    task, outcomes = seen_by_camera(resolved.config, opened.facts)
+    record, choices = amending.amendable(opened, task, outcomes, trial)
+    screen = console.Screen(as_json=as_json)
+    chosen = choose_amendment(screen, opened, record, choices, outcome)
+    changed = amending.amend(opened, task, trial, chosen, choices[chosen], reason)
+    shows.tell_amended(screen, name, changed, as_json=as_json)
 
 
 keeping.add_to(app)

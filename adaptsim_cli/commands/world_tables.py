@@ -34,5 +34,7 @@ def world_tables(
     with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
         made = wiring.make_tables(resolved, targets, rollouts, crew, progress)
     screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
+    command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
+    screen.next((command, "compares methods in these worlds"))
     if as_json:
         screen.data({"task": resolved.config.task, "tables": made})

@@ -14,11 +14,14 @@ from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.session.records import RigFacts
 from hw.errors import ArmFault, BalanceError
 from hw.placing import Placing
 from hw.ports import Arm, Balance, Camera
 from hw.types import Array
+
+_WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
 
 AT_HOME_RAD = 0.005
 """Half of what `hw.limits` lets a path begin away from the arm."""
@@ -43,7 +46,9 @@ class Scales:
     def weigh(self, what: str) -> None:
         """Ask for the object on the balance. Raises StoppedByOperator, DeviceUnavailable."""
         while not self._asked:
-            answer = self._screen.ask(f"Put the {what} on the balance. Enter to weigh it, n to skip, q to stop:")
+            weigh = enter("to weigh it", "The balance is read; the mass is stored with every trial of this command.")
+            skip = Key("n", "to skip", "The trials are stored without a mass.")
+            answer = self._screen.choose(f"Put the {what} on the balance.", weigh, skip, stop(_WAY_OUT))
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; everything completed is stored")
             if answer == "n":
@@ -71,9 +76,16 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
     while (state := arm.state()).fault is not None:
         screen.note(f"The arm reports: {state.fault}")
         if state.by_hand:
-            if screen.ask("Enter once that is done (nothing moves), q to stop:") == "q":
-                raise StoppedByOperator("stopped by the operator; nothing has moved")
-        elif screen.ask("Type recover to clear it (nothing moves), Enter to leave it:") == "recover":
+            then = "The arm is asked again how it is. Nothing moves."
+            stopped = "stopped by the operator; nothing has moved"
+            screen.go_on("Wait until that is over (nothing moves).", "once that is done", then=then, stopped=stopped)
+            continue
+        clear = Key("recover", "to clear it", "The arm's fault is cleared. Nothing moves.")
+        leave = enter("to leave it", "The fault stays, and the command ends before anything moves.")
+        answer = screen.choose("Nothing moves by either.", clear, leave, stop("The command ends; the fault stays."))
+        if answer == "q":
+            raise StoppedByOperator("stopped by the operator; nothing has moved")
+        if answer == "recover":
             try:
                 arm.recover()
             except ArmFault as error:
@@ -132,8 +144,6 @@ class PersonBeside:
             return
         path = free_path(q_rad, lab.home_rad, lab.cell)
         lab.cell.require(path)
-        question = clear_to_move(True, "goes home", path.duration_s) + ". Enter to start, q to stop:"
-        while (answer := self.screen.ask(question)) != "":
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; everything completed is stored")
+        question = clear_to_move(True, "goes home", path.duration_s) + "."
+        self.screen.go_on(question, "to start", then="The arm goes home, slowly. Release the pedal to brake.")
         self.arm.execute(path)

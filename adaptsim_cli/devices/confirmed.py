@@ -11,6 +11,7 @@ from adaptsim_cli.devices.drivers import RealArm
 from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, stop
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused
@@ -98,9 +99,10 @@ class ConfirmedArm(AroundArm[RealArm]):
             f"reach, {self._table}, a hand on the arm's stop button"
             + (", a foot at the pedal." if self._pedal else ".")
         )
-        while (answer := self._screen.ask(f"Type {self.model} to confirm all of this, q to stop:")) != self.model:
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; nothing has moved")
+        agreed = Key(self.model, "to confirm all of this", "The arm may move; each motion is still asked for.")
+        way_out = stop("The command ends; nothing has moved.")
+        if self._screen.choose("Is all of this so?", agreed, way_out) == "q":
+            raise StoppedByOperator("stopped by the operator; nothing has moved")
         self._confirmed = True
 
     def await_pedal(self, what: str = "arm") -> None:

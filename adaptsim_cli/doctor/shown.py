@@ -12,6 +12,7 @@ from rich.text import Text
 from adaptsim_cli.config import Config
 from adaptsim_cli.doctor.finding import Finding, Severity
 from adaptsim_cli.errors import PreflightFailed
+from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 
 _MARKS = {
@@ -32,6 +33,7 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
         table.add_row("", Text(group, style="bold"), "")
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
+    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
     screen.show(table)
     for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Recommended:")):
         remedies = [finding for finding in found if finding.verdict is verdict]
@@ -40,7 +42,9 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
         for finding in remedies:
             screen.plain(f"  {finding.name}: {finding.fix}")
     if not _missing(found):
-        screen.plain(f"\nReady: adaptsim run-iteration --task {config.task} --hw {config.hw}")
+        where = f"--world {config.world}" if config.is_simulated else f"--hw {config.hw}"
+        screen.plain("\nReady")
+        screen.next((f"adaptsim run-iteration --task {config.task} {where}", "the first trials"))
 
 
 def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:

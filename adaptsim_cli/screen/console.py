@@ -7,20 +7,38 @@ measures the terminal.
 from __future__ import annotations
 
 import json
+import os
 import sys
-import termios
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol
 
 from rich.console import Console, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.screen import loading, views
+from adaptsim_cli.screen import loading, pictures, views
 from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.durations import Durations
+from adaptsim_cli.screen.keyboard import read_line
+from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, stop, unknown
+
+_WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
+
+
+class Listener(Protocol):
+    """Whoever shows elsewhere what the terminal shows."""
+
+    def doing(self, what: str, expected_s: float | None) -> None:
+        """`what` is being done now, "" when it is over."""
+        ...
+
+    def asking(self, question: str) -> None:
+        """The terminal waits for an answer to `question`, "" when it has one."""
+        ...
 
 
 class Screen:
@@ -30,6 +48,23 @@ class Screen:
         loading.clear()
         self._console = console or Console(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
+        self._durations: Durations | None = None
+        self._listener: Listener | None = None
+        self._spent_s: dict[str, float] = {}
+        self._pictures: pictures.Protocol | None = None  # how the terminal shows pictures, once it was asked
+
+    def expect(self, durations: Durations) -> None:
+        """From now on every wait says how long it took lately."""
+        self._durations = durations
+
+    def tell(self, listener: Listener) -> None:
+        """From now on `listener` hears of every wait and every question."""
+        self._listener = listener
+
+    def spent_s(self) -> dict[str, float]:
+        """What the waits since the last call took, stage by stage, in s."""
+        spent, self._spent_s = self._spent_s, {}
+        return spent
 
     @property
     def width(self) -> int:
@@ -53,29 +88,92 @@ class Screen:
         sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
         sys.stdout.flush()
 
+    def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
+        """Ask until one of the `keys` is typed; returns it, "" for Enter. Esc is the key that is a way out.
+
+        The question names all keys, or those `listed`.
+        `?` shows what each key does, after `explain`; any other answer is named, and changes nothing. Raises
+        StoppedByOperator at the end of input.
+        """
+        while True:
+            answer = self.ask(f"{question} {prompt(listed or keys)}:")
+            if answer == HELP:
+                self.show(views.keys(explain, explained(keys)))
+            elif (key := chosen(keys, answer)) is not None:
+                return key.typed
+            else:
+                self.note(f"  {unknown(answer)}")
+
+    def go_on(
+        self,
+        question: str,
+        does: str = "to go on",
+        *,
+        then: str,
+        stopped: str = "stopped by the operator; everything completed is stored",
+    ) -> None:
+        """Returns at Enter, with which happens what `then` says. Raises StoppedByOperator(`stopped`) at q and Esc."""
+        if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
+            raise StoppedByOperator(stopped)
+
+    def words(self, question: str) -> str | None:
+        """A sentence as it was typed, "" where there is none; None at q and Esc. Raises StoppedByOperator."""
+        answer = self.ask_text(question)
+        return None if answer in ("q", "Q", ESCAPE) else answer
+
+    def length(self, question: str, otherwise: float) -> float:
+        """A positive number, asked for until it is one; `otherwise` at Enter. Raises StoppedByOperator at q and Esc."""
+        while (answer := self.words(question)) is not None:
+            with suppress(ValueError):
+                if (value := float(answer.replace(",", ".")) if answer else otherwise) > 0.0:
+                    return value
+            self.note(f"  {answer} is no such number; for example {otherwise:g}")
+        raise StoppedByOperator("stopped by the operator; nothing has changed")
+
     def ask(self, question: str) -> str:
         """One line of answer, lower case and stripped. Raises StoppedByOperator at the end of input."""
         return self.ask_text(question).lower()
 
     def ask_text(self, question: str) -> str:
         """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
-        if sys.stdin.isatty():  # what was typed before the question is no answer to it: Enter may start a motion
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)
         self._console.print(Text(question, style="bold"), end=" ")
-        answer = sys.stdin.readline()
+        if self._listener:
+            self._listener.asking(question)
+        answer = read_line()
+        if self._listener:
+            self._listener.asking("")
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
-        return answer.strip()
+        return answer.strip(" \t\r\n")
 
     @contextmanager
-    def busy(self, what: str) -> Iterator[None]:
-        """A spinner on a terminal, one line elsewhere."""
+    def busy(self, what: str, stage: str = "") -> Iterator[None]:
+        """While it is done: what it is, for how long already, and how long it took lately; one line off a terminal.
+
+        `stage` is the one word under which `spent_s` adds the time up.
+        """
+        expected_s = self._durations.expected_s(what) if self._durations else None
+        began = time.monotonic()
+        if self._listener:
+            self._listener.doing(what, expected_s)
         if self._live:
-            with self._console.status(what):
+            waiting = Live(
+                get_renderable=lambda: views.waiting(what, time.monotonic() - began, expected_s),
+                console=self._console,
+                transient=True,
+                refresh_per_second=8,
+            )
+            with waiting:
                 yield
         else:
-            self.show(Text(f"  {what}", style="dim"))
+            self.show(Text(f"  {what}{views.about(expected_s)}", style="dim"))
             yield
+        took_s = time.monotonic() - began
+        self._spent_s[stage or what] = self._spent_s.get(stage or what, 0.0) + took_s
+        if self._durations:
+            self._durations.learn(what, took_s)
+        if self._listener:
+            self._listener.doing("", None)
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:
@@ -104,6 +202,25 @@ class Screen:
                     self.show(Text(f"  {stage}: {10 * tenth} % ({done} of {total}){left}"))
 
             yield say
+
+    def next(self, *steps: tuple[str, str]) -> None:
+        """What to do next: (command, why) of each, the likeliest first. Commands stay whole, to be copied."""
+        for index, (command, why) in enumerate(steps):
+            self.plain(f"{'Next: ' if not index else '  or: '}{command}")
+            self.show(Text(f"      {why}", style="dim"))
+
+    def picture(self, jpeg: bytes) -> bool:
+        """A small picture, where the terminal can show one; whether it did."""
+        if not self._live:
+            return False
+        if self._pictures is None:
+            self._pictures = pictures.protocol_of(os.environ)
+        if self._pictures == "none":
+            return False
+        drawn = pictures.drawn(jpeg, self._pictures)
+        self._console.file.write(f"{drawn}\n")
+        self._console.file.flush()
+        return True
 
     def checks(self, found: Sequence[Readiness]) -> None:
         """Print which checks passed, and the remedy for each that did not."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,19 @@ def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Ar
                 "choose a value within"
             )
     return np.array([values[name] for name in space.names])
+
+
+def typed(option: str, named: Mapping[str, float]) -> str:
+    """Values as they can be pasted into a command: `--param mu=0.29 --param e=6.08e4`."""
+    return " ".join(f"{option} {name}={number(value)}" for name, value in named.items())
+
+
+def number(value: float) -> str:
+    """Three significant digits, as people read them and as a command takes them: 0.29, 2140, 3.81e4."""
+    if value == 0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
 
 def _examples(space: Space) -> str:

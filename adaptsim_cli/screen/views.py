@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich import box
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.values import number
 from hw.types import Array
 from sim.types import Space
 
 
-def number(value: float) -> str:
-    """Three significant digits, plain where that reads well."""
-    if value == 0 or 1e-3 <= abs(value) < 1e4:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
-    return f"{value:.2e}"
+def words(name: str) -> str:
+    """The name of an outcome as people read it: `on_blade` -> on blade."""
+    return name.replace("_", " ")
 
 
 def values(space: Space, point: Array) -> str:
@@ -39,9 +38,13 @@ def meanings(*spaces: Space) -> Table:
 
 def badge(hw: str, hardware: str) -> Text:
     """Which hardware moves; on every screen."""
-    if is_simulated(hw):
-        return Text.assemble((" SIMULATED ", "black on cyan"), f" {hardware}: no real robot moves")
-    return Text.assemble((" REAL ROBOT ", "white on red"), f" {hardware}: keep clear of the arm")
+    rest = "no real robot moves" if is_simulated(hw) else "keep clear of the arm"
+    return Text.assemble(mark(hw), f" {hardware}: {rest}")
+
+
+def mark(hw: str) -> Text:
+    """The badge alone, where there is no room for more."""
+    return Text(" SIMULATED ", "black on cyan") if is_simulated(hw) else Text(" REAL ROBOT ", "white on red")
 
 
 def checks(found: Sequence[Readiness]) -> RenderableType:
@@ -50,6 +53,37 @@ def checks(found: Sequence[Readiness]) -> RenderableType:
     for check in found:
         table.add_row(Text("ok", "green") if check.ok else Text("FAILED", "bold red"), check.name, check.detail)
     return indent(table)
+
+
+def waiting(what: str, since_s: float, expected_s: float | None) -> Text:
+    """One line that moves while something is done; it fits on the screen."""
+    dots = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
+    line = Text(f"{dots[int(8 * since_s) % len(dots)]} {what}  ", no_wrap=True, overflow="ellipsis")
+    line.append(f"{since_s:.0f} s", "bold")
+    return line.append(_lately(expected_s), "dim")
+
+
+def _lately(expected_s: float | None) -> str:
+    """How long it took lately, behind the seconds so far; empty where nobody knows."""
+    return "" if expected_s is None else f" of about {max(expected_s, 1.0):.0f} s"
+
+
+def about(expected_s: float | None) -> str:
+    """The same, before it begins."""
+    return "" if expected_s is None or expected_s < 1.0 else f" (about {expected_s:.0f} s)"
+
+
+def spent(stages: Mapping[str, float]) -> str:
+    """`finding 3 s, planning 12 s`: what took at least a second."""
+    return ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items() if seconds >= 1.0)
+
+
+def keys(explain: str, keys: Sequence[tuple[str, str]]) -> RenderableType:
+    """What `?` shows: what is asked, then every key with what it does."""
+    table = _table()
+    for key, meaning in keys:
+        table.add_row(Text(key, "bold"), meaning)
+    return indent(Group(*([Text(explain)] if explain else []), table))
 
 
 def rows(head: Sequence[str], body: Iterable[Sequence[str]], right: Sequence[int] = ()) -> Table:

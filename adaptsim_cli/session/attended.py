@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.session.operator import Accept, Judged, Overrule, Proposal, Redo, Review
-from adaptsim_cli.session.stages import RunTrial
+from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
+
+_ACCEPT = enter("to accept", "The trial counts as it was tracked. Later: adaptsim sessions amend.")
+_OVERRULE = Key(
+    "o", "to overrule the outcome", "The trial counts with the outcome that you saw; you choose it from a list."
+)
+_REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions restore.")
+_LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
+_BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
+_REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."
 
 
 @dataclass(frozen=True)
@@ -26,59 +40,88 @@ class Attended:
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
         )
-        self._go_on("Is the arm at rest and its path clear? Enter to repeat this trial, q to stop:")
+        then = "The trial begins again; you are asked once more before the arm moves."
+        self.screen.go_on("Is the arm at rest and its path clear?", "to repeat this trial", then=then)
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """See `Operator`."""
         if real:
-            self._go_on(f"Put the {what} at {_spot(wanted_m)}. Enter when it lies there, q to stop:")
+            then = (
+                f"The camera looks where the {what} lies, and the motion is planned for that place. Nothing moves yet."
+            )
+            self.screen.go_on(f"Put the {what} at {_spot(wanted_m)}.", "when it lies there", then=then)
         else:
-            self._go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}. Enter to go on, q to stop:")
+            then = f"The {what} is put there, the camera looks, and the motion is planned. Nothing moves yet."
+            self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
 
     def approve(self, proposal: Proposal, real: bool) -> None:
         """See `Operator`."""
         if proposal.overlay is not None:
             self.screen.plain(f"  Detection: {proposal.overlay}")
-        self._go_on(f"{proposal.announcement}. Enter to start, q to stop:")
+        then = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
+        self.screen.go_on(f"{proposal.announcement}.", "to start", then=then)
 
     def review(self, judged: Judged) -> Review:
         """See `Operator`; Enter accepts."""
-        self.screen.show(f"  Tracked: {judged.outcome.value.replace('_', ' ')}, reward {judged.reward:.2f}")
+        self.screen.show(f"  Tracked: {views.words(judged.outcome.value)}, reward {judged.reward:.2f}")
         for flag in judged.flags:
             self.screen.note(f"  note: {flag}")
-        overrule = "o to overrule the outcome, " if judged.possible else ""
-        while True:
-            answer = self.screen.ask(f"Enter to accept, {overrule}r to redo this trial, q to stop:")
-            if answer == "":
-                return Accept()
+        keys = (_ACCEPT, *((_OVERRULE,) if judged.possible else ()), _REDO, _LATER)
+        while (answer := self.screen.choose("Is this what you saw?", *keys, explain=_REVIEW)) != "":
             if answer == "q":
                 raise StoppedByOperator(
                     "stopped by the operator; this trial is recorded; the same command asks for its review again"
                 )
-            if answer == "r":
-                reason = self.screen.ask("Why does this trial not count?")
-                return Redo(reason or "the operator had it redone")
-            if answer == "o" and judged.possible and (outcome := self._other_outcome(judged)) is not None:
+            if answer == "r" and (reason := self._reason()) is not None:
+                return Redo(reason)
+            if answer == "o" and (outcome := which_outcome(self.screen, judged.possible)) is not None:
                 return Overrule(outcome)
+        return Accept()
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; a person always may."""
-        self._go_on("Enter to set this trial up again, q to stop:")
+        then = "The object is placed again, and the trial begins from there."
+        self.screen.go_on("This attempt does not count.", "to set this trial up again", then=then)
         return True
 
-    def _other_outcome(self, judged: Judged) -> Outcome | None:
-        choices = judged.possible
-        for index, (outcome, reward) in enumerate(choices, start=1):
-            self.screen.show(f"  {index}  {outcome.value.replace('_', ' ')} (reward {reward:.2f})")
-        answer = self.screen.ask("Number of the outcome that you saw, Enter to go back:")
-        if answer.isdigit() and 1 <= int(answer) <= len(choices):
-            return choices[int(answer) - 1][0]
-        return None
+    def _reason(self) -> str | None:
+        """Why the trial does not count; None where the operator thinks better of it."""
+        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
+        return None if reason is None else reason or "the operator had it redone"
 
-    def _go_on(self, question: str) -> None:
-        while (answer := self.screen.ask(question)) != "":
-            if answer == "q":
-                raise _stopped()
+
+def which_outcome(screen: Screen, possible: Sequence[tuple[Outcome, float]]) -> Outcome | None:
+    """One of the `possible` outcomes, with their rewards; None where nothing is to be overruled."""
+    numbered = {str(n): outcome for n, (outcome, _) in enumerate(possible, start=1)}
+    keys = [
+        Key(number, "to choose it", f"{views.words(outcome.value)} (reward {reward:.2f})")
+        for number, (outcome, reward) in zip(numbered, possible, strict=True)
+    ]
+    for key in keys:
+        screen.show(f"  {key.typed}  {key.meaning}")
+    every = Key(f"1 to {len(keys)}", "to choose one", "")
+    return numbered.get(screen.choose("Which outcome did you see?", *keys, _BACK, listed=(every, _BACK)))
+
+
+def choose_amendment(
+    screen: Screen, store: SessionStore, record: TrialRecord, choices: Mapping[Outcome, float], named: str | None
+) -> Outcome:
+    """The outcome that a trial shall count with: the one `named`, or the one that a person chooses from its pictures.
+
+    Raises UsageError on a name that is none of the choices, StoppedByOperator where nothing is to change.
+    """
+    if named is not None:
+        known = {outcome.value: outcome for outcome in choices}
+        if (outcome := known.get(named.replace(" ", "_"))) is None:
+            raise UsageError(f"--outcome {named}: trial {record.number} can have ended as one of {', '.join(known)}")
+        return outcome
+    folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    screen.show(f"Trial {record.number} counts as {views.words(record.outcome.value)}, reward {record.reward:.2f}.")
+    for moment in record.moments:
+        screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")
+    if (outcome := which_outcome(screen, tuple(choices.items()))) is None:
+        raise StoppedByOperator("nothing was amended")
+    return outcome
 
 
 @dataclass(frozen=True)
@@ -117,7 +160,3 @@ class Unattended:
 
 def _spot(xy_m: Array) -> str:
     return f"x = {xy_m[0]:.3f} m, y = {xy_m[1]:+.3f} m"
-
-
-def _stopped() -> StoppedByOperator:
-    return StoppedByOperator("stopped by the operator; everything completed is stored")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,18 +19,25 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.durations import Durations
 from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
+from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.attended import Attended, Unattended
-from adaptsim_cli.session.flow import Session, run_iteration
+from adaptsim_cli.session.flow import Session, run_iteration, tell
+from adaptsim_cli.session.in_terminal import InTerminal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Facts, SessionStart, as_records, as_row
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder where a solver may keep what it learns) -> the parts, connected."""
+
+OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
+"""(screen, session, parts) -> whoever looks on beside the terminal."""
 
 _FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particles")
 
@@ -46,12 +54,18 @@ class SessionRequest:
     until_done: bool = False  # stop where another iteration is not worth its trials
 
 
+def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+    """Nobody beside the terminal."""
+    return nullcontext(Unwatched())
+
+
 def conduct(
     resolved: Resolved,
     request: SessionRequest,
     open_parts: OpenParts,
     draw: Callable[[SessionStore], Path],
     screen: Screen | None = None,
+    open_view: OpenView = terminal_alone,
 ) -> Path:
     """Run the iterations and return the path of the report that `draw` makes after each.
 
@@ -66,6 +80,9 @@ def conduct(
     if not request.yes:
         console.require_terminal()
     screen = screen or Screen(as_json=request.as_json)
+    screen.expect(Durations(resolved.places.durations, f"{asked.hw} {asked.task} {asked.world}"))
+    if request.session is not None and known is None:
+        _confirm_new(screen, request, root)
     unattended = config.unattended(request.yes)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices"):
@@ -73,20 +90,26 @@ def conduct(
         if not config.is_simulated:  # --yes or not: a person confirms what a real arm does
             console.require_terminal()
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)
-        session = Session(store, parts, Unattended(screen) if unattended else Attended(screen), screen)
+        operator = Unattended(screen) if unattended else Attended(screen)
+        watcher = stack.enter_context(open_view(screen, store, parts))
+        session = Session(store, parts, operator, screen, AllOf((InTerminal(screen), watcher)))
         stack.enter_context(store.locked())
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
+        tell(session)
         for _ in range(request.iterations or parts.task.adaptation.horizon):
             summary = run_iteration(session)
-            with screen.busy("Drawing the report"):
+            with screen.busy("Drawing the report", "reporting"):
                 path = draw(store)
+            watcher.reported(path)
             if request.as_json:
                 screen.data(summary)
             store.mark_shown(summary["iteration"], datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break
     screen.plain(f"Report: {path}")
+    if (result := store.result(summary["iteration"])) is not None:
+        screen.next(*after_iteration(store.facts, result))
     return path
 
 
@@ -98,6 +121,28 @@ def _is_done(summary: Mapping[str, Any], method: str) -> bool:
             "give --iterations instead"
         )
     return bool(summary["outlook"]["done"])
+
+
+def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
+    """A name that no session has may be a slip. Raises StoppedByOperator where it was one."""
+    name, known = request.session or "", stores.names(root)
+    near = difflib.get_close_matches(name, known, n=3)
+    meant = f" Did you mean {' or '.join(near)}?" if near else ""
+    if request.yes:
+        screen.note(f"There is no session {name} yet; it begins now.{meant}")
+        return
+    then = f"A new session is begun in {root / name}."
+    stopped = f"no session was begun; those that there are: {', '.join(known) or 'none yet'}"
+    screen.go_on(f"There is no session {name} yet.{meant}", "to begin it", then=then, stopped=stopped)
+
+
+def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
+    """What the session was begun with that the request means. Raises UsageError where it is not begun yet."""
+    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
+    name = request.session or default_name(asked)
+    if (known := _known(resolved.places.sessions, name)) is None:
+        raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
+    return known.facts
 
 
 def default_name(config: Config) -> str:
@@ -171,6 +216,12 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     return SessionStore.create(root, facts, SessionStart(particles=rows))
 
 
+_OWN = {
+    "calibration or touch-off": ". If camera, table and tool were not moved, the session can go on with its own: add "
+    "--own-calibration"
+}
+
+
 def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
@@ -184,6 +235,7 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
             raise UsageError(
                 f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {found[:12]} now): "
                 "its trials cannot be compared with new ones. Restore it, or name another --session"
+                + _OWN.get(what, "")
             )
     return store
 
@@ -202,7 +254,9 @@ def _ready(session: Session, config: Config) -> None:
         screen.note(
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
-    checks = preflight(session.parts.target, facts, session.store.folder, config.min_free_mb)
+    target = session.parts.target
+    with nullcontext() if target.is_real else screen.busy("Checking arm and camera", "checking"):  # a real one may ask
+        checks = preflight(target, facts, session.store.folder, config.min_free_mb)
     screen.checks(checks)
     if problem := failures(checks):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import shows, trial
+from adaptsim_cli.session import amending, shows, trial
 from adaptsim_cli.session.drift import drift
 from adaptsim_cli.session.history import history_of, particles_of
 from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.policy import Believing
 from adaptsim_cli.session.records import (
     BestRecord,
     MotionRecord,
@@ -32,15 +33,17 @@ from adaptsim_cli.session.records import (
     TrialRecord,
     as_row,
 )
-from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, generator, next_stage
+from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, changes_until, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Ready, TrialEvidence
+from adaptsim_cli.session.watching import Seen, Unwatched, Watcher
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Particle
+from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
 from sim.tasks.solver import SolvedPolicy
 
@@ -56,6 +59,7 @@ class Session:
     parts: Parts
     operator: Operator
     screen: Screen
+    watcher: Watcher = field(default_factory=Unwatched)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
 
     @property
@@ -103,11 +107,13 @@ def _move(session: Session, stage: RunTrial) -> bool:
     try:
         policy = _policy(session, stage.iteration, stage.particle)
         ready = _set_up(session, stage)
-        action = policy(ready.context)
-        planned = ready.plan(action)
+        with session.screen.busy("Choosing the action: the best that the arm can do", "choosing"):
+            action = policy(ready.context)
+        planned = ready.plan(action, session.screen.busy)
         mean = particles_of(store, stage.iteration)[stage.particle].mean
         keep = partial(store.scratch, "overlay.jpg")
         proposal = trial.propose(session.parts.task, stage, mean, policy, ready, action, planned, keep, session.screen)
+        session.watcher.proposed(proposal, planned.sight())
         operator.approve(proposal, session.parts.target.is_real)
 
         started, began = _now(), time.perf_counter()
@@ -153,19 +159,24 @@ def _look(session: Session, stage: RunTrial) -> None:
         raise
     tracked_s = time.perf_counter() - began
 
-    review = operator.review(_judged(session, context, track))
+    judged = _judged(session, context, track)
+    with session.screen.busy("Choosing the pictures of its key moments", "storing"):
+        evidence = replay.evidence(track)
+    session.watcher.tracked(judged, track, Seen(replay.track_px(track), evidence.moments, evidence.files))
+    review = operator.review(judged)
     if isinstance(review, Redo):
         _reject(session, stage, review.reason)
         return
     tracked, began = track.outcome, time.perf_counter()
     if isinstance(review, Overrule):
         track = replace(track, outcome=review.outcome)
-    with session.screen.busy("Storing the trial"):
         evidence = replay.evidence(track)
+    with session.screen.busy("Storing the trial", "storing"):
         record = _trial_record(session, stage, motion, evidence, track, tracked)
         timing_s = {**motion.timing_s, "tracking": tracked_s, "storing": time.perf_counter() - began}
         store.save_trial(record.model_copy(update={"timing_s": timing_s}), evidence.files)
-    session.screen.show(shows.trial_done(record, manual=not isinstance(review, Accept)))
+    tell(session)
+    session.screen.show(shows.trial_done(record, session.screen.spent_s(), manual=not isinstance(review, Accept)))
 
 
 def adapt(session: Session, stage: Adapt) -> None:
@@ -173,7 +184,7 @@ def adapt(session: Session, stage: Adapt) -> None:
     store, learner = session.store, session.parts.learner
     began = time.perf_counter()
     history = history_of(session.parts.task, store, stage.iteration)
-    with session.screen.busy("Adapting the simulation parameters"):
+    with session.screen.busy("Adapting the simulation parameters", "adapting"):
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         found = learner.judge(history)
     adapted_s = time.perf_counter() - began
@@ -191,6 +202,8 @@ def adapt(session: Session, stage: Adapt) -> None:
         "total": sum(spent.values()) + adapted_s + trained_s,
     }
     names = session.parts.task.parameters.names
+    changes = changes_until(store.existing(), stage.iteration)
+    known = max((one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0)
     result = ResultRecord(
         iteration=stage.iteration,
         trials=stage.keys,
@@ -205,9 +218,26 @@ def adapt(session: Session, stage: Adapt) -> None:
         outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),
         timing_s=timing_s,
         proposal_s=adapted_s + trained_s + records[-1].timing_s["tracking"] + records[-1].timing_s["storing"],
+        changes=changes,
+        amended=amending.sentences(store, stage.iteration, known),
     )
     shown = summary(store.facts, names, particles_of(store, stage.iteration), records, result)
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
+    tell(session)
+
+
+def tell(session: Session) -> None:
+    """Let who looks on see the session as it now stands."""
+    learner, last = session.parts.learner, session.store.iterations() - 1
+
+    def posterior() -> Posterior | None:
+        return (
+            learner.posterior(history_of(session.parts.task, session.store, last))
+            if isinstance(learner, Believing)
+            else None
+        )
+
+    session.watcher.changed(session.store, posterior)
 
 
 def show(session: Session, stage: Show) -> dict[str, Any]:
@@ -227,7 +257,7 @@ def _set_up(session: Session, stage: RunTrial) -> Ready:
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     session.screen.show(shows.trial(task, session.store.facts, stage, particle))
-    return parts.target.set_up(drawn, stage.key, session.operator)
+    return parts.target.set_up(drawn, stage.key, session.operator, session.screen.busy)
 
 
 def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
@@ -294,7 +324,7 @@ def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
 
 
 def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
-    with session.screen.busy(f"Training the task policy of particle {index + 1}"):
+    with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
         before = history_of(session.parts.task, session.store, iteration - 1)
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
@@ -305,6 +335,9 @@ def _reject(session: Session, stage: RunTrial, reason: str) -> None:
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
         session.screen.plain(f"Its recording is kept: {folder}")
+        if session.store.motion(stage.iteration, stage.key).stopped is None:
+            name = session.store.facts.name
+            session.screen.plain(f"To let it count after all: adaptsim sessions restore {name} {stage.key.number}")
 
 
 def _rows(particle: Particle) -> Samples:

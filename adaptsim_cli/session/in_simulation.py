@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import TrackRecord, read, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
@@ -43,7 +46,7 @@ class InSimulation:
         """See `Target`: the stored trajectory of a trial. Raises SessionError."""
         return SimulatedReplay(read(TrackRecord, folder / FILE).track())
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> SimulatedReady:
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> SimulatedReady:
         """See `Target`: the drawn context is the true one."""
         return SimulatedReady(self, drawn)
 
@@ -61,7 +64,7 @@ class SimulatedReady:
         """(c,) as it was drawn, in units."""
         return self.drawn
 
-    def plan(self, action: Array) -> SimulatedPlan:
+    def plan(self, action: Array, during: During = silently) -> SimulatedPlan:
         """The rollout of `action` (a,), not run yet."""
         return SimulatedPlan(self.target, self.context, action)
 
@@ -84,14 +87,13 @@ class SimulatedPlan:
         """The sentence that asks for approval."""
         return f"The {self.target.object_name} is simulated for {self.target.duration_s:.1f} s"
 
-    @property
-    def doing(self) -> str:
-        """What the screen says while it runs."""
-        return f"Simulating the {self.target.object_name}"
+    def sight(self) -> None:
+        """There is no camera."""
 
-    def execute(self) -> SimulatedTrial:
+    def execute(self, during: During = silently) -> SimulatedTrial:
         """Run the rollout."""
-        return SimulatedTrial(self.target.rollout(self.context, self.action))
+        with during(f"Simulating the {self.target.object_name}", "simulating"):
+            return SimulatedTrial(self.target.rollout(self.context, self.action))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,3 +122,7 @@ class SimulatedReplay:
     def evidence(self, track: ObjectTrack) -> TrialEvidence:
         """The trajectory is all there is."""
         return TrialEvidence()
+
+    def track_px(self, track: ObjectTrack) -> Array:
+        """See `TrialReplay`: there is no camera."""
+        return np.zeros((0, 2))

@@ -14,15 +14,20 @@ from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.drift import brightness
+from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
 from adaptsim_cli.session.records import RIG, to_json
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import TrialEvidence
+from adaptsim_cli.session.watching import Sight
 from hw.errors import ArmFault, HardwareError
+from hw.kinematics import FLANGE, link_poses
+from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
+from perception.geometry import project
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.task import Hardware, Task
 from sim.types import ToolMotion
@@ -68,16 +73,19 @@ class OnRig:
         operator.repeat_interrupted(stage)
         return self.is_real
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> RigReady:
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> RigReady:
         """Have the object placed, find it, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
             rig.attendant.prepare(task.object_name)
         wanted_m = tracker.placement(drawn)
         operator.placed(task.object_name, wanted_m, rig.is_real)
-        rig.bench.place(wanted_m, key.number, key.attempt)
-        frame, model = self.in_time(rig.camera.snapshot()), rig.camera.model()
-        detection = tracker.find(frame, model, rig.hand_eye.X_BC)
+        with during(f"Placing the {task.object_name}", "placing"):
+            rig.bench.place(wanted_m, key.number, key.attempt)
+        with during("Taking a picture", "finding"):
+            frame, model = self.in_time(rig.camera.snapshot()), rig.camera.model()
+        with during(f"Finding the {task.object_name}", "finding"):
+            detection = tracker.find(frame, model, rig.hand_eye.X_BC)
         context = tracker.context(drawn, detection)
         if not task.context.contains(context):
             ranges = ", ".join(f"{d.label} {d.low:g} to {d.high:g}" for d in task.context.dimensions)
@@ -113,12 +121,14 @@ class RigReady:
     detection: Any
     overlay: bytes  # JPEG of what was found
 
-    def plan(self, action: Array) -> RigPlan:
+    def plan(self, action: Array, during: During = silently) -> RigPlan:
         """Three paths that passed every limit."""
         planner = self.target.planner
-        paths = planner.paths(self.target.hardware.plan(self.context, action))
-        for path in paths:
-            planner.check(path)
+        with during("Planning the motion", "planning"):
+            paths = planner.paths(self.target.hardware.plan(self.context, action))
+        with during("Checking every limit along the motion", "checking"):
+            for path in paths:
+                planner.check(path)
         return RigPlan(self, paths)
 
 
@@ -128,7 +138,6 @@ class RigPlan:
 
     found: RigReady
     paths: Paths  # approach, motion, way back
-    doing: str = "The robot moves and the camera records"
 
     @property
     def duration_s(self) -> float:
@@ -149,18 +158,50 @@ class RigPlan:
         what = f"comes to the {target.task.object_name}, makes its motion and goes back"
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
-    def execute(self) -> RigTrial:
+    def sight(self) -> Sight:
+        """The picture with the tool's way in it, and the arm along all three paths."""
+        found, target = self.found, self.found.target
+        model, context = target.rig.camera.model(), target.task.context
+        X_CB = inverse(target.rig.hand_eye.X_BC)
+        begun_s = self.paths[0].duration_s
+        motion_s = (begun_s, begun_s + self.paths[1].duration_s)
+        t_s, q_rad = _decimated(self.paths)
+        X_BF = np.array([target.planner.flange(q) for q in q_rad])
+        tool_m = (X_BF @ target.hardware.X_FT)[:, :3, 3]
+        joints_m = link_poses(q_rad)[:, :FLANGE, :3, 3]
+        path_m = tool_m[(t_s >= motion_s[0]) & (t_s <= motion_s[1])]
+        corners = np.array([target.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return Sight(
+            picture=found.overlay,
+            size_px=(model.colour.width, model.colour.height),
+            path_px=project(model.colour, X_CB, path_m),
+            path_m=path_m,
+            t_s=t_s,
+            arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
+            motion_s=motion_s,
+            spot_m=np.asarray(found.detection.xy_m),
+            area_m=np.array([low[0], high[0], low[1], high[1]]),
+            goal_m=None if target.task.goal_m is None else np.asarray(target.task.goal_m(found.context)),
+        )
+
+    def execute(self, during: During = silently) -> RigTrial:
         """Approach, record the motion, go back. Where the arm stops or loses its tool, what was recorded is kept."""
         approach, motion, back = self.paths
         target, after = self.found.target, None
         stopped: HardwareError | None
         arm = target.rig.arm
-        arm.execute(approach)
-        played, frames, stopped = self._film(motion)
+        with during(f"The robot comes to the {target.task.object_name}", "moving"):
+            arm.execute(approach)
+        with during("The robot makes its motion and the camera records", "moving"):
+            played, frames, stopped = self._film(motion)
         if stopped is None:
             try:
-                arm.execute(back)
-                after = target.in_time(target.rig.camera.snapshot()) if target.hardware.carries else None
+                with during("The robot goes back", "moving"):
+                    arm.execute(back)
+                if target.hardware.carries:
+                    with during("Taking a picture of the table", "finding"):
+                        after = target.in_time(target.rig.camera.snapshot())
             except HardwareError as fault:
                 stopped = fault
         return RigTrial(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
@@ -260,6 +301,23 @@ class RigReplay:
         )
         path = recording.encode_object(track, played.t_start_s)
         return TrialEvidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
+
+    def track_px(self, track: ObjectTrack) -> Array:
+        """See `TrialReplay`."""
+        return project(self.stored.model.colour, inverse(self.stored.X_BC), track.state[:, :3])
+
+
+_SHOWN = 120
+"""Postures of the arm along all paths that a page draws."""
+
+
+def _decimated(paths: Paths) -> tuple[Array, Array]:
+    """Times (K,) from the start of the first path, and joints (K, 7), of some `_SHOWN` postures."""
+    starts_s = np.cumsum([0.0, *(path.duration_s for path in paths)])
+    t_s = np.concatenate([start + path.t_s for start, path in zip(starts_s, paths, strict=False)])
+    q_rad = np.concatenate([path.q_rad for path in paths])
+    kept = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
+    return t_s[kept], q_rad[kept]
 
 
 def joints(played: Execution) -> Callable[[float], Array]:

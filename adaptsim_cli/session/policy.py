@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.outlook import Outlook
+from sim.adaptation.posterior import Posterior
 from sim.tasks.solver import SolvedPolicy
 
 
@@ -26,6 +27,15 @@ class Assessment(NamedTuple):
     best: Best
     verdict: str  # one sentence
     outlook: Outlook | None  # None: the method does not look ahead
+
+
+@runtime_checkable
+class Believing(Protocol):
+    """A learner that can say what the trials tell of the true parameters."""
+
+    def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
+        """None where its method holds no belief."""
+        ...
 
 
 class SessionLearner(Protocol):

@@ -177,6 +177,19 @@ class TrialRecord(Record):
     files: dict[str, int]  # name -> size in bytes of what lies beside, motion.json left out
     checksums: dict[str, str] = {}  # name -> SHA-256 of what was derived from the recording
 
+    def amended(self, by: Amendment) -> TrialRecord:
+        """The trial as it counts after an amendment."""
+        tracked = self.overruled_from or self.outcome
+        return self.model_copy(
+            update={
+                "outcome": by.outcome,
+                "overruled_from": None if tracked == by.outcome else tracked,
+                "reward": by.reward,
+                "observation": by.observation,
+                "track": self.track.model_copy(update={"outcome": by.outcome}),
+            }
+        )
+
 
 RIG = "rig.json"
 
@@ -191,6 +204,23 @@ class RigFacts(Record):
     tool_width_m: float | None = None  # between the fingers that hold it, at the command's first look
     brightness: float | None = None  # median grey value of the picture before the motion, 0 to 255
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
+
+
+class Note(Record):
+    """A marker beside a trial: its motion was about to start, or it does not count, or counts again, and why."""
+
+    at: str  # ISO 8601
+    text: str
+
+
+class Amendment(Note):
+    """amended.json beside a completed trial: the outcome with which it counts from then on."""
+
+    outcome: Outcome
+    outcome_before: Outcome
+    reward: float
+    reward_before: float
+    observation: Row
 
 
 class BestRecord(Record):
@@ -246,13 +276,10 @@ class ResultRecord(Record):
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last trial to the next task policies
     summary_sha256: str = ""
-
-
-class Note(Record):
-    """A marker beside a trial: its motion was about to start, or it does not count, and why."""
-
-    at: str  # ISO 8601
-    text: str
+    changes: int = 0
+    """How many amended outcomes and restored attempts, until this iteration, the result takes into account."""
+    amended: tuple[str, ...] = ()
+    """Those among them that no earlier result took into account, a sentence each."""
 
 
 class Pruned(Record):

@@ -11,7 +11,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.screen import views
+from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen import values, views
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.amending import Amended
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.stages import RunTrial
@@ -38,7 +41,8 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
     """The head of a trial: number, attempt and particle."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     head = Text.assemble(
-        (f"Trial {stage.key.number}", "bold"),
+        views.mark(facts.hw),
+        (f" Trial {stage.key.number}", "bold"),
         f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
     )
     why = (
@@ -71,8 +75,8 @@ def _where(task: Task, context: Array) -> tuple[str, ...]:
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
 
-def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
-    """The result of a trial beside its prediction."""
+def trial_done(record: TrialRecord, spent_s: Mapping[str, float], *, manual: bool) -> RenderableType:
+    """The result of a trial beside its prediction, and what its time went into."""
     style = "green" if record.reward > 0 else "yellow"
     result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
@@ -82,7 +86,8 @@ def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
     if manual:
         result.append("  outcome set by the operator", "magenta")
     flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
-    return views.indent(Group(result, *flags))
+    took = views.spent(spent_s)
+    return views.indent(Group(result, *flags, *([Text(f"Took: {took}", style="dim")] if took else [])))
 
 
 def adapted(
@@ -95,15 +100,16 @@ def adapted(
     else:
         tables = [_changes(task.parameters, means, first=0)]
     best = result.best
+    amended = [Text(f"Taken into account for the first time: {one}.", style="magenta") for one in result.amended]
     estimate = Text.assemble(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
-        ", ".join(f"{name} {views.number(value)}" for name, value in best.params.items()),
+        ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
     )
     spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"
     return Group(
-        Text(""), Text("What changed", style="bold"), *(views.indent(table) for table in tables),
+        Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
         estimate, *_correction(task, result), Text(result.verdict, style=_style(result)), Text(spent, style="dim"),
     )  # fmt: skip
 
@@ -113,7 +119,7 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
     if result.outlook is None:
         return []
     told = [
-        f"{d.plain_name} {'+' if off > 0 else '−'}{views.number(abs(off))} {d.unit}".rstrip()
+        f"{d.plain_name} {'+' if off > 0 else '−'}{values.number(abs(off))} {d.unit}".rstrip()
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not told:
@@ -141,9 +147,9 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(views.number(now), style="dim"), Text("=", style="dim")
+        return Text(values.number(now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
+    return Text(values.number(now)), Text(f"{'↑' if then > now else '↓'} {values.number(then)}", style=style)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:
@@ -159,7 +165,8 @@ def verified(checked: Sequence[Verified]) -> RenderableType:
 def session(shown: Mapping[str, Any]) -> RenderableType:
     """The tables of `sessions show`."""
     facts = shown["facts"]
-    head = Text.assemble((facts["name"], "bold"), f"   {facts['task']}, {facts['hw']}, world {facts['world']}, ")
+    where = f"world {facts['world']}" if is_simulated(facts["hw"]) else facts["hw"]
+    head = Text.assemble(views.mark(facts["hw"]), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
     head.append(f"method {facts['method']}, seed {facts['seed']}")
     body = [
         (
@@ -175,3 +182,14 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
     table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
     last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
     return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *last)
+
+
+def tell_amended(screen: Screen, name: str, changed: Amended, *, as_json: bool) -> None:
+    """What was amended or restored, and what follows from it."""
+    if as_json:
+        key = changed.key
+        screen.data({"session": name, "trial": key.number, "attempt": key.attempt, "changed": changed.what})
+        return
+    screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
+    screen.plain(changed.consequence)
+    screen.next((f"adaptsim run-iteration --session {name}", "adapts with it, and shows what that changes"))

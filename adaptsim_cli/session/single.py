@@ -77,12 +77,14 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     if problem := failures(target.checks()):
         raise PreflightFailed(f"not ready, nothing has moved: {problem}")
 
-    with screen.busy("Training the task policy"):
+    with screen.busy("Training the task policy", "training"):
         learner, history = parts.learner, chosen.history
         policy = learner.final(history) if history else learner.train(Particle(mean[None]), ())
     ready = _set_up(target, drawn, operator, screen)
-    action = values.point(task.action, chosen.action, policy(ready.context), "--action")
-    planned = _plan(task, ready, action)
+    with screen.busy("Choosing the action: the best that the arm can do", "choosing"):
+        proposed = policy(ready.context)
+    action = values.point(task.action, chosen.action, proposed, "--action")
+    planned = _plan(task, ready, action, screen)
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:
         keep = partial(_keep, picture)
@@ -103,7 +105,7 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
     stage = _STAGE
     while True:
         try:
-            return target.set_up(drawn, stage.key, operator)
+            return target.set_up(drawn, stage.key, operator, screen.busy)
         except PerceptionError as error:
             screen.note(f"Attempt {stage.key.attempt + 1}, nothing has moved: {error}")
             if not operator.try_again(stage):
@@ -111,10 +113,10 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
         stage = replace(stage, key=TrialKey(stage.key.number, stage.key.attempt + 1))
 
 
-def _plan(task: Task, ready: Ready, action: Array) -> Planned:
+def _plan(task: Task, ready: Ready, action: Array, screen: Screen) -> Planned:
     """The motion, within every limit. Raises NotExecutable or MotionRefused, saying how to find one that is."""
     try:
-        return ready.plan(action)
+        return ready.plan(action, screen.busy)
     except (NotExecutable, MotionRefused) as error:
         error.add_note(
             "Nothing has moved. Choose another --action: adaptsim preview "

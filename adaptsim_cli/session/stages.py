@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -24,9 +24,11 @@ class Existing:
     completed: frozenset[TrialKey]
     started: frozenset[TrialKey]  # motion was about to start: the arm may have moved
     recorded: frozenset[TrialKey]  # the motion is over and stored, nobody has accepted the trial
-    rejected: frozenset[TrialKey]  # an operator's redo, or a placement or recording that failed
+    rejected: frozenset[TrialKey]  # an operator's redo, or a placement or recording that failed; not those restored
     results: Mapping[int, tuple[TrialKey, ...]]  # iteration -> the trials its newest result rests on
     shown: frozenset[int]  # iterations whose newest result has reached the operator
+    changes: Mapping[int, int] = field(default_factory=dict)  # iteration -> amended outcomes and restored attempts
+    counted: Mapping[int, int] = field(default_factory=dict)  # iteration -> changes that its newest result knows of
 
 
 @dataclass(frozen=True)
@@ -70,11 +72,28 @@ def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
                 recorded = key in existing.recorded
                 interrupted = key in existing.started and not recorded
                 return RunTrial(iteration, particle, trial, key, interrupted, recorded)
-        if existing.results.get(iteration) != keys:
+        if not _is_settled(existing, iteration, keys, trial_numbers(iteration + 1, particles, trials).start):
             return Adapt(iteration, keys)
         if iteration not in existing.shown:
             return Show(iteration)
         iteration += 1
+
+
+def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], next_number: int) -> bool:
+    """Whether the newest result of an iteration stands.
+
+    One that later trials were made with stands whatever is amended: what changes, the next result says.
+    """
+    if iteration not in existing.results:
+        return False
+    is_used = any(key.number >= next_number for key in existing.started | existing.completed | existing.recorded)
+    is_up_to_date = existing.counted.get(iteration, 0) == changes_until(existing, iteration)
+    return is_used or (existing.results[iteration] == keys and is_up_to_date)
+
+
+def changes_until(existing: Existing, iteration: int) -> int:
+    """How many outcomes were amended and attempts restored in an iteration and those before it."""
+    return sum(count for earlier, count in existing.changes.items() if earlier <= iteration)
 
 
 def trial_numbers(iteration: int, particles: int, trials: int) -> range:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +13,23 @@ from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Facts, MotionRecord, Note, Pruned, ResultRecord, SessionStart, TrialRecord
+from adaptsim_cli.session.records import (
+    Amendment,
+    Facts,
+    MotionRecord,
+    Note,
+    Pruned,
+    Record,
+    ResultRecord,
+    SessionStart,
+    TrialRecord,
+)
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked
 
 _ITERATION = re.compile(r"iteration-(\d+)")
-_TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(\.started\.json|\.rejected\.json)?")
+_TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(?:\.(started|rejected|restored|amended)(?:-(\d+))?\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
 FACTS, START = "session.toml", "start.json"
 MOTION, TRIAL, PRUNED = "motion.json", "trial.json", "pruned.json"
@@ -28,6 +39,17 @@ RESULT, SUMMARY = "result.json", "summary.json"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _CREATION_S = 5.0
 """How long a command waits for another one that begins a session."""
+
+_CHANGES: dict[str, type[Note]] = {"restored": Note, "amended": Amendment}
+"""Markers that change what earlier results rest on."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """An attempt that counts again, or an outcome that was amended."""
+
+    key: TrialKey
+    note: Note
 
 
 @dataclass(frozen=True)
@@ -67,27 +89,39 @@ class SessionStore:
         completed: set[TrialKey] = set()
         recorded: set[TrialKey] = set()
         started: set[TrialKey] = set()
-        rejected: set[TrialKey] = set()
+        rejections: Counter[TrialKey] = Counter()  # less those that were taken back
         results: dict[int, tuple[TrialKey, ...]] = {}
+        changes: Counter[int] = Counter()
+        counted: dict[int, int] = {}
         shown = set()
         for iteration, folder in self._iterations():
             for entry in entries(folder):
                 if match := _TRIAL.fullmatch(entry.name):
-                    folder_kind = completed if (entry / TRIAL).exists() else recorded
-                    kind = {None: folder_kind, ".started.json": started, ".rejected.json": rejected}[match[3]]
-                    kind.add(TrialKey(int(match[1]), int(match[2])))
+                    key, kind = TrialKey(int(match[1]), int(match[2])), match[3]
+                    if kind is None:
+                        (completed if (entry / TRIAL).exists() else recorded).add(key)
+                    elif kind == "started":
+                        started.add(key)
+                    elif kind == "rejected":
+                        rejections[key] += 1
+                    else:
+                        rejections[key] -= kind == "restored"
+                        changes[iteration] += 1
                 elif not _RESULT.fullmatch(entry.name):
                     raise records.corrupt(entry, "it does not belong to a session")
             if result := self.result(iteration):
                 results[iteration] = tuple(TrialKey(*key) for key in result.trials)
+                counted[iteration] = result.changes
                 if self._shown(iteration).exists():
                     shown.add(iteration)
         return Existing(
             completed=frozenset(completed),
             started=frozenset(started),
             recorded=frozenset(recorded),
-            rejected=frozenset(rejected),
+            rejected=frozenset(key for key, times in rejections.items() if times > 0),
             results=results,
+            changes=changes,
+            counted=counted,
             shown=frozenset(shown),
         )
 
@@ -102,7 +136,21 @@ class SessionStore:
         for name, size in record.files.items():
             if name not in pruned:
                 records.require_size(folder / name, size)
-        return record
+        amendments = self.amendments(iteration, key)
+        return record.amended(amendments[-1]) if amendments else record
+
+    def amendments(self, iteration: int, key: TrialKey) -> tuple[Amendment, ...]:
+        """Every outcome that an operator set after a trial was accepted, the one that counts last."""
+        return tuple(records.read(Amendment, path) for path in self._markers(iteration, key, "amended"))
+
+    def changes(self, iteration: int) -> tuple[Change, ...]:
+        """What was amended or restored in an iteration, in order of time."""
+        found = [
+            Change(TrialKey(int(match[1]), int(match[2])), records.read(kind, entry))
+            for entry in entries(self.iteration_folder(iteration))
+            if (match := _TRIAL.fullmatch(entry.name)) and (kind := _CHANGES.get(match[3]))
+        ]
+        return tuple(sorted(found, key=lambda change: change.note.at))
 
     def pruned(self, folder: Path) -> dict[str, int]:
         """Recordings that were removed from a trial's folder to make room, with their sizes. Raises SessionError."""
@@ -158,9 +206,29 @@ class SessionStore:
 
     def reject(self, iteration: int, key: TrialKey, at: str, reason: str) -> None:
         """Note that this attempt does not count; the next one takes its place."""
-        path = self._marker(iteration, key, "rejected")
+        self._mark(iteration, key, "rejected", Note(at=at, text=reason))
+
+    def restore(self, iteration: int, key: TrialKey, at: str, reason: str) -> None:
+        """Note that a rejected attempt counts again."""
+        self._mark(iteration, key, "restored", Note(at=at, text=reason))
+
+    def amend(self, iteration: int, key: TrialKey, amendment: Amendment) -> None:
+        """Note that a completed trial counts with another outcome. Its record stays as it was written."""
+        self._mark(iteration, key, "amended", amendment)
+
+    def _mark(self, iteration: int, key: TrialKey, kind: str, note: Record) -> None:
+        """A marker beside those of its kind that are there already."""
+        there = len(self._markers(iteration, key, kind))
+        path = self._marker(iteration, key, f"{kind}-{there}" if there else kind)
         durable.make_folder(path.parent)
-        durable.write_file(path, records.to_json(Note(at=at, text=reason)))
+        durable.write_file(path, records.to_json(note))
+
+    def _markers(self, iteration: int, key: TrialKey, kind: str) -> list[Path]:
+        """The markers of one kind, oldest first."""
+        found: list[Path] = []
+        while (path := self._marker(iteration, key, f"{kind}-{len(found)}" if found else kind)).is_file():
+            found.append(path)
+        return found
 
     def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
         """Store a motion that is over with all that was recorded of it, whole or not at all."""

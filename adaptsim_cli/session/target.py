@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import KeyMoment
 from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.watching import Sight
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
@@ -58,6 +60,10 @@ class TrialReplay(Protocol):
         """Reward and observation of `track`, with what supports them."""
         ...
 
+    def track_px(self, track: ObjectTrack) -> Array:
+        """(N, 2) the object's centre in the picture of the camera; (0, 2) where there is none."""
+        ...
+
 
 class Planned(Protocol):
     """A trial that may be executed."""
@@ -72,12 +78,11 @@ class Planned(Protocol):
         """What is going to happen when the operator agrees."""
         ...
 
-    @property
-    def doing(self) -> str:
-        """What `execute` does, while it does it."""
+    def sight(self) -> Sight | None:
+        """What there is to look at before it is executed; None where there is no camera."""
         ...
 
-    def execute(self) -> Executed:
+    def execute(self, during: During = silently) -> Executed:
         """Raises MotionRefused, CameraError, or ArmFault where nothing was recorded."""
         ...
 
@@ -100,7 +105,7 @@ class Ready(Protocol):
         """JPEG of what the camera found; None where there is no camera."""
         ...
 
-    def plan(self, action: Array) -> Planned:
+    def plan(self, action: Array, during: During = silently) -> Planned:
         """Raises NotExecutable, or MotionRefused naming joint, time, value and limit."""
         ...
 
@@ -131,7 +136,7 @@ class Target(Protocol):
         """Whether an attempt that was cut short in the middle is spent; if not, it is done again from its start."""
         ...
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator) -> Ready:
+    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> Ready:
         """Make the `drawn` context (c,) true, as far as it can be. Raises HardwareError, ObjectNotFound."""
         ...
 

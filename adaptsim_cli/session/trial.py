@@ -43,9 +43,8 @@ def propose(
 
 def execute(planned: Planned, store: Callable[[Executed], None], screen: Screen) -> None:
     """Execute, and `store` what was recorded before anyone looks at it. Raises HardwareError."""
-    with screen.busy(planned.doing):
-        executed = planned.execute()
-    with screen.busy("Storing the recording"):
+    executed = planned.execute(screen.busy)
+    with screen.busy("Storing the recording", "storing"):
         store(executed)
     if executed.stopped is not None:
         raise executed.stopped
@@ -55,7 +54,7 @@ def look(
     target: Target, context: Array, action: Array, folder: Path, screen: Screen
 ) -> tuple[TrialReplay, ObjectTrack]:
     """Track what was stored in `folder`. Raises PerceptionError, SessionError naming a file that is corrupt."""
-    with screen.busy("Reading the recording"):
+    with screen.busy("Reading the recording", "reading"):
         replay = target.replay(context, action, folder)
-    with screen.busy(replay.looking):
+    with screen.busy(replay.looking, "tracking"):
         return replay, replay.track()

@@ -11,7 +11,15 @@ from typing import Any, TypeVar
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.keeping import ABOUT, About
-from adaptsim_cli.session.records import SEALED_SINCE, AnyRecord, MotionRecord, Note, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import (
+    SEALED_SINCE,
+    Amendment,
+    AnyRecord,
+    MotionRecord,
+    Note,
+    ResultRecord,
+    TrialRecord,
+)
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
 from sim.storage.files import sha256
 
@@ -64,7 +72,7 @@ class _Examination:
         for folder in store.entries():
             for entry in entries(folder):
                 if entry.is_file():
-                    self._record(Note, entry)
+                    self._record(Amendment if ".amended" in entry.name else Note, entry)
                 elif (entry / RESULT).exists():
                     self._result(entry)
                 else:

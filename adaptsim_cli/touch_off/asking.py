@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import TouchRig
@@ -50,25 +50,27 @@ class HumanAssistant:
     def empty_hand(self, rig: TouchRig) -> None:
         """See `Assistant`."""
         self._go_on(
-            f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and "
-            "closes. Enter when it is empty, q to stop:"
+            f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and closes.",
+            "when it is empty",
+            "The hand opens, closes, and is homed.",
         )
 
     def hand_over(self, rig: TouchRig) -> None:
         """See `Assistant`."""
         self._go_on(
             f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
-            f"the hand closes with {rig.grasp.force_N:g} N. Enter to close, q to stop:"
+            f"the hand closes with {rig.grasp.force_N:g} N.",
+            "to close",
+            f"The hand closes on the {rig.tool_name}.",
         )
 
     def clear(self, rig: TouchRig, what: str) -> None:
         """See `Assistant`."""
-        self._go_on(f"{clear_to_move(rig.is_real, what)}. Enter to start, q to stop:")
+        self._go_on(f"{clear_to_move(rig.is_real, what)}.", "to start", f"The arm {what}.")
 
-    def _go_on(self, question: str) -> None:
-        while (answer := self.screen.ask(question)) != "":
-            if answer == "q":
-                raise StoppedByOperator("stopped by the operator; nothing was stored")
+    def _go_on(self, question: str, does: str, then: str) -> None:
+        stopped = "stopped by the operator; nothing was stored"
+        self.screen.go_on(question, does, then=then, stopped=stopped)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,7 +10,7 @@ from typing import Any
 
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
-from adaptsim_cli.screen import console
+from adaptsim_cli.screen import console, replacing
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.touch_off import flow, shows
@@ -34,7 +34,24 @@ class TouchOffRequest:
     as_json: bool
 
 
-def touch_off(resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores) -> None:
+Ends = Callable[[Config, Places], Sequence[str]]
+"""Settings -> the open sessions that rest on what is in use."""
+
+
+def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
+    """`Ends` where no sessions are kept."""
+    return ()
+
+
+def flags(config: Config) -> str:
+    """What leads another command to the same rig or world."""
+    place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
+    return f"--task {config.task} {place}"
+
+
+def touch_off(
+    resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
+) -> None:
     """The whole touch-off. Raises what stops it, with how to go on."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     if not config.is_simulated and request.yes:
@@ -43,12 +60,14 @@ def touch_off(resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, s
         console.require_terminal()
     operator = NoAssistant() if request.yes else HumanAssistant(screen)
     store = stores(config, resolved.places)
+    replacing.tell(screen, "table and tool as now known", ends(config, resolved.places))
     with _how_to_continue(), open_rig(config, resolved.places, request.grasp) as rig:
         screen.show(shows.explanation(rig))
         found = flow.touch_off(rig, operator, screen)
         saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), versions())
     folder = store.save(saved)
     screen.plain(f"In use from now on: {folder}")
+    screen.next((f"adaptsim rollout {flags(config)}", "one trial with it"))
     if request.as_json:
         screen.data(summary(saved) | {"folder": str(folder)})
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
+from adaptsim_cli.storage.numbered import Numbered
 from adaptsim_cli.touch_off.flow import TouchOffRun
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import MeasuredValue, Touched
@@ -137,24 +137,30 @@ class TouchOffStore:
     def save(self, saved: SavedTouchOff) -> Path:
         """Store; from now on it is the current one. -> its folder. Raises DiskFull, SessionError."""
         durable.make_folder(self.folder)
-        found = self._numbered()
-        number = int(found[-1].name.removeprefix(PREFIX)) + 1 if found else 1
-        path = self.folder / f"{PREFIX}{number:04d}"
+        path = self.numbered.next()
         durable.write_folder(path, {FILE: saved.content()})
         return path
 
     def current(self) -> SavedTouchOff | None:
         """The latest. Raises SessionError where it cannot be read: an older one is never taken silently."""
-        found = self._numbered()
+        found = self.numbered.all()
         if not found:
             return None
         try:
             return read(SavedTouchOff, found[-1] / FILE)
         except ViewFolderError as error:
             raise SessionError(
-                f"{error}. Move {found[-1]} away to go back to the touch-off before it, or run adaptsim touch-off again"
+                f"{error}. Go back to an earlier one: adaptsim touch-off restore; or touch off again"
             ) from error
 
-    def _numbered(self) -> list[Path]:
-        pattern = re.compile(re.escape(PREFIX) + r"\d{4,}")
-        return sorted(path for path in self.folder.glob(f"{PREFIX}*") if pattern.fullmatch(path.name))
+    @property
+    def numbered(self) -> Numbered:
+        """The touch-offs by name."""
+        return Numbered(self.folder, PREFIX)
+
+    def read(self, path: Path) -> SavedTouchOff:
+        """One of them. Raises SessionError where it cannot be read."""
+        try:
+            return read(SavedTouchOff, path / FILE)
+        except ViewFolderError as error:
+            raise SessionError(str(error)) from error

@@ -12,7 +12,7 @@ from adaptsim_cli.screen import values
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.config import Config, Resolved
     from adaptsim_cli.devices.mounted import MountedTask
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
@@ -38,6 +38,13 @@ class PlannedMotion:
         from sim.lab.preview import Preview
 
         return Preview(self.task, self.context, self.paths)
+
+    def next_step(self, config: Config) -> tuple[str, str]:
+        """The command that makes this motion, and what it does."""
+        where = "" if config.is_simulated else f" --hw {config.hw}"
+        named = dict(zip(self.task.action.names, self.action.tolist(), strict=True))
+        action = values.typed("--action", named)
+        return f"adaptsim rollout --task {self.task.name}{where} {action}", "makes it once, and adapts nothing"
 
     def as_json(self) -> dict[str, Any]:
         """The object that `preview --json` prints."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptsim_cli.config import Config, Places, places
-from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
@@ -20,28 +19,34 @@ from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.parts import Parts, Provenance
 from adaptsim_cli.session.policy import Assessment
+from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig import Planner
 from adaptsim_cli.session.target import Target
 from adaptsim_cli.storage.versions import versions
-from adaptsim_cli.wiring.calibration import calibration_of
 from adaptsim_cli.wiring.checkpoints import checkpoint_of
-from adaptsim_cli.wiring.touch_off import touch_off_of
+from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
 from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Iteration, Method, Particle
+from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.drivers import Drivers
+    from sim.adaptation.methods.belief import Belief
 
 
 @contextmanager
-def open_parts(config: Config, learnt: Path, drivers: Drivers | None = None) -> Iterator[Parts]:
+def open_parts(
+    config: Config, learnt: Path, drivers: Drivers | None = None, own: Facts | None = None
+) -> Iterator[Parts]:
     """Everything a session needs, with its devices connected. `drivers`: of a real lab's devices.
+
+    `own`: with the calibration and the touch-off of this session instead of those in use.
 
     NAF keeps its policies and rollouts in the folder `learnt`, which nobody else may use meanwhile.
 
@@ -49,21 +54,23 @@ def open_parts(config: Config, learnt: Path, drivers: Drivers | None = None) -> 
     """
     from adaptsim_cli.wiring.solvers import solver_of
     from sim.adaptation.methods import make_method
+    from sim.adaptation.methods.belief import Belief
 
     checkpoint = checkpoint_of(config)
-    own = checkpoint.solver.task
+    learns = checkpoint.solver.task
     with (
-        _open_target(config, own, drivers) as (task, target, executable, calibration),
+        _open_target(config, learns, drivers, own) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
-        poses = () if calibration is None else (calibration.X_BC, task.require_hardware().X_FT)
-        learner = _SolverLearner(make_method(config.method, own, checkpoint), policies, expectations, executable)
+        belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
+        method = make_method(config.method, learns, checkpoint)
+        learner = _SolverLearner(method, policies, expectations, executable, belief)
         origin = Provenance(
-            checkpoint=f"{own.name}/{checkpoint.path.name}",
+            checkpoint=f"{learns.name}/{checkpoint.path.name}",
             checkpoint_sha256=checkpoint.sha256,
             world_sha256=_world_sha256(config.lab_world),
             calibration=calibration.source if calibration else "",
-            calibration_sha256=_sha256(np.stack(poses)) if poses else "",
+            calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT) if calibration else "",
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
         )
@@ -74,32 +81,32 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 
 
 @contextmanager
-def _open_target(config: Config, task: Task, drivers: Drivers | None) -> Iterator[_Opened]:
+def _open_target(config: Config, task: Task, drivers: Drivers | None, own: Facts | None) -> Iterator[_Opened]:
     """The task as mounted there, where trials happen, what can be executed, the calibration."""
     if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
-    with open_trials(config, places(), task, drivers) as on_rig:
+    with open_trials(config, places(), task, drivers, own) as on_rig:
         yield on_rig.task, on_rig, _executable(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
 
 
 @contextmanager
-def open_trials(config: Config, places: Places, task: Task, drivers: Drivers | None = None) -> Iterator[OnRig]:
+def open_trials(
+    config: Config, places: Places, task: Task, drivers: Drivers | None = None, own: Facts | None = None
+) -> Iterator[OnRig]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
-    Everything that can be wrong without a device is found first. Raises SessionError (a touch-off cannot be read),
-    PreflightFailed (it is stale), CalibrationMissing, NotExecutable (the tool cannot be held), DeviceUnavailable,
-    CameraError, and what `open_lab` raises.
+    Everything that can be wrong without a device is found first. `own`: with the calibration and the touch-off of this
+    session. Raises SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing,
+    NotExecutable (the tool cannot be held), DeviceUnavailable, CameraError, UsageError (a session's own is gone), and
+    what `open_lab` raises.
     """
     with open_lab(config, task, drivers) as lab:
-        eye, zeros_rad = calibration_of(config, places, lab.nominal)
-        known = touch_off_of(config, places, zeros_rad)  # what it found counts more than what the rig file says
-        correction = None if known is None else known.correction()
-        there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
-        if known is not None:
-            lab.note(f"Table and tool come from the touch-off of {known.created}.")
-        over_table = replace(eye, X_BC=there.correction.X_WB @ eye.X_BC)  # trials are seen over the table, in frame W
-        rig = lab.for_trials(there, over_table, config.calibration_days)
+        ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
+        if ground.touched is not None:  # what it found counts more than what the rig file says
+            lab.note(f"Table and tool come from the touch-off of {ground.touched.created}.")
+        there = ground.there
+        rig = lab.for_trials(there, ground.eye, config.calibration_days)
         yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
 
 
@@ -133,10 +140,6 @@ def _simulated(config: Config, task: Task) -> InSimulation:
     return InSimulation(task.object_name, duration_s, title, rollout)
 
 
-def _sha256(array: Array) -> str:
-    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
-
-
 def _world_sha256(name_or_path: str) -> str:
     """Of the file of an own world; of the name of one that ships with this version; empty without a world."""
     if not name_or_path:
@@ -154,6 +157,7 @@ class _SolverLearner:
     policies: Policies
     expectations: Expectations
     executable: Executable | None
+    belief: Belief | None  # for people to look at; a method may have its own
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.start(n, rng)
@@ -170,6 +174,12 @@ class _SolverLearner:
         from sim.adaptation.best import final_policy
 
         return final_policy(self.method, self.policies, self.expectations.task, history, self.executable)
+
+    def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
+        """See `Believing`."""
+        from sim.adaptation.posterior import posterior
+
+        return None if self.belief is None else posterior(self.belief, history)
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         from sim.adaptation.best import choose_best

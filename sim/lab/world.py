@@ -17,10 +17,11 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-from hw.bounded import Unreadable, parse_table
+from hw.bounded import Unreadable, parse_table, read_table
 from hw.types import Array
 from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError
 from sim.lab.physics import Physics, require_possible
+from sim.tasks import TASKS
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -104,6 +105,21 @@ def shipped_worlds(task: Task, physics: Physics = "drake") -> tuple[World, ...]:
     """The worlds that ship with `task` and have that physics, sorted by name."""
     worlds = (load_world(name, task) for name in list_worlds(task))
     return tuple(world for world in worlds if world.physics == physics)
+
+
+def tasks_of_world(name_or_path: str) -> tuple[str, ...]:
+    """The tasks that a world is for: the one that a file names, or all that have a shipped world of that name.
+
+    Empty where there is no such world, or its file cannot be read: `load_world` says why.
+    """
+    if name_or_path.endswith(".toml") or "/" in name_or_path:
+        try:
+            named = read_table(Path(name_or_path).expanduser()).get("task")
+        except (OSError, Unreadable):
+            return ()
+        return (named,) if isinstance(named, str) else ()
+    folder = resources.files("sim") / "worlds"
+    return tuple(task for task in TASKS if (folder / task / f"{name_or_path}.toml").is_file())
 
 
 def load_world(name_or_path: str, task: Task) -> World:

@@ -18,7 +18,7 @@ def test_the_wheel_works_outside_of_the_checkout() -> None:
     done = subprocess.run(["make", "package"], cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     said = done.stdout + done.stderr
-    assert "Ready: adaptsim run-iteration" in said
+    assert "Next: adaptsim run-iteration" in said
     assert "Report: " in said
     assert str(ROOT / "build/package/home") in said.replace("\n", "")
     (wheel,) = (ROOT / "build/package").glob("adaptsim-*.whl")

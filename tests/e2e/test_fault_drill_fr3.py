@@ -83,7 +83,7 @@ def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_com
     stands(drill)
 
     pedal = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.release)))
-    assert "Type recover to clear it (nothing moves)" in pedal.said, "the reflex is cleared by a person's word"
+    assert "Type recover to clear it" in pedal.said, "the reflex is cleared by a person's word"
     still = r"the enabling pedal was released .* the arm stood still after \d+ ms and \d+\.\d mm"
     told(pedal, 7, still, THEN)
     assert braked(stands(drill))
@@ -106,7 +106,7 @@ def test_the_stop_button_is_waited_for_by_the_same_command(drill: Drill) -> None
         drill.arm.tell("release")
         return ""
 
-    again = drill.run(answers={"Enter once that is done (nothing moves), q to stop:": released, START: "q"})
+    again = drill.run(answers={"Enter once that is done, q to stop, ? explains:": released, START: "q"})
     told(again, 7, "stopped by the operator; everything completed is stored")
     assert "The arm reports: the stop button is pressed" in again.said
     assert "Type recover" not in again.said, "an arm whose button is released is Idle: there is nothing to clear"

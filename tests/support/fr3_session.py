@@ -50,14 +50,14 @@ port = "{port}"
 [person]
 side = "left"
 """
-START = "Enter to start, q to stop:"
+START = "Enter to start, q to stop, ? explains:"
 ANSWERS = {
-    "Type fr3 to confirm all of this, q to stop:": "fr3",
-    "Type recover to clear it (nothing moves), Enter to leave it:": "recover",
-    "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop:": "",
+    "Type fr3 to confirm all of this, q to stop, ? explains:": "fr3",
+    "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
+    "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop, ? explains:": "",
     START: "",
-    "Enter when it lies there, q to stop:": "",
-    "Enter to accept, o to overrule the outcome, r to redo this trial, q to stop:": "",
+    "Enter when it lies there, q to stop, ? explains:": "",
+    "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:": "",
 }
 """What a person who wants to go on types, by how the question ends."""
 

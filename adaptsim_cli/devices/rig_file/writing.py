@@ -16,6 +16,7 @@ from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.storage import durable
 
 
@@ -77,7 +78,7 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
         durable.make_folder(settings.parent)
         durable.write_file(settings, config.template().encode())
     screen.plain(f"Settings: {settings}" + ("" if new else " (left as it is)"))
-    screen.plain(f"Look it over, then: adaptsim doctor{'' if rig is None else f' --hw {rig.arm.model}'}")
+    screen.next((f"adaptsim doctor{'' if rig is None else f' --hw {rig.arm.model}'}", "look the files over first"))
     return Written(settings, new, None if rig is None else file, rig)
 
 
@@ -87,12 +88,19 @@ def _may_replace(file: Path, request: InitRequest, screen: Screen) -> None:
         return
     if request.yes:
         raise UsageError(f"{file} exists already and is left as it is; edit it, or add --overwrite to replace it")
-    if screen.ask(f"{file} exists already. Replace it? y or n [n]:") != "y":
+    keep = stop("Nothing is written.")
+    replace = Key("y", "to replace it", "The questions follow; the file is replaced when all are answered.")
+    if screen.choose(f"{file} exists already.", enter("to keep it", "Nothing is written."), replace, keep) != "y":
         raise StoppedByOperator(f"{file} is left as it is")
 
 
 def _asking(screen: Screen, request: InitRequest) -> Ask:
     def ask(question: str, default: str) -> str:
-        return default if request.yes else screen.ask_text(f"{question} [{default}]:") or default
+        if request.yes:
+            return default
+        answer = screen.words(f"{question} [{default}]:")
+        if answer is None:
+            raise StoppedByOperator("stopped by the operator; nothing has been written")
+        return answer or default
 
     return ask

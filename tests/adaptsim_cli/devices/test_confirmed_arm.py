@@ -73,7 +73,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     asked: list[str] = []
 
     def answer(question: str) -> str:
-        asked.append(question.partition(" (")[0])
+        asked.append(question.partition("(nothing moves). ")[2] or question.partition("either. ")[2])
         if not sdk.modes.pressed:
             return "recover"
         sdk.modes.be("Reflex")
@@ -87,7 +87,8 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     ) as arm:
         offer_recovery(arm, screen)
         assert arm.state().fault is None
-    assert asked == ["Enter once that is done", "Type recover to clear it", "Type recover to clear it"]
+    recover = "Type recover to clear it, Enter to leave it, q to stop, ? explains:"
+    assert asked == ["Enter once that is done, q to stop, ? explains:", recover, recover]
     assert not any(name in ("command", "set_load") for name, _ in sdk.calls)
 
 

@@ -45,7 +45,7 @@ def test_enter_is_enough_for_a_whole_iteration(tmp_path: Path, monkeypatch: pyte
     run_iteration(session)
     text = said.getvalue()
     assert text.index("The task policy was trained for") < text.index("Expected reward") < text.index("Tracked:")
-    assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Enter to start, q to stop:") == 4
+    assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Enter to start, q to stop, ? explains:") == 4
     assert "What changed" in text
 
 
@@ -69,6 +69,30 @@ def test_any_other_key_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         run_iteration(attended(tmp_path, operator, lab))
     assert said.getvalue().count("The simulated lab puts the toy piece") == 3
     assert lab.executions == []
+
+
+def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = ToyLab(0)
+    operator, said = answering(monkeypatch, "go", "?", "q", width=200)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, operator, lab))
+    assert "go means nothing here, and nothing has happened." in said.getvalue()
+    assert "q or Esc  The command ends." in said.getvalue()
+    assert "Nothing moves yet." in said.getvalue()
+
+
+@pytest.mark.parametrize("way_out", ["q", "\x1b"])
+def test_a_rejection_begun_by_mistake_is_left_without_a_trace(
+    way_out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`r`, then second thoughts; then the list of outcomes, and second thoughts again."""
+    operator, said = answering(monkeypatch, "", "", "r", way_out, "o", way_out, "", way_out)
+    session = attended(tmp_path, operator)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(session)
+    assert session.store.existing().rejected == frozenset()
+    assert len(session.store.trials(0)) == 1
+    assert said.getvalue().count("Is this what you saw?") == 3
 
 
 def test_overruling_offers_the_outcomes_that_the_track_supports(

@@ -138,7 +138,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
     assert devices.arm.executed == []
     assert "Enter when it is empty, q to stop" in said(screen)
     asked = "nobody within reach? THE REAL ROBOT then touches the table with"
-    assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop:") == 2
+    assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop, ? explains:") == 2
 
     devices, screen = ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "", "", "q")

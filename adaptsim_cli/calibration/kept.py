@@ -1,0 +1,103 @@
+"""The calibrations of one rig as a person lists, reads and compares them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli.calibration.store import REPORT, CalibrationStore
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.screen import views
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.storage.numbered import remark, restored_from
+from calib.saved import SavedCalibration
+
+HEAD = ("calibration", "made", "known to", "")
+
+
+def listed(store: CalibrationStore) -> list[dict[str, Any]]:
+    """One a calibration, oldest first; the last one is in use. A damaged one comes with its error."""
+    paths = store.numbered.all()
+    return [_one(store, path, in_use=path == paths[-1]) for path in paths]
+
+
+def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """What `HEAD` names."""
+    return [
+        (one["name"], "", "", one["error"])
+        if "error" in one
+        else (
+            one["name"],
+            str(one["created"])[:16].replace("T", " "),
+            f"{one['sigma_mm']:.2f} mm, {one['sigma_deg']:.3f}°",
+            remark(one["in_use"], one["restored_from"]),
+        )
+        for one in found
+    ]
+
+
+def compared(store: CalibrationStore, first: str, second: str) -> dict[str, Any]:
+    """How far the camera, and the joint zeros, of the second lie from those of the first."""
+    a, b = (store.read(store.numbered.named(name)) for name in (first, second))
+    X_A, X_B = np.array(a.X_AC), np.array(b.X_AC)
+    turned = np.linalg.inv(X_A[:3, :3]) @ X_B[:3, :3]
+    angle_rad = float(np.arccos(np.clip((np.trace(turned) - 1.0) / 2.0, -1.0, 1.0)))
+    return {
+        "first": store.numbered.named(first).name,
+        "second": store.numbered.named(second).name,
+        "moved_mm": (1e3 * (X_B[:3, 3] - X_A[:3, 3])).tolist(),
+        "distance_mm": float(1e3 * np.linalg.norm(X_B[:3, 3] - X_A[:3, 3])),
+        "turned_deg": float(np.rad2deg(angle_rad)),
+        "known_to_mm": float(np.hypot(a.uncertainty.sigma_mm, b.uncertainty.sigma_mm)),
+        "known_to_deg": float(np.hypot(a.uncertainty.sigma_deg, b.uncertainty.sigma_deg)),
+        "joint_zeros_mrad": (1e3 * (b.offsets_rad() - a.offsets_rad())).tolist(),
+        "camera_late_ms": 1e3 * (b.camera_late_s() - a.camera_late_s()),
+    }
+
+
+def sentence(found: dict[str, Any]) -> str:
+    """The comparison in words: more than three standard deviations apart is a camera that was moved."""
+    apart = found["distance_mm"] > 3.0 * found["known_to_mm"] or found["turned_deg"] > 3.0 * found["known_to_deg"]
+    said = "the camera was moved in between" if apart else "as far as both are known the camera stands where it stood"
+    return (
+        f"{found['second']} has the camera {found['distance_mm']:.2f} mm and {found['turned_deg']:.3f}° from "
+        f"{found['first']}; the two together are known to {found['known_to_mm']:.2f} mm and "
+        f"{found['known_to_deg']:.3f}°: {said}"
+    )
+
+
+def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]:
+    try:
+        known: SavedCalibration = store.read(path)
+    except SessionError as error:
+        return {"name": path.name, "error": str(error)}
+    report = path / REPORT
+    return {
+        "name": path.name,
+        "created": known.created,
+        "camera_m": [row[3] for row in known.X_AC[:3]],
+        "sigma_mm": known.uncertainty.sigma_mm,
+        "sigma_deg": known.uncertainty.sigma_deg,
+        "views": sum(view.used for view in known.views),
+        "in_use": in_use,
+        "restored_from": restored_from(path),
+        "report": str(report) if report.is_file() else "",
+    }
+
+
+def tell(screen: Screen, store: CalibrationStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
+    """The list on the screen, with the sessions that rest on the one in use."""
+    if found:
+        screen.show(views.rows(HEAD, rows(found)))
+    else:
+        screen.plain(f"No calibrations yet in {store.folder}")
+    if resting:
+        screen.show(f"Open sessions that rest on the one in use: {', '.join(resting)}")
+    if len(found) > 1:
+        names = f"{found[-2]['name']} {found[-1]['name']}"
+        screen.next((f"adaptsim calibrate compare {names}", "with the same --task, --world or --hw"))
+    else:
+        screen.next(("adaptsim calibrate", "makes one, with the same --task, --world or --hw"))

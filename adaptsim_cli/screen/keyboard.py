@@ -1,0 +1,84 @@
+"""One line from the keyboard, with an Esc that needs no Enter."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import select
+import sys
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from adaptsim_cli.screen.keys import ESCAPE
+
+_SEQUENCE_S = 0.05
+"""What follows an Esc within this belongs to it: an arrow key sends several bytes."""
+_ENTER, _END, _DELETE, _DELETE_ALL = "\r\n", "\x04", "\x7f\x08", "\x15"
+
+
+def read_line() -> str:
+    """What was typed, with its Enter as "\\n"; `ESCAPE` at once where Esc was pressed; "" at the end of input.
+
+    What was typed before the call is no answer to the question, and is thrown away: Enter may start a motion.
+    """
+    if not sys.stdin.isatty():
+        return sys.stdin.readline()
+    fd = sys.stdin.fileno()
+    with key_by_key(fd):
+        return _line(fd)
+
+
+@contextmanager
+def key_by_key(fd: int) -> Iterator[None]:
+    """The terminal hands over every key at once and echoes none; what was typed before is thrown away."""
+    before = termios.tcgetattr(fd)
+    single = termios.tcgetattr(fd)
+    single[3] &= ~(termios.ICANON | termios.ECHO)  # signals stay: Ctrl-C interrupts
+    single[6][termios.VMIN], single[6][termios.VTIME] = 1, 0
+    termios.tcsetattr(fd, termios.TCSAFLUSH, single)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(fd, termios.TCSADRAIN, before)
+
+
+def _line(fd: int) -> str:
+    typed, decode = "", codecs.getincrementaldecoder("utf-8")("replace").decode
+    while True:
+        data = os.read(fd, 1)
+        if not data:
+            return ""
+        if data == ESCAPE.encode():
+            if _alone(fd):
+                _echo(fd, "\n")
+                return ESCAPE
+            continue
+        for key in decode(data):
+            if key in _ENTER:
+                _echo(fd, "\n")
+                return f"{typed}\n"
+            if key == _END and not typed:
+                return ""
+            if key in _DELETE or key == _DELETE_ALL:
+                gone = len(typed) if key == _DELETE_ALL else min(1, len(typed))
+                typed = typed[: len(typed) - gone]
+                _echo(fd, "\b \b" * gone)
+            elif key.isprintable():
+                typed += key
+                _echo(fd, key)
+
+
+def _alone(fd: int) -> bool:
+    """Whether an Esc is the key itself; the rest of an arrow key and its like is read away."""
+    if not select.select([fd], [], [], _SEQUENCE_S)[0]:
+        return True
+    if os.read(fd, 1) in (b"[", b"O"):
+        while select.select([fd], [], [], _SEQUENCE_S)[0] and not b"@" <= os.read(fd, 1) <= b"~":
+            pass
+    return False
+
+
+def _echo(fd: int, text: str) -> None:
+    with suppress(OSError):  # a terminal that can only be read
+        os.write(fd, text.encode())

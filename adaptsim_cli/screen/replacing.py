@@ -1,0 +1,17 @@
+"""Before a calibration or touch-off replaces another: which open sessions that ends, and how they can go on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from adaptsim_cli.screen.console import Screen
+
+
+def tell(screen: Screen, what: str, sessions: Sequence[str]) -> None:
+    """Name the `sessions` that rest on `what`, where there are any."""
+    if not sessions:
+        return
+    many = "s" if len(sessions) > 1 else ""
+    screen.note(f"Open session{many} that rest{'' if many else 's'} on {what}: {', '.join(sessions)}.")
+    screen.plain("Once it is replaced, each goes on only with its own, where the camera was not moved:")
+    screen.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")

@@ -1,0 +1,45 @@
+"""What to do next: after an iteration, by its verdict. Pure."""
+
+from __future__ import annotations
+
+from adaptsim_cli.config import is_simulated
+from adaptsim_cli.session.records import Facts, ResultRecord
+
+ENOUGH_ITERATIONS = 5
+"""What the paper spends."""
+
+GO_ON, ENOUGH, HOPELESS = "Go on: reward", "Stop here: reward", "Stop here: no action"
+TOO_FEW, NOT_YET, CONVERGED = "Too few trials to judge", "Not converged yet", "Converged"
+STAYS_LOW, CANNOT_EXPRESS = "Reward stays low", "cannot express"
+"""What the sentences of `sim.adaptation.verdict` begin with, or hold."""
+
+Steps = tuple[tuple[str, str], ...]
+"""(command, why) of each."""
+
+
+def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
+    """The next commands, the likeliest first."""
+    go_on = f"adaptsim run-iteration --session {facts.name}"
+    use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
+    done, verdict = result.iteration + 1, result.verdict
+    if CANNOT_EXPRESS in verdict or verdict.startswith(HOPELESS):
+        where = flags(facts)
+        tool = (f"adaptsim touch-off {where}", "are table and tool where planning takes them to be?")
+        camera = (f"adaptsim calibrate check {where}", "is the camera where it was?")
+        return (camera, tool, use) if facts.calibration else (use,)
+    if verdict.startswith(STAYS_LOW):
+        return (
+            (f"adaptsim lab list --task {facts.task}", "the ranges; others for your object: docs/guide/own-objects.md"),
+            use,
+        )
+    if verdict.startswith((CONVERGED, ENOUGH)):
+        return (use, (go_on, "only if you want to know the reward better"))
+    if verdict.startswith(NOT_YET) and done >= ENOUGH_ITERATIONS:
+        return (use, (go_on, f"{done} iterations are done; more rarely help"))
+    return ((go_on, f"iteration {done + 1}"), use)
+
+
+def flags(facts: Facts) -> str:
+    """What leads another command to the same task and place."""
+    place = f"--world {facts.world} --seed {facts.seed}" if is_simulated(facts.hw) else f"--hw {facts.hw}"
+    return f"--task {facts.task} {place}"

@@ -1,0 +1,106 @@
+"""What a session shows while it runs, to whoever looks on beside the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.records import KeyMoment
+from adaptsim_cli.session.store import SessionStore
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.adaptation.posterior import Posterior
+
+Telling = Callable[[], Posterior | None]
+"""Computes what the trials tell of the true parameters, for whoever wants it; None where the method holds no belief."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """One planned trial to look at, before anything moves."""
+
+    picture: bytes  # JPEG: start area and goal, and the object as it was found
+    size_px: tuple[int, int]  # of the picture: width, height
+    path_px: Array  # (M, 2) the tool's way in the picture, during its motion
+    path_m: Array  # (M, 3) the same in the base frame
+    t_s: Array  # (K,) from the start of the approach to the end of the way back
+    arm_m: Array  # (K, J, 3) base, joints, flange and tool at these times, in the base frame
+    motion_s: tuple[float, float]  # when the tool's own motion begins and ends
+    spot_m: Array  # (2,) where the object was found
+    area_m: Array  # (4,) where it may lie: low x, high x, low y, high y
+    goal_m: Array | None  # (2,) where it shall come to rest, for a task with such a goal
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One tracked trial to look at, before anyone is asked about it."""
+
+    track_px: Array  # (N, 2) the object's centre in the picture; (0, 2) where there is no camera
+    moments: tuple[KeyMoment, ...]
+    files: Mapping[str, bytes]  # name -> JPEG of the moments
+
+
+class Watcher(Protocol):
+    """Each call returns at once; none may raise for what it cannot show."""
+
+    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+        """A trial was planned, and is about to be asked for."""
+        ...
+
+    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+        """A trial was tracked, and is about to be asked about."""
+        ...
+
+    def changed(self, store: SessionStore, posterior: Telling) -> None:
+        """A trial or a result was stored."""
+        ...
+
+    def reported(self, path: Path) -> None:
+        """The report of the session was drawn."""
+        ...
+
+
+class Unwatched:
+    """`Watcher`: nobody looks on."""
+
+    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+        """See `Watcher`."""
+
+    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+        """See `Watcher`."""
+
+    def changed(self, store: SessionStore, posterior: Telling) -> None:
+        """See `Watcher`."""
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`."""
+
+
+class AllOf:
+    """`Watcher`: several of them."""
+
+    def __init__(self, watchers: Sequence[Watcher]) -> None:
+        self._watchers = tuple(watchers)
+
+    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+        """See `Watcher`."""
+        for watcher in self._watchers:
+            watcher.proposed(made, sight)
+
+    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+        """See `Watcher`."""
+        for watcher in self._watchers:
+            watcher.tracked(judged, track, seen)
+
+    def changed(self, store: SessionStore, posterior: Telling) -> None:
+        """See `Watcher`."""
+        for watcher in self._watchers:
+            watcher.changed(store, posterior)
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`."""
+        for watcher in self._watchers:
+            watcher.reported(path)

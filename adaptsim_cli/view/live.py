@@ -1,0 +1,120 @@
+"""A session on a page: what the watcher is shown becomes the page's state."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.watching import Seen, Sight, Telling
+from adaptsim_cli.view import state
+from adaptsim_cli.view.server import Page
+from perception.types import ObjectTrack
+from sim.tasks.task import Task
+
+
+class LiveView:
+    """`session.watching.Watcher` and `screen.console.Listener`: everything goes to one page."""
+
+    def __init__(self, page: Page) -> None:
+        self._page, self._lock = page, Lock()
+        self._state: dict[str, Any] = {"now": {"doing": "", "question": ""}}
+        self._pictures: dict[str, bytes] = {}
+        self._count = 0
+        self._task: Task | None = None
+        self._facts: Facts | None = None
+
+    def begins(self, task: Task, facts: Facts, title: str) -> None:
+        """Which session it is, on what hardware."""
+        self._task, self._facts = task, facts
+        head = {
+            "simulated": is_simulated(facts.hw),
+            "hardware": title,
+            "session": facts.name,
+            "task": task.title[:1].upper() + task.title[1:],
+            "object": task.object_name,
+            "method": facts.method,
+        }
+        self._set(head=head)
+
+    def doing(self, what: str, expected_s: float | None) -> None:
+        """See `Listener`."""
+        now = {"doing": what, "expected_s": expected_s, "since_s": time.time(), "question": ""}
+        self._set(now=now)
+
+    def asking(self, question: str) -> None:
+        """See `Listener`."""
+        self._set(now={"doing": "", "question": question, "since_s": time.time()})
+
+    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+        """See `Watcher`."""
+        if self._task is None or self._facts is None:
+            return
+        parts: dict[str, Any] = {"trial": state.trial(self._task, self._facts, made), "judged": None}
+        self._pictures = {}
+        if sight is not None:
+            name = self._picture(sight.picture)
+            parts |= {"picture": state.picture(sight, name), "motion": state.motion(sight)}
+        self._set(**parts)
+
+    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+        """See `Watcher`."""
+        urls = {name: f"picture/{self._picture(content)}" for name, content in seen.files.items() if _is_jpeg(content)}
+        self._set(judged=state.judged(judged, track, seen, urls))
+
+    def changed(self, store: SessionStore, posterior: Telling) -> None:
+        """See `Watcher`."""
+        if self._task is not None:
+            self._set(**state.so_far(store, self._task, posterior()))
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`."""
+        self._set(report=str(path))
+
+    def _picture(self, jpeg: bytes) -> str:
+        self._count += 1
+        name = f"{self._count}.jpg"
+        self._pictures[name] = jpeg
+        return name
+
+    def _set(self, **parts: Any) -> None:
+        with self._lock:
+            self._state |= parts
+            self._page.show(self._state, self._pictures)
+
+
+@contextmanager
+def live_view(screen: Screen, task: Task, facts: Facts, title: str, port: int | None) -> Iterator[LiveView]:
+    """The page while it is needed; says where it is, and how to reach it from another computer.
+
+    Raises UsageError where the port that was asked for is taken.
+    """
+    html = (resources.files("adaptsim_cli.view") / "page.html").read_text(encoding="utf-8")
+    with Page(html, port) as page:
+        screen.plain(f"Live page: {page.address}")
+        tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
+        screen.plain(f"From another computer: {tunnel}  and then the same address")
+        view = LiveView(page)
+        view.begins(task, facts, title)
+        screen.tell(view)
+        yield view
+
+
+def _here() -> str:
+    import getpass
+    import socket
+
+    return f"{getpass.getuser()}@{socket.gethostname()}"
+
+
+def _is_jpeg(content: bytes) -> bool:
+    return content.startswith(b"\xff\xd8")

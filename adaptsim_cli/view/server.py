@@ -1,0 +1,145 @@
+"""One page on this computer: its state goes out as server-sent events, and nothing comes in."""
+
+from __future__ import annotations
+
+import errno
+import json
+import threading
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any, Self
+from urllib.parse import urlsplit
+
+from adaptsim_cli.errors import UsageError
+
+HOST = "127.0.0.1"
+PORT = 8765
+KEEP_ALIVE_S = 5.0
+"""After so long without news a comment is sent, by which a page that was closed is noticed."""
+
+_POLICY = (
+    "default-src 'none'; img-src 'self' data:; connect-src 'self'; "
+    "style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+)
+_OURS = frozenset({"127.0.0.1", "localhost"})
+
+
+class Page:
+    """Serves `html` at the address; whoever has it open sees every `show` at once."""
+
+    def __init__(self, html: str, port: int | None = None) -> None:
+        self._html, self._wanted = html.encode(), port
+        self._news = threading.Condition()
+        self._state = b"{}"
+        self._pictures: dict[str, bytes] = {}
+        self._version, self._ended = 0, False
+        self._server: ThreadingHTTPServer | None = None
+
+    def __enter__(self) -> Self:
+        """Listens from now on, at the port that was asked for. Raises UsageError where it is taken."""
+        self._server = _listening(self._handler(), self._wanted)
+        threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True).start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        with self._news:
+            self._ended = True
+            self._news.notify_all()
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+
+    @property
+    def port(self) -> int:
+        """At which it listens. Raises ValueError before that."""
+        if self._server is None:
+            raise ValueError("the page is not served yet")
+        return int(self._server.server_address[1])
+
+    @property
+    def address(self) -> str:
+        """For a browser on this computer."""
+        return f"http://{HOST}:{self.port}/"
+
+    def show(self, state: Mapping[str, Any], pictures: Mapping[str, bytes]) -> None:
+        """`state` for the page, and its JPEG pictures by name, instead of those before."""
+        content = json.dumps(state, allow_nan=False).encode()
+        with self._news:
+            self._state, self._pictures = content, dict(pictures)
+            self._version += 1
+            self._news.notify_all()
+
+    def _after(self, version: int) -> tuple[int, bytes | None]:
+        """The state once it is newer than `version`; None after `KEEP_ALIVE_S` without one. Version -1: it is over."""
+        with self._news:
+            is_new = self._news.wait_for(lambda: self._ended or self._version > version, KEEP_ALIVE_S)
+            if self._version > version:
+                return self._version, self._state
+            return (-1, None) if is_new else (version, None)
+
+    def _handler(self) -> Callable[..., BaseHTTPRequestHandler]:
+        page = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self) -> None:
+                """The page, a picture, or the stream of states."""
+                if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in _OURS:  # another site's page asks
+                    self.send_error(HTTPStatus.FORBIDDEN)
+                    return
+                path = urlsplit(self.path).path
+                if path == "/":
+                    self._whole("text/html; charset=utf-8", page._html)
+                elif path == "/state":
+                    self._stream()
+                elif (picture := page._pictures.get(path.removeprefix("/picture/"))) is not None:
+                    self._whole("image/jpeg", picture)
+                else:
+                    self.send_error(HTTPStatus.NOT_FOUND)
+
+            def _whole(self, kind: str, content: bytes) -> None:
+                self.send_response(HTTPStatus.OK)
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(len(content)))
+                self.send_header("Cache-Control", "no-store")
+                self.send_header("Content-Security-Policy", _POLICY)
+                self.end_headers()
+                self.wfile.write(content)
+
+            def _stream(self) -> None:
+                self.send_response(HTTPStatus.OK)
+                self.send_header("Content-Type", "text/event-stream")
+                self.send_header("Cache-Control", "no-store")
+                self.send_header("Connection", "close")
+                self.end_headers()
+                self.close_connection = True
+                version = 0
+                try:
+                    while True:
+                        version, state = page._after(version)
+                        if version < 0:
+                            break
+                        self.wfile.write(b": \n\n" if state is None else b"data: " + state + b"\n\n")
+                    self.wfile.write(b"event: over\ndata: {}\n\n")
+                except OSError:  # the page was closed
+                    return
+
+            def log_message(self, format: str, *args: Any) -> None:
+                """Nothing: the terminal belongs to the session."""
+
+        return Handler
+
+
+def _listening(handler: Callable[..., BaseHTTPRequestHandler], wanted: int | None) -> ThreadingHTTPServer:
+    try:
+        server = ThreadingHTTPServer((HOST, PORT if wanted is None else wanted), handler)
+    except OSError as error:
+        if error.errno != errno.EADDRINUSE:
+            raise
+        if wanted is not None:
+            raise UsageError(f"--view-port {wanted} is taken: name another, or leave it out") from error
+        server = ThreadingHTTPServer((HOST, 0), handler)
+    server.daemon_threads = True
+    return server

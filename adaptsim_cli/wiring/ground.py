@@ -1,0 +1,109 @@
+"""Where camera, table and tool are taken to be: the calibration and the touch-off in use, or those of a session."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adaptsim_cli.config import Config, Places
+from adaptsim_cli.devices.lab import Lab
+from adaptsim_cli.devices.mounted import MountedTask, mounted
+from adaptsim_cli.devices.opening import open_lab
+from adaptsim_cli.errors import CliError, UsageError
+from adaptsim_cli.session import store as stores
+from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.touch_off.store import SavedTouchOff
+from adaptsim_cli.wiring.calibration import calibration_key, calibration_of, calibrations
+from adaptsim_cli.wiring.checkpoints import task_of
+from adaptsim_cli.wiring.touch_off import ZEROS_RAD, touch_off_of, touch_offs
+from calib.errors import CalibrationError
+from calib.types import HandEye
+from hw.types import Array
+from sim.errors import SimError
+from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What trials are planned and seen with."""
+
+    eye: HandEye  # over the table: in frame W
+    there: MountedTask
+    touched: SavedTouchOff | None
+
+    @property
+    def sha256(self) -> str:
+        """Of the poses of camera and tool: what a session records of them."""
+        return hash_of(self.eye.X_BC, self.there.hardware.X_FT)
+
+
+def hash_of(X_BC: Array, X_FT: Array) -> str:
+    """Of the pose of the camera over the table, and of the tool at the flange (4, 4)."""
+    return hashlib.sha256(np.ascontiguousarray(np.stack([X_BC, X_FT])).tobytes()).hexdigest()
+
+
+def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> Ground:
+    """What is in use now. Raises what `calibration_of`, `touch_off_of` and `mounted` raise."""
+    eye, zeros_rad = calibration_of(config, places, lab.nominal)
+    return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, zeros_rad))
+
+
+def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> Ground:
+    """The one that a session was begun with, among all that are kept. Raises UsageError where it is gone."""
+    found = (one for one in _kept(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
+    ground = next((one for one in found if one.eye.camera_late_s == facts.camera_late_s), None)
+    if ground is None:
+        raise UsageError(
+            f"session {facts.name!r} was begun with a calibration or touch-off that is kept no more; name another "
+            "--session"
+        )
+    return ground
+
+
+def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
+    """The sessions of this rig that can go on now, and cannot once its calibration or touch-off is replaced."""
+    rig, now = calibration_key(config), dict[tuple[str, str], str]()
+    found = []
+    for name in stores.names(places.sessions):
+        try:
+            facts = SessionStore.open(places.sessions, name).facts
+            settings = replace(config, task=facts.task, object=facts.object, seed=facts.seed)
+            settings = replace(settings, world=facts.world or config.world)
+            if facts.hw != config.hw or not facts.calibration or calibration_key(settings) != rig:
+                continue
+            key = facts.task, facts.object
+            if key not in now:
+                task = task_of(settings)
+                with open_lab(settings, task) as lab:
+                    now[key] = ground_of(settings, places, task, lab).sha256
+        except (CliError, SimError, CalibrationError, OSError):  # damaged, or of a world that is gone: not open
+            continue
+        if facts.calibration_sha256 == now[key]:
+            found.append(name)
+    return tuple(found)
+
+
+def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> Ground:
+    correction = None if touched is None else touched.correction()
+    there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
+    return Ground(replace(eye, X_BC=there.correction.X_WB @ eye.X_BC), there, touched)
+
+
+def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[Ground]:
+    """Every calibration with every touch-off that was made with its joint zeros, and without one; newest first."""
+    eyes: list[tuple[HandEye, Array]] = []
+    store, touching = calibrations(config, places), touch_offs(config, places)
+    for path in reversed(store.numbered.all()):
+        known = store.read(path)
+        eyes.append((known.hand_eye(), known.offsets_rad()))
+    if lab.nominal is not None:
+        eyes.append((lab.nominal, np.zeros(7)))
+    touches = [touching.read(path) for path in reversed(touching.numbered.all())]
+    for eye, zeros_rad in eyes:
+        for touched in (*touches, None):
+            if touched is None or np.abs(zeros_rad - np.array(touched.joint_zeros_rad)).max() <= ZEROS_RAD:
+                yield _ground(task, lab, eye, zeros_rad, touched)

@@ -1,0 +1,24 @@
+"""Who looks on beside the terminal: the live page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.conduct import OpenView
+from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.watching import Watcher
+from adaptsim_cli.view.live import live_view
+
+
+def beside(port: int | None) -> OpenView:
+    """A page at `port`, or at any that is free. Opening it raises UsageError where that port is taken."""
+
+    @contextmanager
+    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+        with live_view(screen, parts.task, store.facts, parts.target.title, port) as view:
+            yield view
+
+    return open_view

@@ -1,0 +1,40 @@
+"""The settings of a command that names a world: the world knows its task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from adaptsim_cli import config
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.errors import UsageError
+
+
+def load(flags: Mapping[str, Any]) -> Resolved:
+    """As `config.load`; the task is the world's where the world is named closer to the command than the task.
+
+    Raises UsageError, also where several tasks have a world of that name and the settings mean none of them.
+    """
+    resolved = config.load(flags)
+    settings, sources = resolved.config, resolved.sources
+    if not settings.is_simulated or _rank(resolved, sources["world"]) <= _rank(resolved, sources["task"]):
+        return resolved
+    from sim.lab.world import tasks_of_world
+
+    tasks = tasks_of_world(settings.world)
+    if not tasks or settings.task in tasks:
+        return resolved
+    if len(tasks) > 1:
+        raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
+    return replace(
+        resolved, config=replace(settings, task=tasks[0]), sources={**sources, "task": f"world {settings.world}"}
+    )
+
+
+def _rank(resolved: Resolved, source: str) -> int:
+    """How close to the command line a setting was made."""
+    files = ("default", str(resolved.places.user_file), str(resolved.places.project_file))
+    if source in files:
+        return files.index(source)
+    return len(files) + (source == "flag")

@@ -1,0 +1,120 @@
+"""Calibrations and touch-offs by name: listed, compared, restored; and sessions that go on with their own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from real_lab import calibration
+
+from adaptsim_cli import config
+from adaptsim_cli.app import run
+from adaptsim_cli.config import Places, Resolved
+from adaptsim_cli.devices.opening import open_lab
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session.records import Facts
+from adaptsim_cli.wiring.calibration import calibrations
+from adaptsim_cli.wiring.ground import ground_of, own_ground
+from calib.saved import SavedCalibration
+from sim.tasks import get_task
+
+WORLD = ["--task", "scooping", "--world", "ood-1", "--seed", "0"]
+
+
+@pytest.fixture
+def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resolved:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    return config.load({"task": "scooping", "world": "ood-1", "seed": 0})
+
+
+def moved(by_m: float) -> SavedCalibration:
+    known = calibration()
+    X_AC = np.array(known.X_AC)
+    X_AC[0, 3] += by_m
+    return known.model_copy(update={"X_AC": tuple(tuple(map(float, row)) for row in X_AC)})
+
+
+def out(capfd: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capfd.readouterr().out.split())
+
+
+def test_calibrations_are_listed_compared_and_restored(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+    store = calibrations(settings.config, settings.places)
+    assert run(["calibrate", "list", *WORLD]) == 0
+    assert "No calibrations yet in" in out(capfd)
+    store.save(calibration(), b"<p>")
+    store.save(moved(0.01), b"<p>")
+    assert run(["calibrate", "list", *WORLD, "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert [(c["name"], c["in_use"]) for c in found["calibrations"]] == [
+        ("calibration-0001", False),
+        ("calibration-0002", True),
+    ]
+    assert run(["calibrate", "compare", "1", "2", *WORLD]) == 0
+    told = out(capfd)
+    assert "calibration-0002 has the camera 10.00 mm and 0.000° from calibration-0001" in told
+    assert "the camera was moved in between" in told
+    assert run(["calibrate", "restore", "1", *WORLD]) == 0
+    assert "In use from now on: " in out(capfd)
+    current = store.current()
+    assert current is not None and current.X_AC == calibration().X_AC
+    assert run(["calibrate", "list", *WORLD]) == 0
+    assert "in use, copy of 1" in out(capfd)
+    assert run(["calibrate", "show", "3", *WORLD]) == 0
+    assert "The camera stands at" in out(capfd)
+
+
+def test_what_is_not_there_or_in_use_already_is_said(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+    store = calibrations(settings.config, settings.places)
+    store.save(calibration(), b"")
+    assert run(["calibrate", "restore", "7", *WORLD]) == 2
+    assert "there is no calibration-0007" in " ".join(capfd.readouterr().err.split())
+    assert run(["calibrate", "restore", "calibration-0001", *WORLD]) == 2
+    assert "calibration-0001 is in use already" in " ".join(capfd.readouterr().err.split())
+    assert run(["touch-off", "restore", "1", *WORLD]) == 2
+    assert "there are: none yet" in " ".join(capfd.readouterr().err.split())
+
+
+def test_a_damaged_one_is_named_and_hides_no_other(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+    store = calibrations(settings.config, settings.places)
+    path = store.save(calibration(), b"")
+    store.save(calibration(), b"")
+    (path / "calibration.json").write_text("{")
+    assert run(["calibrate", "list", *WORLD, "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)["calibrations"]
+    assert "error" in found[0] and found[1]["in_use"]
+
+
+def facts(ground_sha256: str) -> Facts:
+    return Facts(
+        name="s", task="scooping", hw="fake", world="ood-1", seed=0, method="adaptsim", particles=2, trials=2,
+        created="2026-01-01T00:00:00+00:00", checkpoint="", checkpoint_sha256="", calibration="calibrated",
+        calibration_sha256=ground_sha256, versions={}, title="t", object_name="o", parameters=(), context=(), action=(),
+    )  # fmt: skip
+
+
+def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings: Resolved) -> None:
+    task, store = get_task("scooping"), calibrations(settings.config, settings.places)
+
+    def in_use() -> str:
+        with open_lab(settings.config, task) as lab:
+            return ground_of(settings.config, settings.places, task, lab).sha256
+
+    def own(wanted: str, places: Places = settings.places) -> np.ndarray:
+        with open_lab(settings.config, task) as lab:
+            return own_ground(settings.config, places, task, lab, facts(wanted)).eye.X_BC
+
+    nominal = in_use()
+    store.save(calibration(), b"")
+    first = in_use()
+    store.save(moved(0.01), b"")
+    second = in_use()
+    assert len({nominal, first, second}) == 3
+    assert own(second)[0, 3] - own(first)[0, 3] == pytest.approx(0.01)
+    assert own(nominal)[0, 3] != own(first)[0, 3], "the calibration that came with the world"
+    with pytest.raises(UsageError, match="is kept no more; name another"):
+        own("f" * 64, replace(settings.places))

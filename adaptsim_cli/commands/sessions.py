@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/verify/redo/restore/amend`."""
+"""`adaptsim sessions list/show/verify/redo/accept/amend`."""
 
 from __future__ import annotations
 
@@ -139,12 +139,12 @@ def redo(
         screen.plain(f"Trial {trial} of {name} will be done again.")
         screen.next(
             (f"adaptsim run-iteration --session {name}", "repeats it and adapts again"),
-            (f"adaptsim sessions restore {name} {trial}", "if it was right after all"),
+            (f"adaptsim sessions accept {name} {trial}", "if it was right after all"),
         )
 
 
 @app.command()
-def restore(
+def accept(
     name: _Name,
     trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
     attempt: Annotated[
@@ -156,7 +156,7 @@ def restore(
 ) -> None:
     """Take back a rejection: an attempt that did not count counts again. Nothing moves, nothing is deleted.
 
-    Example: adaptsim sessions restore scooping-ood-1-adaptsim-seed0 3
+    Example: adaptsim sessions accept scooping-ood-1-adaptsim-seed0 3
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console

@@ -22,7 +22,7 @@ _ACCEPT = enter("to accept", "The trial counts as it was tracked. Later: adaptsi
 _OVERRULE = Key(
     "o", "to overrule the outcome", "The trial counts with the outcome that you saw; you choose it from a list."
 )
-_REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions restore.")
+_REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions accept.")
 _LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
 _BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
 _REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."

@@ -337,7 +337,7 @@ def _reject(session: Session, stage: RunTrial, reason: str) -> None:
         session.screen.plain(f"Its recording is kept: {folder}")
         if session.store.motion(stage.iteration, stage.key).stopped is None:
             name = session.store.facts.name
-            session.screen.plain(f"To let it count after all: adaptsim sessions restore {name} {stage.key.number}")
+            session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")
 
 
 def _rows(particle: Particle) -> Samples:

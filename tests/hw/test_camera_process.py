@@ -86,9 +86,7 @@ def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
 
 
 def test_a_driver_that_hangs_while_it_opens_says_so_and_ends(staged: Staged, caplog: pytest.LogCaptureFixture) -> None:
-    with pytest.raises(
-        CameraError, match="for 15 s while it opens the camera and reads its calibration, and was ended"
-    ):
+    with pytest.raises(CameraError, match=r"has not answered for 15 s while it .*, and was ended"):
         staged("hangs open", step_s=15.0).__enter__()
     assert "silent for 3 s while it opens the camera" in caplog.text
 

@@ -120,7 +120,7 @@ def test_a_guarded_motion_keeps_to_its_own_limits() -> None:
 
 
 def test_what_is_not_to_touch_must_stay_higher_than_the_tip() -> None:
-    short = replace(TOOL, points_F_m=TIP[None] - np.array([0.0, 0.0, 0.03]))
+    short = replace(TOOL, points_F_m=TIP[None] - np.array([0.0, 0.0, 0.04]))
     with pytest.raises(MotionRefused, match="lead of hand over the tool"):
         require_guarded(down(), GUARD, CELL.holding(short))
 

@@ -12,8 +12,9 @@ from hw.collision import HAND, HAND_MASS, Tool
 from hw.contact import predicted_force_N
 from hw.kinematics import forward
 from hw.types import Array, ContactWindow, Guard, JointPath, frozen_array
+from hw.wrist import FINGERTIP_M
 
-TIP = frozen_array([0.0, 0.0, 0.1034])
+TIP = frozen_array([0.0, 0.0, FINGERTIP_M])
 TOOL = Tool("fingertips", HAND_MASS, HAND[:1], TIP[None])
 GUARD = Guard(4.0, TIP)
 XY_M, TOP_M = (0.5, 0.0), 0.02

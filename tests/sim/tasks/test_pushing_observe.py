@@ -57,7 +57,7 @@ def test_a_soft_bottle_sinks_in_as_far_as_its_weight_asks():
         ({"com_height_m": 0.11}, "of the bottle"),
         ({"slosh_share": 1.0}, "slosh_share"),
         ({"table_tilt_rad": (0.0, 0.5)}, "steeper"),
-        ({"contact": "penalty"}, "neither"),
+        ({"contact": "penalty"}, 'must be "sap" or "lagged"'),
     ],
 )
 def test_impossible_effects_are_refused(effect, why):

@@ -23,7 +23,7 @@ PATIENT_S = 2.0
 """A silence that a busy machine does not make by itself."""
 
 
-def until(holds: Callable[[], bool], within_s: float = 20.0) -> None:
+def until(holds: Callable[[], bool], within_s: float = 60.0) -> None:
     began_s = time.monotonic()
     while not holds():
         assert time.monotonic() - began_s < within_s, "it never came to hold"

@@ -15,6 +15,9 @@ def benchmark(
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
     methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
+    fresh: Annotated[
+        int, typer.Option("--fresh", min=0, help="True rollouts for the score of a final policy; 0: its table scores.")
+    ] = 0,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Sessions of each method in each world.")] = 10,
     checkpoints: Annotated[
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
@@ -45,7 +48,7 @@ def benchmark(
 
     resolved = config.load({"task": task, "workers": workers})
     screen = console.Screen(as_json=as_json)
-    asked = wiring.asked(resolved, targets, methods, budget, seeds, checkpoints, out)
+    asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out)
     for name, why in asked.left_out:
         screen.note(f"{name} is left out: {why}")
     with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:

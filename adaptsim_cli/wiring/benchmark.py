@@ -67,7 +67,14 @@ class Asked:
 
 
 def asked(
-    resolved: Resolved, targets: str, methods: str, budget: int, seeds: int, checkpoints: str, out: Path | None
+    resolved: Resolved,
+    targets: str,
+    methods: str,
+    budget: int,
+    fresh: int,
+    seeds: int,
+    checkpoints: str,
+    out: Path | None,
 ) -> Asked:
     """Check what is asked for before anything runs.
 
@@ -100,7 +107,7 @@ def asked(
                 raise
             left_out[name] = str(error)
     chosen = tuple(name for name in chosen if name not in left_out)
-    conditions = Conditions(budget, config.particles)
+    conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
     found = targets_of(task, _words(targets))
     return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, tuple(left_out.items()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
@@ -76,34 +76,47 @@ def run_job(job: Job) -> Row:
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
     task, seen = solver.task, None
-    place: Place = Simulated(solver, job.world) if job.table is None else Tabled(task, job.table)
+    simulated = Simulated(solver, job.world)
+    place: Place = simulated if job.table is None else Tabled(task, job.table)
     each = conditions.particles * task.adaptation.trials_per_iteration
+
+    def final(act: Commands, policies: int = 1) -> Judged:
+        """By fresh rollouts, shared by so many policies, where they are asked for."""
+        if not conditions.fresh:
+            return judge(task, act, place, conditions, job.seed)
+        few = replace(conditions, judged=max(2, conditions.fresh // policies))
+        return judge(task, act, simulated, few, job.seed)
+
     if job.method == UDR:
         policies = udr_policies(solver, job.seed)
-        several = [judge(task, policy.actions, place, conditions, job.seed) for policy in policies]
+        several = [final(policy.actions, len(policies)) for policy in policies]
+        last = _mean(several)
         seen = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
-        return _row(job, checkpoint, [_mean(several)], 0, began, seen)
+        return _row(job, checkpoint, last, [last], 0, began, seen)
     if job.method in LIMITS:
         act: Commands = place.best_actions
         if job.method == ORACLE:
             best, seen = choose_oracle(solver, place, conditions, job.seed)
             act = best.actions
-        return _row(job, checkpoint, [judge(task, act, place, conditions, job.seed)], 0, began, seen)
+        last = final(act)
+        return _row(job, checkpoint, last, [last], 0, began, seen)
     method = make_method(job.method, task, checkpoint)
     chosen = run_session(solver, method, place, conditions, job.seed)
     curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
-    return _row(job, checkpoint, curve, each, began, None)
+    return _row(job, checkpoint, final(chosen[-1].actions), curve, each, began, None)
 
 
-def _row(job: Job, checkpoint: Checkpoint, curve: Sequence[Judged], each: int, began: float, seen: float | None) -> Row:
+def _row(
+    job: Job, checkpoint: Checkpoint, last: Judged, curve: Sequence[Judged], each: int, began: float, seen: float | None
+) -> Row:
     return Row(
         task=job.task,
         set=job.set,
         target=job.world.name,
         method=job.method,
         seed=job.seed,
-        reward=curve[-1].reward,
-        ci95=curve[-1].ci95,
+        reward=last.reward,
+        ci95=last.ci95,
         real_trials=each * len(curve),
         simulations=_simulations(job.method, checkpoint),
         wall_s=time.perf_counter() - began,

@@ -76,6 +76,18 @@ def test_the_limits_bound_what_methods_earn():
     assert earned > judge(PENDULUM, middle[0].actions, place, CONDITIONS, 0).reward
 
 
+def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
+    few = replace(CONDITIONS, fresh=8)
+    plain, fresh = run_job(job("adaptsim")), run_job(job("adaptsim", conditions=few))
+    assert fresh.curve == plain.curve
+    context = replace(CONDITIONS, judged=8)
+    checkpoint = load_checkpoint(PENDULUM)
+    place = Simulated(checkpoint.solver, load_world("wd", PENDULUM))
+    method = make_method("adaptsim", PENDULUM, checkpoint)
+    last = run_session(checkpoint.solver, method, place, few, 0)[-1]
+    assert fresh.reward == judge(PENDULUM, last.actions, place, context, 0).reward
+
+
 def test_rows_say_what_simulations_they_rest_on():
     assert run_job(job("learn-in-target")).simulations == 0
     assert run_job(job("random")).simulations == 0  # the pendulum's policies are exact

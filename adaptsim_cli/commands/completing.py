@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import entry_points
 from pathlib import Path
 
 _WORLDS = Path(__file__).parents[2] / "sim/worlds"
@@ -32,12 +33,13 @@ def rollouts(incomplete: str) -> list[str]:
 
 
 def tasks(incomplete: str) -> list[str]:
-    """Tasks that begin like this: those that have worlds."""
-    return _like(incomplete, [folder.name for folder in _WORLDS.iterdir() if folder.is_dir()])
+    """Tasks that begin like this, those of installed packages too."""
+    ours = {folder.name for folder in _WORLDS.iterdir() if folder.is_dir()}
+    return _like(incomplete, list(ours | {entry.name for entry in entry_points(group="adaptsim.tasks")}))
 
 
 def worlds(incomplete: str) -> list[str]:
-    """Worlds that ship, of every task, that begin like this; a shell completes files by itself."""
+    """Worlds that ship, of every task of ours, that begin like this; a shell completes files by itself."""
     return _like(incomplete, list({file.stem for file in _WORLDS.glob("*/*.toml")}))
 
 

@@ -243,9 +243,10 @@ def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
 
 def _found_again(name: str, checkpoint: Checkpoint) -> str:
     """A shipped checkpoint by its name, any other by its whole path: a worker has a current folder of its own."""
-    from sim.adaptation.checkpoint import SHIPPED
+    from sim.tasks import files_of
 
-    return name if checkpoint.path.is_relative_to(SHIPPED) else str(checkpoint.path.absolute())
+    is_shipped = checkpoint.path.is_relative_to(files_of(str(checkpoint.card["task"]), "checkpoints"))
+    return name if is_shipped else str(checkpoint.path.absolute())
 
 
 def _words(listed: str) -> tuple[str, ...]:

@@ -189,9 +189,9 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
 def _folders(task: str) -> Iterator[Path]:
     """Where the checkpoint of a session may lie: as the settings say, shipped, the user's own."""
-    from sim.adaptation.checkpoint import SHIPPED
+    from sim.tasks import files_of
 
     if named := load().config.checkpoint:
         yield Path(named)
-    yield from sorted((SHIPPED / task).glob("*")) if (SHIPPED / task).is_dir() else ()
+    yield from sorted(files_of(task, "checkpoints").glob("*"))
     yield from own_checkpoints()

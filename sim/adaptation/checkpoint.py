@@ -27,13 +27,13 @@ from sim.solvers.naf.solver import restore_naf
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, sha256, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
+from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
 
 __all__ = [
     "CARD",
     "MODEL",
-    "SHIPPED",
     "Checkpoint",
     "list_checkpoints",
     "load_checkpoint",
@@ -42,7 +42,6 @@ __all__ = [
     "verify_weights",
 ]
 
-SHIPPED = Path(__file__).parents[1] / "checkpoints"
 MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
@@ -118,7 +117,7 @@ def save_checkpoint(
 
 def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     """The shipped checkpoint `name` of `task`, or the one in the folder `name`. Raises CheckpointError."""
-    shipped = SHIPPED / task.name / name
+    shipped = files_of(task.name, "checkpoints") / name
     path = shipped if (shipped / CARD).exists() else Path(name)
     card = read_card(path, task.name)
     if card["task"] != task.name:
@@ -152,7 +151,8 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
 
 def list_checkpoints() -> list[tuple[str, str, Path]]:
     """(task, name, folder) of every shipped checkpoint, sorted."""
-    return sorted((card.parent.parent.name, card.parent.name, card.parent) for card in SHIPPED.glob(f"*/*/{CARD}"))
+    folders = {task: files_of(task, "checkpoints") for task in task_names()}
+    return sorted((task, card.parent.name, card.parent) for task in folders for card in folders[task].glob(f"*/{CARD}"))
 
 
 def read_card(path: Path, task: str) -> dict[str, Any]:

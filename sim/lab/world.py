@@ -10,7 +10,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
@@ -21,7 +20,7 @@ from hw.bounded import Unreadable, parse_table, read_table
 from hw.types import Array
 from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError
 from sim.lab.physics import Physics, require_possible
-from sim.tasks import TASKS
+from sim.tasks import files_of, task_names
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -95,7 +94,7 @@ class World:
 
 def list_worlds(task: Task) -> tuple[str, ...]:
     """Names of the worlds that ship with `task`, sorted."""
-    folder = _folder(task)
+    folder = files_of(task.name, "worlds")
     if not folder.is_dir():
         return ()
     return tuple(sorted(Path(f.name).stem for f in folder.iterdir() if f.name.endswith(".toml")))
@@ -118,8 +117,7 @@ def tasks_of_world(name_or_path: str) -> tuple[str, ...]:
         except (OSError, Unreadable):
             return ()
         return (named,) if isinstance(named, str) else ()
-    folder = resources.files("sim") / "worlds"
-    return tuple(task for task in TASKS if (folder / task / f"{name_or_path}.toml").is_file())
+    return tuple(task for task in task_names() if (files_of(task, "worlds") / f"{name_or_path}.toml").is_file())
 
 
 def load_world(name_or_path: str, task: Task) -> World:
@@ -139,11 +137,7 @@ def load_world(name_or_path: str, task: Task) -> World:
             f"a file of your own is named by its path, ending in .toml"
         )
     name = f"{name_or_path}.toml"
-    return _parse((_folder(task) / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
-
-
-def _folder(task: Task) -> Any:
-    return resources.files("sim") / "worlds" / task.name
+    return _parse((files_of(task.name, "worlds") / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
 
 
 class _Strict(BaseModel):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import re
+import shutil
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +18,7 @@ import pytest
 from adaptsim_cli import app
 from hw.serial import balance
 from sim import tasks
+from sim.errors import UnknownName
 from sim.lab import world
 from sim.tasks.task import Task
 
@@ -39,24 +42,24 @@ def module(path: Path) -> ModuleType:
 
 @pytest.fixture
 def curling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
-    """The task of the tutorial, registered by its line, with its worlds, for as long as a test runs."""
-    lines = []
+    """The task of the tutorial, its package installed for as long as a test runs."""
     for kind, path, code in blocks("add-a-task.md"):
-        if kind == "line":
-            lines.append(code)
-            continue
+        assert kind == "file"
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
-    (line,) = lines
-    assert line.strip() == '"curling": "sim.tasks.curling",'
-    made = module(tmp_path / "sim/tasks/curling/__init__.py")
-    monkeypatch.setitem(sys.modules, "sim.tasks.curling", made)
-    monkeypatch.setitem(tasks.TASKS, "curling", "sim.tasks.curling")
-    shipped = world._folder
-    monkeypatch.setattr(
-        world, "_folder", lambda task: tmp_path / "sim/worlds/curling" if task.name == "curling" else shipped(task)
-    )
+    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    offered = project["entry-points"][tasks.OFFERED]
+    installed = tmp_path / f"{project['name']}-{project['version']}.dist-info"
+    installed.mkdir()
+    lines = [f"[{tasks.OFFERED}]", *(f"{name} = {value}" for name, value in offered.items())]
+    (installed / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (installed / "METADATA").write_text(head, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    tasks._installed.cache_clear()
     yield tasks.get_task("curling")
+    tasks._installed.cache_clear()
+    sys.modules.pop("curling", None)
 
 
 def test_the_task_of_the_tutorial_keeps_the_contract_of_every_task(curling: Task) -> None:
@@ -81,6 +84,42 @@ def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys:
     assert sloped.state[-1, 0] < level.state[-1, 0]
     assert curling.score(sloped, sloped.state[-1, :1]) == pytest.approx(1.0)
     assert curling.score(level, sloped.state[-1, :1]) < 1.0
+
+
+def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(
+    curling: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    with pytest.raises(UnknownName, match="it must be one of pendulum, pushing, scooping, curling"):
+        tasks.get_task("darts")
+    small = ["--budget", "small", "--rollouts", "128", "--denser", "0", "--workers", "1"]
+    out = tmp_path / "build"
+    assert app.run(["pretrain", "--task", "curling", *small, "--out", str(out)]) == 0
+    (tmp_path / "curling/checkpoints").mkdir()
+    shutil.copytree(out / "checkpoint", tmp_path / "curling/checkpoints/default")
+    capsys.readouterr()
+    assert app.run(["checkpoints", "list", "--json"]) == 0
+    assert "curling" in capsys.readouterr().out
+    assert app.run(["run-iteration", "--task", "curling", "--world", "uphill", "--yes", "--json"]) == 0
+    assert '"task": "curling"' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import nothing_here", "is offered by broken, which does not hold it: No module named 'nothing_here'"),
+        ("TASK = 3", "is offered by broken, whose TASK is a int: both names must agree"),
+    ],
+)
+def test_a_package_that_cannot_be_used_is_named(
+    code: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(tasks, "_installed", lambda: {"darts": "broken"})
+    with pytest.raises(UnknownName, match=f'task "darts" {said}'):
+        tasks.get_task("darts")
+    assert world.tasks_of_world("wd") == ("pendulum", "pushing", "scooping")
 
 
 def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,10 +10,10 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.wiring.checkpoints import task_of
-from sim.adaptation.checkpoint import CARD, SHIPPED, save_checkpoint
+from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.storage.files import read_toml, write_toml
-from sim.tasks import TASKS
+from sim.tasks import TASKS, files_of
 
 PENDULUM = ("--task", "pendulum", "--rollouts", "36", "--json")
 """Twelve targets are enough to tell 0.7 from 0.99."""
@@ -26,7 +26,7 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "mine"
-    shutil.copytree(SHIPPED / "pendulum" / "default", folder)
+    shutil.copytree(files_of("pendulum", "checkpoints") / "default", folder)
     return folder
 
 
@@ -84,7 +84,7 @@ def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(
     assert app.run([*asked, "--object", str(own)]) == 0
     assert json.loads(capfd.readouterr().out)["folder"] == str(made)
     assert app.run(asked) == 0
-    assert json.loads(capfd.readouterr().out)["folder"] == str(SHIPPED / "pendulum" / "default")
+    assert json.loads(capfd.readouterr().out)["folder"] == str(files_of("pendulum", "checkpoints") / "default")
 
 
 def test_a_damaged_card_does_not_hide_the_others(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:

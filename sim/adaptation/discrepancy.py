@@ -18,6 +18,9 @@ LENGTH = 0.3
 """Distance, in fractions of the actions' ranges, over which a discrepancy varies."""
 
 
+FREEDOM = 4.0
+"""Of Student's t, by which residuals count: one that nothing explains does not outweigh all the others."""
+
 FEATURES = 256
 """Cosines that a drawn function is made of."""
 
@@ -28,6 +31,10 @@ class Scale:
 
     level: float  # the same for all actions
     local: float  # varies over `LENGTH`
+
+    def times(self, factor: float) -> Scale:
+        """Both, multiplied."""
+        return Scale(self.level * factor, self.local * factor)
 
     def kernel(self, a: Array, b: Array) -> Array:
         """(A, d), (B, d) in fractions of ranges -> (A, B) covariances."""
@@ -48,10 +55,12 @@ class Discrepancy:
     noise: Array  # (N,) variance of each residual
 
     def evidence(self, residuals: Array) -> Array:
-        """(N, K) residuals of K simulators -> (K,) log-evidence, up to a constant."""
+        """(N, K) residuals of K simulators -> (K,) log-evidence, up to a constant that scales share."""
         if not len(self.at):
             return np.zeros(residuals.shape[1])
-        return np.asarray(-0.5 * (residuals * cho_solve(self._factor, residuals)).sum(axis=0))
+        volume = np.log(self._factor[0].diagonal()).sum()
+        squared = (residuals * cho_solve(self._factor, residuals)).sum(axis=0)
+        return np.asarray(-0.5 * (FREEDOM + len(self.at)) * np.log1p(squared / FREEDOM) - volume)
 
     def drawn(self, actions: Array, residuals: Array, seed: int) -> Array:
         """(A, d), (N, K) -> (A, K): a function drawn for each simulator; for the same seed always the same functions.

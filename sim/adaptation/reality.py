@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.special import logsumexp
 
 from hw.types import Array, frozen_array
 from sim.adaptation.discrepancy import Discrepancy, Scale
@@ -44,6 +45,12 @@ SUCCESS = Scale(level=0.1, local=0.25)
 
 END = Scale(level=0.1, local=0.15)
 """What it adds to the end state, in standard deviations of the end states that there are in the ranges."""
+
+FACTORS, FACTORS_STD = (0.5, 1.0, 2.0, 4.0), 1.0
+"""Both scales are multiplied by the one that the trials ask for; how unsure its logarithm is before them."""
+
+LEAST_UNIT = 0.1
+"""Unit of a number of the end state that hardly varies in the ranges, as a share of the largest one's."""
 
 LEAST_CHANCE_STD, LEAST_END_STD = 0.22, 0.02
 """Noise of a single success and of a single end state, beside what the disturbances explain."""
@@ -91,7 +98,8 @@ class Simulators:
         success, end = self.solver.outcomes(truths, self.actions(truths, n), drawn.nuisance)
         ends = end.mean(axis=0)
         earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
-        return np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
+        std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
+        return np.asarray(np.maximum(std, LEAST_UNIT * std.max()))
 
     def actions(self, parameters: Array, n: int) -> Array:
         """(A, a) that are worth comparing: `n` that fill their ranges; of an exact task, the best for `parameters`."""
@@ -177,13 +185,23 @@ class _Evidence:
     def success(self) -> Discrepancy:
         """Of the chance of success."""
         expected = self._on_average.success @ self._by_path
-        return Discrepancy(SUCCESS, self._at, expected * (1.0 - expected) + LEAST_CHANCE_STD**2)
+        noise = expected * (1.0 - expected) + LEAST_CHANCE_STD**2
+        return self._likeliest(SUCCESS, self._at, noise, self.missed(self._on_average))
 
     @cached_property
     def ends(self) -> list[Discrepancy]:
         """Of each number of the end state."""
         spread = np.einsum("nkd,k->nd", self._on_average.spread[self._succeeded], self._by_path) + LEAST_END_STD**2
-        return [Discrepancy(END, self._at[self._succeeded], spread[:, axis]) for axis in range(self._k)]
+        at, off = self._at[self._succeeded], self.off(self._on_average)
+        return [self._likeliest(END, at, spread[:, axis], off[axis]) for axis in range(self._k)]
+
+    def _likeliest(self, scale: Scale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
+        """With the multiple of `scale` that explains residuals (N, T) best over all simulators (empirical Bayes)."""
+        known = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
+        paths = self._on_average.log_likelihood.sum(axis=0)
+        explained = [logsumexp(paths + one.evidence(residuals)) for one in known]
+        before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
+        return known[int(np.argmax(explained + before))]
 
     @cached_property
     def _on_average(self) -> _Predicted:

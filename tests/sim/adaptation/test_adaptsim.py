@@ -1,14 +1,16 @@
 """The default method: simulators are weighed by trials, and what reality adds to them is learnt as well."""
 
+import dataclasses
 import functools
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 from toy_learning import trained
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.discrepancy import Discrepancy, Scale
+from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
 from sim.adaptation.identifiability import identifiability
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
@@ -67,12 +69,33 @@ def test_a_discrepancy_follows_its_residuals_nearby_and_forgets_them_far_away():
     assert np.array_equal(drawn, known.drawn(np.array([[0.12, 0.1], [3.0, 3.0]]), shown, seed=0))
 
 
-def test_the_evidence_is_that_of_a_gaussian_process():
+def test_the_evidence_is_that_of_a_student_t_process():
     known = Discrepancy(Scale(0.1, 0.2), np.array([[0.2], [0.7]]), np.array([0.01, 0.02]))
     covariance = known.scale.kernel(known.at, known.at) + np.diag(known.noise)
     residuals = np.array([[0.1, -0.3], [0.2, 0.0]])
-    expected = [-0.5 * r @ np.linalg.inv(covariance) @ r for r in residuals.T]
-    assert known.evidence(residuals) == pytest.approx(expected)
+    expected = multivariate_t(shape=covariance, df=FREEDOM).logpdf(residuals.T)
+    found = known.evidence(residuals)
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0])
+    wider = Discrepancy(known.scale.times(2.0), known.at, known.noise)
+    other = multivariate_t(shape=wider.scale.kernel(known.at, known.at) + np.diag(known.noise), df=FREEDOM)
+    assert wider.evidence(residuals) - found == pytest.approx(other.logpdf(residuals.T) - expected)
+
+
+def test_one_success_far_from_where_all_simulators_put_it_does_not_choose_among_them():
+    strange = trial(ACTION.denormalise(np.full(2, 0.5)))
+    assert strange.end_state is not None
+    shifted = dataclasses.replace(strange, end_state=strange.end_state + 100.0 * simulators().end_unit)
+    weights = [Reality(simulators(), (one, *trials(6))).weights for one in (strange, shifted)]
+    effective = [1.0 / (w**2).sum() for w in weights]
+    assert effective[1] > 0.3 * effective[0]
+
+
+def test_the_scale_of_what_reality_adds_grows_where_trials_contradict_the_simulators():
+    agreeing = trials(12)
+    some = next(t.end_state for t in agreeing if t.end_state is not None)
+    contrary = tuple(dataclasses.replace(t, end_state=some if t.end_state is None else None) for t in agreeing)
+    scales = [Reality(simulators(), seen)._added[0][0].scale.local for seen in (agreeing, contrary)]
+    assert scales[0] < scales[1]
 
 
 def test_trials_single_out_the_simulators_that_predict_them():

@@ -20,7 +20,7 @@ WORTHWHILE = 0.05
 SHARE = 0.4
 """Part of what knowing everything would add that one iteration brings."""
 
-ENOUGH, HOPELESS = 0.15, 0.3
+ENOUGH, HOPELESS = 0.15, 0.4
 """Chance of a worthwhile gain below which a session is done, and upper end of the interval below which it is hopeless.
 
 All three were found on worlds to develop on (docs/decisions/0011-one-method.md)."""

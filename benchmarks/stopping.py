@@ -1,0 +1,106 @@
+"""Does a session know when to stop, and when nothing helps? Whole sessions of adaptsim in the worlds of a set.
+
+    adaptsim world-tables --task pushing --targets drawn
+    python benchmarks/stopping.py --task pushing --targets drawn
+
+After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
+than .05 after all. "Hopeless" is right where no action of the world's table earns .3, and a session that ends under .2
+should have said it. What is earned comes from the half of the table that no trial sees.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptsim_cli import config
+from adaptsim_cli.wiring.benchmark import tables_folder
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.methods.adaptsim import AdaptSim, create
+from sim.adaptation.outlook import WORTHWHILE, Outlook, outlook
+from sim.adaptation.reality import RealityPolicy
+from sim.benchmark.places import Tabled
+from sim.benchmark.sessions import Conditions, judge, run_session
+from sim.benchmark.tables import load_table
+from sim.benchmark.targets import targets_of
+from sim.solvers.solver import policy_for
+from sim.tasks import get_task
+from sim.tasks.scene_key import scene_key
+
+POOR, LITTLE = 0.3, 0.2
+"""What no action exceeds in a hopeless world, and what a session that should have said so earns."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """What was said after each iteration, and what was then earned."""
+
+    target: str
+    said: tuple[Outlook, ...]
+    earned: tuple[float, ...]
+    most: float  # that an action of the table earns, the best one for each context
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="pushing")
+    parser.add_argument("--targets", default="drawn", help="a set of worlds that has tables")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    tell(played(asked.task, asked.targets, asked.seed))
+
+
+def played(name: str, targets: str, seed: int) -> Sequence[Session]:
+    """One session in each world, told as it ends."""
+    task, conditions, found = get_task(name), Conditions(budget=20), []
+    checkpoint = load_checkpoint(task)
+    method, e = create(task, checkpoint), checkpoint.prospects
+    assert e is not None
+    shown = policy_for(checkpoint.solver, e.candidates[:1])
+    root, scene = tables_folder(config.load({"task": name})), scene_key(task)
+    for target in targets_of(task, [targets]):
+        place = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
+        policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
+        own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
+        earned = tuple(judge(task, policy.actions, place, conditions, seed).reward for policy in own)
+        most = judge(task, place.best_actions, place, conditions, seed).reward
+        found.append(Session(target.name, tuple(outlook(policy.reality, shown) for policy in own), earned, most))
+        last = found[-1].said[-1]
+        print(
+            f"{target.name:>12}: earned {', '.join(f'{r:.2f}' for r in earned)}; at the end expected "
+            f"{last.reward:.2f} ({last.ci95[0]:.2f} to {last.ci95[1]:.2f}), {'hopeless' if last.hopeless else ''}",
+            flush=True,
+        )
+    return found
+
+
+def tell(sessions: Sequence[Session]) -> None:
+    """All that the sessions said, against what came."""
+    stops = [
+        after - now
+        for s in sessions
+        for said, now, after in zip(s.said, s.earned, s.earned[1:], strict=False)
+        if said.done and not said.hopeless
+    ]
+    wrong = sum(gain > WORTHWHILE for gain in stops)
+    print(f"stop: said {len(stops)} times, then another iteration gained more than {WORTHWHILE} in {wrong}")
+    hopeless = [s for s in sessions if s.said[-1].hopeless]
+    poor = [s for s in sessions if s.earned[-1] < LITTLE]
+    print(
+        f"hopeless: said in {len(hopeless)} of {len(sessions)} worlds, falsely in "
+        f"{sum(s.most >= POOR for s in hopeless)} of {sum(s.most >= POOR for s in sessions)}; of {len(poor)} sessions "
+        f"that ended under {LITTLE}, {sum(s.said[-1].hopeless for s in poor)} said it"
+    )
+    off = np.array([s.said[-1].reward - s.earned[-1] for s in sessions])
+    inside = [s.said[-1].ci95[0] <= s.earned[-1] <= s.said[-1].ci95[1] for s in sessions]
+    print(
+        f"expected at the end: {off.mean():+.3f} against earned (standard deviation {off.std():.3f}); the 95 % "
+        f"interval held it in {sum(inside)} of {len(inside)}"
+    )
+
+
+if __name__ == "__main__":
+    main()

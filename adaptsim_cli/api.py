@@ -25,7 +25,6 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import recording, store, table
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import BestRecord, Facts, TrialRecord
-from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.table import Row
 
 if TYPE_CHECKING:
@@ -117,7 +116,7 @@ class Session:
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
         record = self._trial(trial)
-        folder = self._stored.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+        folder = self._stored.trial_folder(*record.place)
         return recording.read(folder / recording.FILE)
 
     def hindsight(self) -> Hindsight:

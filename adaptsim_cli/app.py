@@ -31,6 +31,7 @@ from adaptsim_cli.commands import (
     rollout,
     rollouts,
     run_iteration,
+    schema,
     sessions,
     touch_off,
     world_tables,
@@ -62,6 +63,7 @@ app.command("bundle")(bundle.bundle)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(retrack.retrack)
 app.command("replay")(exporting.replay)
+app.command("schema")(schema.schema)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(touch_off.app, name="touch-off")
 app.add_typer(sessions.app, name="sessions")

@@ -14,6 +14,7 @@ import sys
 
 from pages.commands import commands
 from pages.files import files
+from pages.json_output import json_output
 from pages.messages import messages
 from pages.parameters import parameters
 from pages.shared import ROOT
@@ -24,6 +25,7 @@ PAGES = {
     DOCS / "reference/commands.md": commands,
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
+    DOCS / "reference/json.md": json_output,
     DOCS / "guide/troubleshooting.md": messages,
 }
 

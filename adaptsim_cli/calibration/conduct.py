@@ -82,7 +82,7 @@ def calibrate(
         solved, folder = flow.calibrate(rig, store, visits, screen, options)
     screen.next(*_after(config))
     if request.as_json:
-        screen.data(summary(solved.record) | {"folder": str(folder)})
+        screen.data("calibrate", summary(solved.record) | {"folder": str(folder)})
 
 
 def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
@@ -110,7 +110,7 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
     again = (f"adaptsim calibrate {where}", "the camera's pose has to be found again")
     screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration holds"))
     if request.as_json:
-        screen.data(drift.as_json(found))
+        screen.data("calibrate check", drift.as_json(found))
 
 
 def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
@@ -140,9 +140,10 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
     if as_json:
         screen.data(
+            "calibrate solve",
             summary(solved.record)
             | {"residuals": str(table), "report": str(path), "recognised": solved.recognised}
-            | _told(solved)
+            | _told(solved),
         )
     if not solved.record.accepted:
         raise flow.rejected(solved, path, "Record more views, or correct the problems in the report, and solve again")
@@ -162,9 +163,10 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
     durable.replace_file(sheet, drawn.sheet())
     screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
     screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
+    screen.next((f"xdg-open {sheet}", "the pictures, side by side"))
     if as_json:
         files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
-        screen.data({"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
+        screen.data("calibrate overlay", {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
 
 
 def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
@@ -179,7 +181,7 @@ def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
     screen.plain(f"Written: {path}")
     screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
     if as_json:
-        screen.data(together.as_json(found) | {"file": str(path)})
+        screen.data("calibrate together", together.as_json(found) | {"file": str(path)})
 
 
 def _told(solved: Solved) -> dict[str, Any]:
@@ -221,7 +223,7 @@ def board(
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
     screen.next(step)
     if as_json:
-        screen.data({"file": str(path), "paper": paper, **kept.model_dump()})
+        screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
 
 
 def summary(record: SavedCalibration) -> dict[str, Any]:

@@ -59,4 +59,4 @@ def benchmark(
     screen.plain(f"Report: {document}")
     screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
     if as_json:
-        screen.data(found.as_json())
+        screen.data("benchmark", found.as_json())

@@ -45,8 +45,9 @@ def bundle(
     made = bundling.bundle(folder, path, settings, pictures=pictures)
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
+        screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
         return
     screen.plain(f"{made.path} ({listing.size(made.path.stat().st_size)}, {len(made.files)} files)")
     if made.left_out:
         screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
+    screen.next((f"unzip -l {made.path}", "what is in it; look before you send it"))

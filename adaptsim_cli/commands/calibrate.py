@@ -184,7 +184,7 @@ def list_calibrations(
     screen, found = console.Screen(as_json=as_json), kept.listed(store)
     resting = ground.open_sessions(resolved.config, resolved.places)
     if as_json:
-        screen.data({"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)})
+        screen.data("calibrate list", {"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)})
         return
     kept.tell(screen, store, found, resting)
 
@@ -213,7 +213,7 @@ def show_calibration(
     path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
     known = store.read(path)
     if as_json:
-        screen.data(conduct.summary(known) | {"folder": str(path)})
+        screen.data("calibrate show", conduct.summary(known) | {"folder": str(path)})
         return
     screen.show(shows.calibration(known))
     screen.plain(f"Report: {path / REPORT}")
@@ -250,7 +250,8 @@ def restore_calibration(
     with store.locked():
         path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:
-        screen.data({"in_use": path.name, "restored_from": store.numbered.named(name).name, "folder": str(path)})
+        source = store.numbered.named(name).name
+        screen.data("calibrate restore", {"in_use": path.name, "restored_from": source, "folder": str(path)})
         return
     screen.plain(f"In use from now on: {path}")
     screen.next((f"adaptsim calibrate check {conduct.flags(resolved.config)}", "does the camera still stand there?"))
@@ -279,7 +280,7 @@ def compare_calibrations(
     store = wiring.calibrations(resolved.config, resolved.places)
     screen, found = console.Screen(as_json=as_json), kept.compared(store, first, second)
     if as_json:
-        screen.data(found)
+        screen.data("calibrate compare", found)
         return
     screen.show(kept.sentence(found))
     again = f"adaptsim calibrate restore {found['first']} {conduct.flags(resolved.config)}"

@@ -24,7 +24,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
     found = checkpoints.list_checkpoints()
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(found)
+        screen.data("checkpoints list", {"checkpoints": found})
     else:
         body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
         screen.show(views.rows(("task", "name", "created", "folder"), body))
@@ -82,7 +82,7 @@ def verify(
     elif wanted:
         screen.note("Every session trains its own task policies: there is no figure to compare with rollouts.")
     if as_json:
-        screen.data(found)
+        screen.data("checkpoints verify", found)
     if found["holds"]:
         screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, where the settings name it"))
     else:
@@ -114,7 +114,7 @@ def parameters(
     with screen.progress() as progress:
         found = checkpoints.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
     if as_json:
-        screen.data(found)
+        screen.data("checkpoints parameters", found)
         return
     body = [(p["title"], values.number(p["left"]), p["words"]) for p in found["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
@@ -155,7 +155,7 @@ def repair(
     use = f"ADAPTSIM_CHECKPOINT={made['checkpoint']} adaptsim run-iteration --method adaptsim-attainable"
     screen.next((f"{use} --task {resolved.config.task}", "a session with this policy"))
     if as_json:
-        screen.data(made)
+        screen.data("checkpoints repair", made)
 
 
 def _numbers(figure: dict[str, Any]) -> tuple[float, float, float]:

@@ -38,13 +38,14 @@ def compare(
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(
+            "compare",
             {
                 "task": found[0].facts.task,
                 "sessions": [c.as_row() for c in found],
                 "methods": [row.as_json() for row in comparison.by_method(found)],
                 "page": str(path),
                 "tables": [str(path.with_name(name)) for name in (comparison.SESSIONS, comparison.TRIALS)],
-            }
+            },
         )
         return
     body = [
@@ -53,3 +54,4 @@ def compare(
     screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
     screen.plain("First and last: mean reward of the first and of the last iteration.")
     screen.plain(f"Page: {path}")
+    screen.next((f"xdg-open {path}", "the page, in the browser"))

@@ -32,7 +32,7 @@ def show(as_json: _Json = False) -> None:
         screen.show(views.rows(("setting", "value", "from"), body))
     rig = asdict(reading.read(Path(resolved.config.rig))) if resolved.config.rig else None
     if as_json:
-        screen.data(settings | {"rig_file": rig})
+        screen.data("config show", {"settings": settings, "rig_file": rig})
     elif rig is not None:
         screen.plain("")
         screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
@@ -56,7 +56,7 @@ def path(as_json: _Json = False) -> None:
     where = {name: str(place) for name, place in asdict(config.places()).items()}
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(where)
+        screen.data("config path", where)
     else:
         for name, place in where.items():
             screen.plain(f"{name.replace('_', ' '):<13} {place}")
@@ -85,4 +85,4 @@ def init(
     request = writing.InitRequest(project=project, arm=arm, overwrite=overwrite, yes=yes)
     written = writing.init(config.places(), request, screen)
     if as_json:
-        screen.data(written.as_json())
+        screen.data("config init", written.as_json())

@@ -29,5 +29,5 @@ def doctor(
         found = tuple(examination.examine(resolved))
     shown.show(found, resolved.config, screen)
     if as_json:
-        screen.data(shown.as_json(found, resolved.config))
+        screen.data("doctor", shown.as_json(found, resolved.config))
     shown.require(found)

@@ -38,10 +38,12 @@ def export(
         path = out or Path(exporting.default_name(opened, kind))
         written = exporting.export(opened, kind, path, progress)
     if as_json:
-        screen.data({"session": name, "format": kind, "written": [str(file.absolute()) for file in written]})
+        files = [str(file.absolute()) for file in written]
+        screen.data("sessions export", {"session": name, "format": kind, "written": files})
     else:
         for file in written:
             screen.plain(str(file))
+        screen.next(exporting.next_step(kind, written[0], path))
 
 
 def replay(
@@ -78,8 +80,11 @@ def replay(
         path = out or Path(f"{found.title}-{name}")
         (rerun_file.write if rerun else video.write)(found, path)
     if as_json:
-        screen.data({"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())})
+        told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
+        screen.data("replay", told)
     else:
         screen.plain(str(path))
+        other = (f"adaptsim sessions amend {session} {trial}", "if it ended otherwise than tracking says")
+        screen.next((f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"), other)
     if rerun and out is None and sys.stdout.isatty():
         subprocess.run([sys.executable, "-m", "rerun", str(path)], check=False)

@@ -37,7 +37,7 @@ def note(
     from adaptsim_cli.session import keeping, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
-    _said(name, keeping.annotate(opened.folder, note=text), as_json=as_json)
+    _said("sessions note", name, keeping.annotate(opened.folder, note=text), as_json=as_json)
 
 
 def tag(
@@ -55,7 +55,7 @@ def tag(
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
     found = keeping.annotate(opened.folder, add=() if remove else tags, remove=tags if remove else ())
-    _said(name, found, as_json=as_json)
+    _said("sessions tag", name, found, as_json=as_json)
 
 
 def archive(name: _Name, as_json: _Json = False) -> None:
@@ -70,9 +70,9 @@ def archive(name: _Name, as_json: _Json = False) -> None:
     folder = keeping.archive(config.load().places.sessions, name)
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"session": name, "folder": str(folder)})
+        screen.data("sessions archive", {"session": name, "folder": str(folder)})
     screen.plain(f"Archived: {folder}")
-    screen.plain(f"Bring it back with: adaptsim sessions restore {name}")
+    screen.next((f"adaptsim sessions restore {name}", "brings it back"))
 
 
 def restore(name: _Archived, as_json: _Json = False) -> None:
@@ -87,8 +87,9 @@ def restore(name: _Archived, as_json: _Json = False) -> None:
     folder = keeping.restore(config.load().places.sessions, name)
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"session": name, "folder": str(folder)})
+        screen.data("sessions restore", {"session": name, "folder": str(folder)})
     screen.plain(f"Restored: {folder}")
+    screen.next((f"adaptsim sessions show {name}", "every trial of it"))
 
 
 def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
@@ -111,8 +112,9 @@ def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
             raise StoppedByOperator(f"kept: session {name} is as it was")
     keeping.delete(root, name)
     if as_json:
-        screen.data({"session": name, "deleted": True})
+        screen.data("sessions delete", {"session": name, "deleted": True})
     screen.plain(f"Deleted: {name}")
+    screen.next(("adaptsim sessions list", "those that are left"))
 
 
 def prune(
@@ -145,8 +147,10 @@ def prune(
     if room.files:
         room = keeping.prune(opened, rejected_only=rejected)
     if as_json:
-        screen.data({"session": name, "files": room.files, "trials": room.trials, "bytes": room.bytes})
+        told = {"session": name, "files": room.files, "trials": room.trials, "size_bytes": room.bytes}
+        screen.data("sessions prune", told)
     screen.plain(f"Removed: {what}" if room.files else f"Nothing to remove in {name}")
+    screen.next((f"adaptsim sessions verify {name}", "every other file is whole"))
 
 
 def policy(
@@ -176,16 +180,19 @@ def policy(
         durable.make_folder(out.absolute().parent)
         durable.replace_file(out.absolute(), (json.dumps(exported, allow_nan=False, indent=1) + "\n").encode())
     if as_json or out is None:
-        screen.data(exported)
+        screen.data("sessions policy", exported)
     else:
         screen.plain(f"Policy: {out}")
+        screen.next((f"adaptsim rollout --session {name} --best", "one trial with it"))
 
 
-def _said(name: str, about: About, *, as_json: bool) -> None:
+def _said(command: str, name: str, about: About, *, as_json: bool) -> None:
     from adaptsim_cli.screen import console
 
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"session": name, "note": about.note, "tags": list(about.tags)})
+        screen.data(command, {"session": name, "note": about.note, "tags": list(about.tags)})
     else:
         screen.plain(f"{name}: {about.note or 'no note'}; tags: {', '.join(about.tags) or 'none'}")
+        tagged = f" --tag {about.tags[-1]}" if about.tags else ""
+        screen.next((f"adaptsim sessions list{tagged}", "finds it again"))

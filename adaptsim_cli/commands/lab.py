@@ -74,7 +74,8 @@ def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> N
     from adaptsim_cli.screen import views
 
     if as_json:
-        screen.data(truth)
+        spaces = (task.parameters, task.nuisance)
+        screen.data("lab show", truth | {"units": {d.name: d.unit for space in spaces for d in space.dimensions}})
         return
     screen.plain(f"{truth['world']}: {truth['description']}")
     if truth["physics"] != "drake":
@@ -110,9 +111,14 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
     worlds = [load_world(name, the_task) for name in list_worlds(the_task)]
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(
-            [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
-        )
+        rows = [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
+        spaces = (the_task.parameters, the_task.context, the_task.action, the_task.nuisance)
+        words = [
+            {"name": d.name, "plain_name": d.plain, "unit": d.unit, "meaning": d.meaning, "low": d.low, "high": d.high}
+            for space in spaces
+            for d in space.dimensions
+        ]
+        screen.data("lab list", {"worlds": rows, "quantities": words})
     else:
         screen.show(
             views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])

@@ -97,6 +97,5 @@ def pretrain(
     screen.next((use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "does its card hold?"))
     if as_json:
         told = {"report": str(document)} if document else {}
-        screen.data(
-            {**told, "checkpoint": str(folder), "card": checkpoints.checkpoint_card(resolved.config.task, folder)}
-        )
+        card = checkpoints.checkpoint_card(resolved.config.task, folder)
+        screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})

@@ -37,7 +37,7 @@ def preview(
     with screen.busy("Planning the motion"):
         planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])
     if as_json:
-        screen.data(planned.as_json())
+        screen.data("preview", planned.as_json())
     else:
         screen.show(views.badge(SIMULATED, "a plan on the screen"))
         screen.show(planned.table())

@@ -37,7 +37,7 @@ def report(
     with screen.busy("Drawing the report"):
         path = Reports().draw(opened, out)
     if as_json:
-        screen.data({"session": opened.facts.name, "report": str(path)})
+        screen.data("report", {"session": opened.facts.name, "report": str(path)})
     else:
         screen.plain(f"Report: {path}")
         screen.next(

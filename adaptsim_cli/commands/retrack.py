@@ -33,7 +33,8 @@ def retrack(
     with screen.busy("Tracking"):
         found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
     if as_json:
-        screen.data({"session": session, "trials": [one.as_json() for one in found]})
+        told = [one.as_json(opened.facts) for one in found]
+        screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": told})
     else:
         screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
         screen.next(*retracking.next_steps(session, found))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from adaptsim_cli.commands import completing
+
+if TYPE_CHECKING:
+    from adaptsim_cli.screen.console import Screen
 
 _Values = list[str] | None
 
@@ -41,6 +45,10 @@ def rollout(
     ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
     out: Annotated[Path | None, typer.Option("--out", help="New folder for record and recording.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
+    view_port: Annotated[
+        int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The trial as one JSON object on stdout.")] = False,
 ) -> None:
@@ -53,7 +61,6 @@ def rollout(
     from contextlib import ExitStack
     from dataclasses import replace
     from datetime import UTC, datetime
-    from math import dist
     from tempfile import TemporaryDirectory
 
     from adaptsim_cli.errors import UsageError
@@ -61,6 +68,7 @@ def rollout(
     from adaptsim_cli.screen.durations import Durations
     from adaptsim_cli.session import single
     from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.wiring import looking
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
     from adaptsim_cli.wiring.settings import load
@@ -85,18 +93,31 @@ def rollout(
     single.typed(get_task(settings.task), chosen)  # refused before anything is loaded or connected
     screen.expect(Durations(resolved.places.durations, f"{settings.hw} {settings.task} {settings.world}"))
     with TemporaryDirectory() as learnt, ExitStack() as stack:
-        with screen.busy("Loading the task, the policies and the devices"):
+        with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(wiring.open_parts(settings, Path(learnt)))
         screen.show(views.badge(settings.hw, parts.target.title))
-        record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes)
+        watcher = None
+        if view or view_port is not None:
+            watcher = stack.enter_context(looking.beside_one(screen, folder.name, settings.hw, parts, view_port))
+        record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
     if as_json:
-        screen.data(record)
+        screen.data("rollout", record)
+    _tell(screen, record)
+    screen.plain(f"Stored: {folder}")
+    place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
+    page = ((f"adaptsim rollouts report {name}", "the path, on a page"),)
+    on = f"--session {session}" if session else f"--task {settings.task} {place}"
+    adapt = (f"adaptsim run-iteration {on}", "adapts in some twenty such trials")
+    screen.next(*(() if out else page), adapt)
+
+
+def _tell(screen: Screen, record: Mapping[str, Any]) -> None:
+    """How the trial ended."""
+    from math import dist
+
     outcome = record["outcome"].replace("_", " ")
     if record["goal_m"] is not None:
         outcome += f", {1e3 * dist(record['track']['state'][-1][:2], record['goal_m']):.0f} mm from the goal"
     screen.plain(f"{outcome}, reward {record['reward']:.2f}")
     for flag in record["flags"]:
         screen.note(f"note: {flag}")
-    screen.plain(f"Stored: {folder}")
-    place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
-    screen.next((f"adaptsim run-iteration --task {settings.task} {place}", "adapts in some twenty such trials"))

@@ -28,9 +28,11 @@ def list_rollouts(as_json: _Json = False) -> None:
     found = [rollouts.overview(root, name) for name in rollouts.names(root)]
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(found)
+        screen.data("rollouts list", {"rollouts": found})
     elif found:
         screen.show(listing.rollouts(found))
+        for one in [one for one in found if "error" not in one][-1:]:
+            screen.next((f"adaptsim rollouts report {one['rollout']}", "the newest, on a page"))
     else:
         screen.plain(f"No rollouts yet in {root}. Make one: adaptsim rollout --task scooping --yes")
 
@@ -64,6 +66,7 @@ def report(
     path = page.write(rollouts.record_of(root, chosen), root / chosen, out)
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"rollout": chosen, "report": str(path)})
+        screen.data("rollouts report", {"rollout": chosen, "report": str(path)})
     else:
         screen.plain(f"Report: {path}")
+        screen.next((f"xdg-open {path}", "the page, in the browser"))

@@ -41,7 +41,7 @@ def list_sessions(
         found = [one for one in found if "error" in one or tag in one["tags"]]
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(found)
+        screen.data("sessions list", {"sessions": found})
     elif found:
         screen.show(listing.sessions(found))
         whole = [one["session"] for one in found if "error" not in one]
@@ -68,7 +68,7 @@ def show(name: _Name, as_json: _Json = False) -> None:
     shown = summary.details(store.SessionStore.open(config.load().places.sessions, name))
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data(shown)
+        screen.data("sessions show", shown)
     else:
         screen.show(shows.session(shown))
         screen.next(
@@ -103,7 +103,7 @@ def verify(
         with screen.busy(f"Reading {name}"):
             checked.append(verifying.verify(root, name))
     if as_json:
-        screen.data([one.as_json() for one in checked])
+        screen.data("sessions verify", {"sessions": [one.as_json() for one in checked]})
     elif checked:
         screen.show(shows.verified(checked))
         if not any(one.damage for one in checked):
@@ -134,7 +134,7 @@ def redo(
     attempt = redoing.redo(opened, trial, reason)
     screen = console.Screen(as_json=as_json)
     if as_json:
-        screen.data({"session": name, "trial": trial, "next_attempt": attempt})
+        screen.data("sessions redo", {"session": name, "trial": trial, "next_attempt": attempt})
     else:
         screen.plain(f"Trial {trial} of {name} will be done again.")
         screen.next(
@@ -164,7 +164,7 @@ def accept(
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
     changed = amending.restore(opened, trial, None if attempt is None else attempt - 1, reason)
-    shows.tell_amended(console.Screen(as_json=as_json), name, changed, as_json=as_json)
+    shows.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed, as_json=as_json)
 
 
 @app.command()
@@ -198,7 +198,7 @@ def amend(
     screen = console.Screen(as_json=as_json)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
     changed = amending.amend(opened, task, trial, chosen, choices[chosen], reason)
-    shows.tell_amended(screen, name, changed, as_json=as_json)
+    shows.tell_amended(screen, "sessions amend", name, changed, as_json=as_json)
 
 
 keeping.add_to(app)

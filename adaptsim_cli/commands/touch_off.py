@@ -68,7 +68,7 @@ def list_touch_offs(
     screen, found = console.Screen(as_json=as_json), kept.listed(store)
     resting = ground.open_sessions(resolved.config, resolved.places)
     if as_json:
-        screen.data({"rig": store.folder.name, "touch_offs": found, "open_sessions": list(resting)})
+        screen.data("touch-off list", {"rig": store.folder.name, "touch_offs": found, "open_sessions": list(resting)})
         return
     kept.tell(screen, store, found, resting)
 
@@ -91,7 +91,7 @@ def show_touch_off(
     path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
     known = store.read(path)
     if as_json:
-        screen.data(conduct.summary(known) | {"folder": str(path)})
+        screen.data("touch-off show", conduct.summary(known) | {"folder": str(path)})
         return
     screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
     screen.show(views.rows(("quantity", "value", "95 % within"), kept.values(known), right=(1, 2)))
@@ -123,7 +123,7 @@ def restore_touch_off(
     replacing.tell(screen, "the touch-off in use", ground.open_sessions(resolved.config, resolved.places))
     path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:
-        screen.data({"in_use": path.name, "restored_from": source.name, "folder": str(path)})
+        screen.data("touch-off restore", {"in_use": path.name, "restored_from": source.name, "folder": str(path)})
         return
     screen.plain(f"In use from now on: {path}")
     screen.next((f"adaptsim rollout {conduct.flags(resolved.config)}", "one trial with it"))
@@ -150,10 +150,10 @@ def compare_touch_offs(
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     store = wiring.touch_offs(resolved.config, resolved.places)
-    screen, body = console.Screen(as_json=as_json), kept.compared(store, first, second)
+    screen, found = console.Screen(as_json=as_json), kept.compared(store, first, second)
     if as_json:
-        screen.data([dict(zip(("quantity", "first", "second", "difference"), row, strict=True)) for row in body])
+        screen.data("touch-off compare", found)
         return
-    screen.show(views.rows(("quantity", "first", "second", "difference"), body, right=(1, 2, 3)))
+    screen.show(views.rows(("quantity", "first", "second", "difference"), kept.differences(found), right=(1, 2, 3)))
     again = f"adaptsim touch-off restore {store.numbered.named(first).name} {conduct.flags(resolved.config)}"
     screen.next((again, "puts the first in use again"))

@@ -37,4 +37,4 @@ def world_tables(
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
     screen.next((command, "compares methods in these worlds"))
     if as_json:
-        screen.data({"task": resolved.config.task, "tables": made})
+        screen.data("world-tables", {"task": resolved.config.task, "tables": made})

@@ -40,21 +40,21 @@ def rewards(
         canvas.text(
             middle, bottom + 18, f"iteration {iteration + 1}" if band > 80 else str(iteration + 1), anchor="middle"
         )
-        here = [t for t in trials if t.iteration == iteration]
+        here = [t for t in trials if t.iteration == iteration + 1]
         if here:
             mean = y(float(np.mean([t.reward for t in here])))
             means.append((middle, mean))
             canvas.line(middle - band * 0.42, mean, middle + band * 0.42, mean, "mean")
         for trial in here:
-            slot = trial.particle * per_particle + trial.trial
+            slot = (trial.particle - 1) * per_particle + trial.trial - 1
             x = middle + step * (slot - (slots - 1) / 2)
             low, high = y(trial.predicted_low), y(trial.predicted_high)
-            canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle}", 3)
+            canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)
             mean = y(trial.predicted_reward)
-            canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle}")
+            canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle - 1}")
             told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
             css = "dot" if trial.reward > 0 else "dot open"
-            canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle}", told)
+            canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", told)
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
     return canvas.svg()

@@ -27,7 +27,6 @@ from adaptsim_cli.session.records import (
     TrialRecord,
     read,
 )
-from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 from sim.tasks import TASKS, get_task
@@ -35,7 +34,6 @@ from sim.types import Dimension
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
-MEASURED = ("rollouts", "tracking", "adaptation", "training")
 
 
 @dataclass(frozen=True)
@@ -88,12 +86,8 @@ class IterationView:
 
     @property
     def timing_s(self) -> dict[str, float]:
-        """What the iteration's time went into; `storing` is what the total holds beyond what is named."""
-        if self.result is None:
-            return {}
-        spent = self.result.timing_s
-        storing_s = spent["total"] - sum(spent[kind] for kind in MEASURED)
-        return {kind: spent[kind] for kind in MEASURED} | {"storing": storing_s, "total": spent["total"]}
+        """What the iteration's time went into, and the total."""
+        return {} if self.result is None else self.result.timing_s
 
 
 @dataclass(frozen=True)
@@ -126,7 +120,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
     views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
     trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.number)
     results = [view.result for view in views if view.result is not None]
-    newest = trials[-1].iteration if trials else 0
+    newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
     rows = levels(facts, trials, results, known, reference)
     return fill(
@@ -166,7 +160,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
         if trials and not facts.curves
         else "",
         figure_curves=[(label, both(_curve(trials, label, column, newest))) for label, column in curves],
-        kinds=(*MEASURED, "storing", "total"),
+        kinds=_kinds(results),
     )
 
 
@@ -198,7 +192,7 @@ def levels(
     if not trials:
         return ()
     std = trial_std(facts.task)
-    first = mean_of([t.reward for t in trials if t.iteration == 0], std)
+    first = mean_of([t.reward for t in trials if t.iteration == 1], std)
     rows = [_measured("First policy", first, "in iteration 1", _FIRST)]
     if results:
         best = results[-1].best
@@ -239,7 +233,7 @@ def _iteration(store: SessionStore, iteration: int, known: Judgement | None) -> 
 
 
 def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) -> TrialView:
-    folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    folder = store.trial_folder(*record.place)
     strip = tuple(Still(m.label, m.t_s, picture(folder / m.file)) for m in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
@@ -251,12 +245,18 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
     notes = sorted(store.iteration_folder(iteration).glob("trial-*.rejected.json"))
-    return tuple(f"{_words(path.name)}: {read(Note, path).text}" for path in notes)
+    return tuple(f"{_words(path.name, store.first)}: {read(Note, path).text}" for path in notes)
 
 
-def _words(name: str) -> str:
+def _words(name: str, first: int) -> str:
     _, number, _, attempt = name.removesuffix(".rejected.json").split("-")
-    return f"Trial {int(number)}, attempt {int(attempt) + 1}"
+    return f"Trial {int(number)}, attempt {int(attempt) + 1 - first}"
+
+
+def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
+    """The stages that time was spent on, the total last."""
+    found = dict.fromkeys(kind for result in results for kind in result.timing_s)
+    return (*(kind for kind in found if kind != "total"), *(kind for kind in found if kind == "total"))
 
 
 def _particles(store: SessionStore, iteration: int) -> tuple[Samples, ...]:

@@ -33,7 +33,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
         canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
         canvas.text(x(corners[0, 0]), y(corners[0, 1]) + 16, "where the object is placed")
     for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].number):
-        css = f"c{trial.particle}" + ("" if trial.iteration == newest else " faint")
+        css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
         pixels = [(x(px), y(py)) for px, py in path]
         if trial.goal_m is not None:
@@ -59,7 +59,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
     canvas.grid(x, y)
     canvas.text((left + right) / 2, bottom + 36, "time in s", anchor="middle")
     for trial, (t_s, values) in zip(trials, paths, strict=True):
-        css = f"track c{trial.particle}" + ("" if trial.iteration == newest else " faint")
+        css = f"track c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         css += "" if trial.reward > 0 else " failed"
         told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
         canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
@@ -87,7 +87,7 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
         for path in expected.likely[..., row]:
             canvas.curve(_pixels(x, y, expected.t_s, path), "later")
         canvas.curve(_pixels(x, y, expected.t_s, expected.guess[:, row]), "before")
-        canvas.curve(_pixels(x, y, t_s, seen[:, row]), f"track c{trial.particle}", "observed")
+        canvas.curve(_pixels(x, y, t_s, seen[:, row]), f"track c{trial.particle - 1}", "observed")
     return canvas.svg()
 
 
@@ -112,13 +112,13 @@ def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
         canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
     canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
     canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
-    canvas.curve(_pixels(x, y, seen[:, 0], seen[:, 1]), f"track c{trial.particle}", "observed")
+    canvas.curve(_pixels(x, y, seen[:, 0], seen[:, 1]), f"track c{trial.particle - 1}", "observed")
     css = "dot" if trial.reward > 0 else "dot open"
-    canvas.dot(x(seen[-1, 0]), y(seen[-1, 1]), 4.5, f"{css} c{trial.particle}", "observed end")
+    canvas.dot(x(seen[-1, 0]), y(seen[-1, 1]), 4.5, f"{css} c{trial.particle - 1}", "observed end")
     if trial.goal_m is not None:
         gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
         for rise in (-5.0, 5.0):
-            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track c{trial.particle}", "goal")
+            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track c{trial.particle - 1}", "goal")
     return canvas.svg()
 
 

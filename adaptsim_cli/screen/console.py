@@ -10,7 +10,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
@@ -25,7 +25,12 @@ from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.durations import Durations
 from adaptsim_cli.screen.keyboard import read_line
 from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, stop, unknown
+from adaptsim_cli.screen.stopwatch import Stopwatch
 
+ANSWERING = "answering"
+"""The stage of the time that questions wait for their answers."""
+END = "(end of input)"
+"""What listeners hear where there is no answer any more."""
 _WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
 
 
@@ -33,11 +38,23 @@ class Listener(Protocol):
     """Whoever shows elsewhere what the terminal shows."""
 
     def doing(self, what: str, expected_s: float | None) -> None:
-        """`what` is being done now, "" when it is over."""
+        """`what` is being done now."""
+        ...
+
+    def did(self, what: str, stage: str, took_s: float) -> None:
+        """It is over."""
         ...
 
     def asking(self, question: str) -> None:
-        """The terminal waits for an answer to `question`, "" when it has one."""
+        """The terminal waits for an answer to `question`."""
+        ...
+
+    def answered(self, question: str, answer: str, took_s: float) -> None:
+        """It has one."""
+        ...
+
+    def noted(self, text: str) -> None:
+        """A line that should be noticed was printed."""
         ...
 
 
@@ -49,8 +66,8 @@ class Screen:
         self._console = console or Console(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._durations: Durations | None = None
-        self._listener: Listener | None = None
-        self._spent_s: dict[str, float] = {}
+        self._listeners: list[Listener] = []
+        self._stopwatch = Stopwatch()
         self._pictures: pictures.Protocol | None = None  # how the terminal shows pictures, once it was asked
 
     def expect(self, durations: Durations) -> None:
@@ -58,13 +75,12 @@ class Screen:
         self._durations = durations
 
     def tell(self, listener: Listener) -> None:
-        """From now on `listener` hears of every wait and every question."""
-        self._listener = listener
+        """From now on `listener` too hears of every wait, question, answer and warning."""
+        self._listeners.append(listener)
 
-    def spent_s(self) -> dict[str, float]:
-        """What the waits since the last call took, stage by stage, in s."""
-        spent, self._spent_s = self._spent_s, {}
-        return spent
+    def lap_s(self) -> dict[str, float]:
+        """Where the time since the last call went, stage by stage, in s: all of it."""
+        return self._stopwatch.lap_s()
 
     @property
     def width(self) -> int:
@@ -82,10 +98,14 @@ class Screen:
     def note(self, text: str) -> None:
         """Print a line that should be noticed."""
         self.show(Text(text, style="yellow"))
+        for listener in self._listeners:
+            listener.noted(text.strip())
 
-    def data(self, value: Any) -> None:
-        """One JSON object on one line of stdout."""
-        sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
+    def data(self, command: str, value: Mapping[str, Any]) -> None:
+        """What `command` prints with --json, on one line of stdout: checked against its model, its version first."""
+        from adaptsim_cli.outputs import catalogue
+
+        sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()
 
     def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
@@ -137,11 +157,13 @@ class Screen:
     def ask_text(self, question: str) -> str:
         """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
         self._console.print(Text(question, style="bold"), end=" ")
-        if self._listener:
-            self._listener.asking(question)
-        answer = read_line()
-        if self._listener:
-            self._listener.asking("")
+        for listener in self._listeners:
+            listener.asking(question)
+        began = time.monotonic()
+        with self._stopwatch.stage(ANSWERING):
+            answer = read_line()
+        for listener in self._listeners:
+            listener.answered(question, answer.strip(" \t\r\n") if answer else END, time.monotonic() - began)
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
         return answer.strip(" \t\r\n")
@@ -150,12 +172,22 @@ class Screen:
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
         """While it is done: what it is, for how long already, and how long it took lately; one line off a terminal.
 
-        `stage` is the one word under which `spent_s` adds the time up.
+        `stage` is the one word under which `lap_s` adds the time up.
         """
         expected_s = self._durations.expected_s(what) if self._durations else None
         began = time.monotonic()
-        if self._listener:
-            self._listener.doing(what, expected_s)
+        for listener in self._listeners:
+            listener.doing(what, expected_s)
+        with self._stopwatch.stage(stage or what), self._waiting(what, began, expected_s):
+            yield
+        took_s = time.monotonic() - began
+        if self._durations:
+            self._durations.learn(what, took_s)
+        for listener in self._listeners:
+            listener.did(what, stage or what, took_s)
+
+    @contextmanager
+    def _waiting(self, what: str, began: float, expected_s: float | None) -> Iterator[None]:
         if self._live:
             waiting = Live(
                 get_renderable=lambda: views.waiting(what, time.monotonic() - began, expected_s),
@@ -168,12 +200,6 @@ class Screen:
         else:
             self.show(Text(f"  {what}{views.about(expected_s)}", style="dim"))
             yield
-        took_s = time.monotonic() - began
-        self._spent_s[stage or what] = self._spent_s.get(stage or what, 0.0) + took_s
-        if self._durations:
-            self._durations.learn(what, took_s)
-        if self._listener:
-            self._listener.doing("", None)
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:

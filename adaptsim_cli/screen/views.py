@@ -74,8 +74,9 @@ def about(expected_s: float | None) -> str:
 
 
 def spent(stages: Mapping[str, float]) -> str:
-    """`finding 3 s, planning 12 s`: what took at least a second."""
-    return ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items() if seconds >= 1.0)
+    """`16 s: finding 3 s, planning 12 s`: all of it, and the stages that took at least a second."""
+    named = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items() if seconds >= 1.0)
+    return f"{sum(stages.values()):.0f} s{': ' if named else ''}{named}"
 
 
 def keys(explain: str, keys: Sequence[tuple[str, str]]) -> RenderableType:

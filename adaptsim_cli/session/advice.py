@@ -21,7 +21,7 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     """The next commands, the likeliest first."""
     go_on = f"adaptsim run-iteration --session {facts.name}"
     use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
-    done, verdict = result.iteration + 1, result.verdict
+    done, verdict = result.iteration, result.verdict
     if CANNOT_EXPRESS in verdict or verdict.startswith(HOPELESS):
         where = flags(facts)
         tool = (f"adaptsim touch-off {where}", "are table and tool where planning takes them to be?")

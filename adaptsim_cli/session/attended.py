@@ -13,7 +13,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.session.operator import Accept, Judged, Overrule, Proposal, Redo, Review
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
@@ -115,7 +115,7 @@ def choose_amendment(
         if (outcome := known.get(named.replace(" ", "_"))) is None:
             raise UsageError(f"--outcome {named}: trial {record.number} can have ended as one of {', '.join(known)}")
         return outcome
-    folder = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    folder = store.trial_folder(*record.place)
     screen.show(f"Trial {record.number} counts as {views.words(record.outcome.value)}, reward {record.reward:.2f}.")
     for moment in record.moments:
         screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")

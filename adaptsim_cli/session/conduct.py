@@ -26,6 +26,7 @@ from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.flow import Session, run_iteration, tell
 from adaptsim_cli.session.in_terminal import InTerminal
+from adaptsim_cli.session.log import logged
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Facts, SessionStart, as_records, as_row
@@ -85,15 +86,16 @@ def conduct(
         _confirm_new(screen, request, root)
     unattended = config.unattended(request.yes)
     with ExitStack() as stack:
-        with screen.busy("Loading the task, the policies and the devices"):
+        with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
         if not config.is_simulated:  # --yes or not: a person confirms what a real arm does
             console.require_terminal()
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)
         operator = Unattended(screen) if unattended else Attended(screen)
         watcher = stack.enter_context(open_view(screen, store, parts))
-        session = Session(store, parts, operator, screen, AllOf((InTerminal(screen), watcher)))
         stack.enter_context(store.locked())
+        log = stack.enter_context(logged(store, screen, parts.provenance.versions))
+        session = Session(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)))
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)
@@ -101,14 +103,14 @@ def conduct(
             summary = run_iteration(session)
             with screen.busy("Drawing the report", "reporting"):
                 path = draw(store)
-            watcher.reported(path)
+            session.watcher.reported(path)
             if request.as_json:
-                screen.data(summary)
-            store.mark_shown(summary["iteration"], datetime.now(UTC).isoformat(timespec="seconds"))
+                screen.data("run-iteration", summary)
+            store.mark_shown(summary["iteration"] - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break
     screen.plain(f"Report: {path}")
-    if (result := store.result(summary["iteration"])) is not None:
+    if (result := store.result(summary["iteration"] - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
     return path
 

@@ -76,9 +76,8 @@ def write(store: SessionStore, folder: Path) -> int:
 
 def whole_folder(store: SessionStore, record: TrialRecord) -> Path:
     """Where a trial lies."""
-    from adaptsim_cli.session.stages import TrialKey
 
-    return store.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+    return store.trial_folder(*record.place)
 
 
 def as_parquet(columns: Mapping[str, Any], metadata: Mapping[str, str] | None = None) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -56,6 +57,22 @@ def export(
     if kind == "mcap":
         written.append(_written(out / LAYOUT, layout()))
     return written
+
+
+def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
+    """The command that looks at what was written, and what it does."""
+    if kind == "csv":
+        return f"column -s, -t {out} | less -S", "the table, in the terminal"
+    if kind == "parquet":
+        return (
+            f"{sys.executable} -c \"import pyarrow.parquet as p; print(p.read_table('{out}'))\"",
+            "the table, read back",
+        )
+    if kind == "rerun":
+        return f"{sys.executable} -m rerun {first}", "the first trial, in the Rerun viewer"
+    if kind == "lerobot":
+        return f"ls -R {out}", "the data set, ready for lerobot"
+    return f"xdg-open {first}", f"the first trial, in Foxglove, with the layout {out / LAYOUT}"
 
 
 def layout() -> bytes:

@@ -8,7 +8,7 @@ a trial is made of depends on where it happens: `on_rig` or `in_simulation`.
 from __future__ import annotations
 
 import json
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -16,7 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs import catalogue
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import amending, shows, trial
 from adaptsim_cli.session.drift import drift
 from adaptsim_cli.session.history import history_of, particles_of
@@ -47,6 +50,8 @@ from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
 from sim.tasks.solver import SolvedPolicy
 
+TOTAL, REJECTED = "total", "rejected attempts"
+"""Of the times of an iteration: their sum, and what attempts took that do not count."""
 RIM = 0.1
 """Share of the area at each side in which nobody is asked to place the object: hands are not that steady."""
 
@@ -61,11 +66,19 @@ class Session:
     screen: Screen
     watcher: Watcher = field(default_factory=Unwatched)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
+    beside_s: dict[str, float] = field(default_factory=dict)  # of the iteration, beside the trials that count
 
     @property
     def seed(self) -> int:
         """The seed of everything that is drawn in this session."""
         return self.store.facts.seed
+
+    def beside(self, stage: str | None = None) -> None:
+        """The time since the last lap belongs to the iteration, and to no trial; all of it to `stage`, if given."""
+        lap_s = self.screen.lap_s()
+        spent = added(self.beside_s, lap_s if stage is None else {stage: sum(lap_s.values())})
+        self.beside_s.clear()
+        self.beside_s.update(spent)
 
 
 def run_iteration(session: Session) -> dict[str, Any]:
@@ -89,6 +102,7 @@ def run_trial(session: Session, stage: RunTrial) -> None:
 
     The recording is on the disk before anyone looks at it. A trial that was cut short afterwards goes on from there.
     """
+    session.beside()
     if stage.recorded:
         session.screen.note(
             f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
@@ -116,11 +130,11 @@ def _move(session: Session, stage: RunTrial) -> bool:
         session.watcher.proposed(proposal, planned.sight())
         operator.approve(proposal, session.parts.target.is_real)
 
-        started, began = _now(), time.perf_counter()
+        started = _now()
         store.mark_started(stage.iteration, stage.key, started)
 
         def save(executed: Executed) -> None:
-            motion = _motion_record(proposal, started, executed.stopped, time.perf_counter() - began)
+            motion = _motion_record(proposal, started, executed.stopped, session.screen.lap_s())
             store.save_motion(stage.iteration, stage.key, motion, executed.files())
 
         trial.execute(planned, save, session.screen)
@@ -148,7 +162,6 @@ def _look(session: Session, stage: RunTrial) -> None:
         _reject(session, stage, motion.stopped)
         return
     context, action = np.array(motion.context), np.array(motion.action)
-    began = time.perf_counter()
     try:
         folder = store.trial_folder(stage.iteration, stage.key)
         replay, track = trial.look(session.parts.target, context, action, folder, session.screen)
@@ -157,8 +170,6 @@ def _look(session: Session, stage: RunTrial) -> None:
         if operator.try_again(stage):
             return
         raise
-    tracked_s = time.perf_counter() - began
-
     judged = _judged(session, context, track)
     with session.screen.busy("Choosing the pictures of its key moments", "storing"):
         evidence = replay.evidence(track)
@@ -167,46 +178,37 @@ def _look(session: Session, stage: RunTrial) -> None:
     if isinstance(review, Redo):
         _reject(session, stage, review.reason)
         return
-    tracked, began = track.outcome, time.perf_counter()
+    tracked = track.outcome
     if isinstance(review, Overrule):
         track = replace(track, outcome=review.outcome)
         evidence = replay.evidence(track)
     with session.screen.busy("Storing the trial", "storing"):
         record = _trial_record(session, stage, motion, evidence, track, tracked)
-        timing_s = {**motion.timing_s, "tracking": tracked_s, "storing": time.perf_counter() - began}
-        store.save_trial(record.model_copy(update={"timing_s": timing_s}), evidence.files)
+        record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
+        store.save_trial(record, evidence.files)
     tell(session)
-    session.screen.show(shows.trial_done(record, session.screen.spent_s(), manual=not isinstance(review, Accept)))
+    session.screen.show(shows.trial_done(record, manual=not isinstance(review, Accept)))
 
 
 def adapt(session: Session, stage: Adapt) -> None:
     """Move the particles, train their task policies and store the result."""
     store, learner = session.store, session.parts.learner
-    began = time.perf_counter()
+    session.beside()
     history = history_of(session.parts.task, store, stage.iteration)
     with session.screen.busy("Adapting the simulation parameters", "adapting"):
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         found = learner.judge(history)
-    adapted_s = time.perf_counter() - began
     for index, particle in enumerate(particles):
         _train(session, stage.iteration + 1, index, particle)
-    trained_s = time.perf_counter() - began - adapted_s
 
-    records = store.trials(stage.iteration)
-    spent = {key: sum(r.timing_s[key] for r in records) for key in ("rollout", "tracking", "storing")}
-    timing_s = {
-        "rollouts": spent["rollout"],
-        "tracking": spent["tracking"],
-        "adaptation": adapted_s,
-        "training": trained_s,
-        "total": sum(spent.values()) + adapted_s + trained_s,
-    }
+    records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
+    timing_s = added(*(record.timing_s for record in records), session.beside_s, lap_s)
     names = session.parts.task.parameters.names
     changes = changes_until(store.existing(), stage.iteration)
     known = max((one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0)
     result = ResultRecord(
-        iteration=stage.iteration,
-        trials=stage.keys,
+        iteration=stage.iteration + 1,
+        trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
         next_particles=tuple(_rows(particle) for particle in particles),
         best=BestRecord(
             params=dict(zip(names, as_row(found.best.particle.mean), strict=True)),
@@ -216,13 +218,14 @@ def adapt(session: Session, stage: Adapt) -> None:
         ),
         verdict=found.verdict,
         outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),
-        timing_s=timing_s,
-        proposal_s=adapted_s + trained_s + records[-1].timing_s["tracking"] + records[-1].timing_s["storing"],
+        timing_s={**timing_s, TOTAL: sum(timing_s.values())},
+        proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
         changes=changes,
         amended=amending.sentences(store, stage.iteration, known),
     )
-    shown = summary(store.facts, names, particles_of(store, stage.iteration), records, result)
+    shown = catalogue.output("run-iteration", _summary(session, records, result))
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
+    session.beside_s.clear()
     tell(session)
 
 
@@ -243,10 +246,16 @@ def tell(session: Session) -> None:
 def show(session: Session, stage: Show) -> dict[str, Any]:
     """Show what the iteration changed and return its summary."""
     store, screen = session.store, session.screen
-    if (result := store.result(stage.iteration)) is not None:
-        before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
-        screen.show(shows.adapted(session.parts.task, before, after, result, screen.width))
-    return store.summary(stage.iteration)
+    if (result := store.result(stage.iteration)) is None:
+        raise SessionError(f"iteration {stage.iteration + 1} of {store.facts.name} has no result yet")
+    before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
+    screen.show(shows.adapted(session.parts.task, before, after, result, screen.width))
+    return _summary(session, store.trials(stage.iteration), result)
+
+
+def _summary(session: Session, trials: Sequence[TrialRecord], result: ResultRecord) -> dict[str, Any]:
+    before = particles_of(session.store, result.iteration - 1)
+    return summary(session.store.facts, session.parts.task.parameters.names, before, trials, result)
 
 
 def _set_up(session: Session, stage: RunTrial) -> Ready:
@@ -267,7 +276,9 @@ def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
     return Judged(track.outcome, task.score(track, context), track.flags, possible)
 
 
-def _motion_record(made: Proposal, started: str, stopped: HardwareError | None, executed_s: float) -> MotionRecord:
+def _motion_record(
+    made: Proposal, started: str, stopped: HardwareError | None, timing_s: dict[str, float]
+) -> MotionRecord:
     return MotionRecord(
         drawn_context=as_row(made.drawn),
         context=as_row(made.context),
@@ -277,7 +288,7 @@ def _motion_record(made: Proposal, started: str, stopped: HardwareError | None, 
         predicted_high=made.prediction.high,
         started=started,
         stopped=None if stopped is None else str(stopped),
-        timing_s={"rollout": executed_s},
+        timing_s=timing_s,
     )
 
 
@@ -292,10 +303,10 @@ def _trial_record(
     task, context = session.parts.task, np.array(motion.context)
     return TrialRecord(
         number=stage.key.number,
-        attempt=stage.key.attempt,
-        iteration=stage.iteration,
-        particle=stage.particle,
-        trial=stage.trial,
+        attempt=stage.key.attempt + 1,
+        iteration=stage.iteration + 1,
+        particle=stage.particle + 1,
+        trial=stage.trial + 1,
         drawn_context=motion.drawn_context,
         context=motion.context,
         goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
@@ -331,11 +342,14 @@ def _train(session: Session, iteration: int, index: int, particle: Particle) -> 
 
 def _reject(session: Session, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, _now(), reason)
+    session.beside(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
         session.screen.plain(f"Its recording is kept: {folder}")
-        if session.store.motion(stage.iteration, stage.key).stopped is None:
+        motion = session.store.motion(stage.iteration, stage.key)
+        session.beside_s[REJECTED] = session.beside_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
+        if motion.stopped is None:
             name = session.store.facts.name
             session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")
 

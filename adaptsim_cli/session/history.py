@@ -25,7 +25,7 @@ def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, .
     """The trials that count of the iterations 0 to `last`, as learning sees them. Raises SessionError."""
 
     def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
-        return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle)
+        return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle + 1)
 
     return tuple(
         tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))

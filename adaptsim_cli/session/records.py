@@ -13,6 +13,7 @@ import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.storage import sealed
 from adaptsim_cli.storage.validation import place
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
@@ -23,7 +24,9 @@ from sim.types import Dimension, Space
 if TYPE_CHECKING:
     from sim.adaptation.outlook import Outlook
 
-FORMAT = 2
+FORMAT = 3
+COUNTED_FROM_ONE_SINCE = 3
+"""The format since which iterations, attempts, particles and results are numbered from 1 on the disk too."""
 SEALED_SINCE = 2
 """The format since which every record is sealed and every other file of a session has its SHA-256 in a record."""
 
@@ -84,6 +87,11 @@ class Facts(Record):
     action: tuple[DimensionRecord, ...]
     curves: dict[str, int] = {}
     """Column of the track by what it is called, where it is drawn over time instead of on the table."""
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every parameter, context and action by its name."""
+        return {d.name: d.unit for d in (*self.parameters, *self.context, *self.action)}
 
 
 class SessionStart(Record):
@@ -176,6 +184,11 @@ class TrialRecord(Record):
     timing_s: dict[str, float]
     files: dict[str, int]  # name -> size in bytes of what lies beside, motion.json left out
     checksums: dict[str, str] = {}  # name -> SHA-256 of what was derived from the recording
+
+    @property
+    def place(self) -> tuple[int, TrialKey]:
+        """Where it stands among stages, whose indices count from 0: (iteration, key)."""
+        return self.iteration - 1, TrialKey(self.number, self.attempt - 1)
 
     def amended(self, by: Amendment) -> TrialRecord:
         """The trial as it counts after an amendment."""
@@ -281,6 +294,11 @@ class ResultRecord(Record):
     amended: tuple[str, ...] = ()
     """Those among them that no earlier result took into account, a sentence each."""
 
+    @property
+    def keys(self) -> tuple[TrialKey, ...]:
+        """The trials that it rests on, as stages name them."""
+        return tuple(TrialKey(number, attempt - 1) for number, attempt in self.trials)
+
 
 class Pruned(Record):
     """pruned.json beside a trial: recordings that were removed to make room, with their sizes in bytes."""
@@ -300,6 +318,17 @@ def to_json(record: Record) -> bytes:
 def to_toml(record: Record) -> bytes:
     """A record as the bytes of a TOML file, sealed."""
     return sealed.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
+
+
+def renumbered(record: AnyRecord, by: int) -> AnyRecord:
+    """The record with all its numbers `by` higher but that of the trial: earlier formats counted from 0."""
+    if isinstance(record, TrialRecord):
+        counted = ("attempt", "iteration", "particle", "trial")
+        return record.model_copy(update={name: getattr(record, name) + by for name in counted})
+    if isinstance(record, ResultRecord):
+        trials = tuple((number, attempt + by) for number, attempt in record.trials)
+        return record.model_copy(update={"iteration": record.iteration + by, "trials": trials})
+    return record
 
 
 def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> AnyRecord:

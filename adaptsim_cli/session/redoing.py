@@ -10,7 +10,7 @@ from adaptsim_cli.session.store import SessionStore
 
 
 def redo(store: SessionStore, number: int, reason: str) -> int:
-    """Mark trial `number` as not counting; returns the number of its next attempt (from 0).
+    """Mark trial `number` as not counting; returns the number of its next attempt (from 1).
 
     It is completed, or recorded and not reviewed yet, and no trial of a later iteration rests on it.
     Raises UsageError, SessionError.
@@ -31,4 +31,4 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
                 f"sessions amend {facts.name} {number}"
             )
         store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
-    return key.attempt + 1
+    return key.attempt + 2

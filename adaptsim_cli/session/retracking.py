@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation, Slerp
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import cdr, recording
 from adaptsim_cli.session.on_rig import joints
-from adaptsim_cli.session.records import TrialRecord, corrupt
+from adaptsim_cli.session.records import Facts, TrialRecord, as_row, corrupt
 from adaptsim_cli.session.rig import Tracker, TrackRequest
-from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.summary import by_name
 from hw.camera.replay import RecordedCamera, Take
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
@@ -56,18 +56,18 @@ class Retracked:
         """As tracking judged it then; an operator may have overruled that."""
         return self.track is not None and self.track.outcome == self.record.track.outcome
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self, facts: Facts) -> dict[str, Any]:
         """The object that `retrack --json` prints for a trial."""
         old, new = self.record, self.track
         return {
-            "id": old.number,
+            "trial": old.number,
             "iteration": old.iteration,
             "attempt": old.attempt,
             "stored": {
                 "outcome": old.outcome.value,
                 "tracked_outcome": old.track.outcome.value,
                 "reward": old.reward,
-                "context": list(old.context),
+                "context": by_name(facts.context, old.context),
                 "flags": list(old.track.flags),
             },
             "now": None
@@ -75,7 +75,7 @@ class Retracked:
             else {
                 "outcome": new.outcome.value,
                 "reward": self.reward,
-                "context": None if self.context is None else [float(value) for value in self.context],
+                "context": None if self.context is None else by_name(facts.context, as_row(self.context)),
                 "flags": list(new.flags),
             },
             "same_outcome": self.is_same_outcome,
@@ -148,7 +148,7 @@ def require_camera(task: Task) -> None:
 
 
 def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecord) -> Retracked:
-    path = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt)) / recording.FILE
+    path = store.trial_folder(*record.place) / recording.FILE
     stored, X_BT_at = recording.read(path), tool_poses(path)
     played = stored.execution
     if not len(played.t_s):

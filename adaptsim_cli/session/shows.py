@@ -75,7 +75,7 @@ def _where(task: Task, context: Array) -> tuple[str, ...]:
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
 
-def trial_done(record: TrialRecord, spent_s: Mapping[str, float], *, manual: bool) -> RenderableType:
+def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
     """The result of a trial beside its prediction, and what its time went into."""
     style = "green" if record.reward > 0 else "yellow"
     result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
@@ -86,8 +86,8 @@ def trial_done(record: TrialRecord, spent_s: Mapping[str, float], *, manual: boo
     if manual:
         result.append("  outcome set by the operator", "magenta")
     flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
-    took = views.spent(spent_s)
-    return views.indent(Group(result, *flags, *([Text(f"Took: {took}", style="dim")] if took else [])))
+    took = views.spent(record.timing_s)
+    return views.indent(Group(result, *flags, *[Text(f"Took {took}", style="dim")]))
 
 
 def adapted(
@@ -107,7 +107,8 @@ def adapted(
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
     )
-    spent = f"Next proposal ready {result.proposal_s:.1f} s after the last trial"
+    took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
+    spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
         estimate, *_correction(task, result), Text(result.verdict, style=_style(result)), Text(spent, style="dim"),
@@ -170,9 +171,9 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
     head.append(f"method {facts['method']}, seed {facts['seed']}")
     body = [
         (
-            str(t["id"]),
-            str(t["iteration"] + 1),
-            str(t["particle"] + 1),
+            str(t["trial"]),
+            str(t["iteration"]),
+            str(t["particle"]),
             str(t["outcome"]).replace("_", " ") + (" (operator)" if t["overruled_from"] else ""),
             f"{t['reward']:.2f}",
             f"{t['predicted_reward']:.2f}",
@@ -184,11 +185,12 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
     return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *last)
 
 
-def tell_amended(screen: Screen, name: str, changed: Amended, *, as_json: bool) -> None:
+def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:
     """What was amended or restored, and what follows from it."""
     if as_json:
         key = changed.key
-        screen.data({"session": name, "trial": key.number, "attempt": key.attempt, "changed": changed.what})
+        told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
+        screen.data(command, told)
         return
     screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
     screen.plain(changed.consequence)

@@ -19,11 +19,13 @@ from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import trial
 from adaptsim_cli.session.attended import Attended, Unattended
-from adaptsim_cli.session.operator import Operator, Proposal
+from adaptsim_cli.session.in_terminal import InTerminal
+from adaptsim_cli.session.operator import Judged, Operator, Proposal
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.records import TrackRecord, as_row
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import Executed, Planned, Ready, Target
+from adaptsim_cli.session.watching import AllOf, Seen, Unwatched, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -59,7 +61,16 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
     return drawn, mean
 
 
-def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder: Path, *, yes: bool) -> dict[str, Any]:
+def rollout(
+    config: Config,
+    parts: Parts,
+    chosen: Chosen,
+    screen: Screen,
+    folder: Path,
+    *,
+    yes: bool,
+    watcher: Watcher | None = None,
+) -> dict[str, Any]:
     """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
 
     Raises UsageError for a value that is wrong, and what a trial of a session raises. What was recorded of a motion is
@@ -70,6 +81,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     if not unattended:
         console.require_terminal()
     operator = Unattended(screen) if unattended else Attended(screen)
+    looking_on = AllOf((InTerminal(screen), watcher or Unwatched()))
     drawn, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
@@ -89,6 +101,7 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     try:
         keep = partial(_keep, picture)
         proposal = trial.propose(task, _STAGE, mean, policy, ready, action, planned, keep, screen)
+        looking_on.proposed(proposal, planned.sight())
         operator.approve(proposal, target.is_real)
         trial.execute(planned, partial(_store, folder), screen)
     finally:
@@ -96,7 +109,10 @@ def rollout(config: Config, parts: Parts, chosen: Chosen, screen: Screen, folder
     replay, track = trial.look(target, ready.context, action, folder, screen)
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
     content = json.dumps(record, allow_nan=False, indent=1).encode()
-    durable.complete_folder(folder, replay.evidence(track).files, "trial.json", content)
+    evidence = replay.evidence(track)
+    judged = Judged(track.outcome, record["reward"], track.flags, ())
+    looking_on.tracked(judged, track, Seen(replay.track_px(track), evidence.moments, evidence.files))
+    durable.complete_folder(folder, evidence.files, "trial.json", content)
     return record
 
 
@@ -143,6 +159,7 @@ def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *,
         "hw": config.hw,
         "world": config.lab_world,
         "seed": config.seed,
+        "units": {d.name: d.unit for space in (task.parameters, task.context, task.action) for d in space.dimensions},
         "params": None if by_hand else _named(task.parameters, made.parameters),
         "context": _named(task.context, made.context),
         "goal_m": None if task.goal_m is None else as_row(task.goal_m(made.context)),

@@ -84,6 +84,11 @@ class SessionStore:
         is_sealed = facts.format >= records.SEALED_SINCE
         return cls(folder, facts, records.read(SessionStart, folder / START, must_be_sealed=is_sealed))
 
+    @property
+    def first(self) -> int:
+        """What iterations, attempts and results are numbered from in this session's names and records."""
+        return 1 if self.facts.format >= records.COUNTED_FROM_ONE_SINCE else 0
+
     def existing(self) -> Existing:
         """What is there. Raises SessionError on names that do not belong."""
         completed: set[TrialKey] = set()
@@ -97,7 +102,7 @@ class SessionStore:
         for iteration, folder in self._iterations():
             for entry in entries(folder):
                 if match := _TRIAL.fullmatch(entry.name):
-                    key, kind = TrialKey(int(match[1]), int(match[2])), match[3]
+                    key, kind = self._key(match), match[3]
                     if kind is None:
                         (completed if (entry / TRIAL).exists() else recorded).add(key)
                     elif kind == "started":
@@ -110,7 +115,7 @@ class SessionStore:
                 elif not _RESULT.fullmatch(entry.name):
                     raise records.corrupt(entry, "it does not belong to a session")
             if result := self.result(iteration):
-                results[iteration] = tuple(TrialKey(*key) for key in result.trials)
+                results[iteration] = result.keys
                 counted[iteration] = result.changes
                 if self._shown(iteration).exists():
                     shown.add(iteration)
@@ -132,7 +137,7 @@ class SessionStore:
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
         folder = self.trial_folder(iteration, key)
-        record, pruned = records.read(TrialRecord, folder / TRIAL), self.pruned(folder)
+        record, pruned = self._read(TrialRecord, folder / TRIAL), self.pruned(folder)
         for name, size in record.files.items():
             if name not in pruned:
                 records.require_size(folder / name, size)
@@ -146,7 +151,7 @@ class SessionStore:
     def changes(self, iteration: int) -> tuple[Change, ...]:
         """What was amended or restored in an iteration, in order of time."""
         found = [
-            Change(TrialKey(int(match[1]), int(match[2])), records.read(kind, entry))
+            Change(self._key(match), records.read(kind, entry))
             for entry in entries(self.iteration_folder(iteration))
             if (match := _TRIAL.fullmatch(entry.name)) and (kind := _CHANGES.get(match[3]))
         ]
@@ -174,7 +179,7 @@ class SessionStore:
     def result(self, iteration: int) -> ResultRecord | None:
         """The newest result of an iteration, or None."""
         folder = self._newest_result(iteration)
-        return records.read(ResultRecord, folder / RESULT) if folder else None
+        return self._read(ResultRecord, folder / RESULT) if folder else None
 
     def summary(self, iteration: int) -> dict[str, Any]:
         """What `run-iteration --json` prints of an iteration that has a result. Raises SessionError."""
@@ -218,17 +223,19 @@ class SessionStore:
 
     def _mark(self, iteration: int, key: TrialKey, kind: str, note: Record) -> None:
         """A marker beside those of its kind that are there already."""
-        there = len(self._markers(iteration, key, kind))
-        path = self._marker(iteration, key, f"{kind}-{there}" if there else kind)
+        path = self._nth_marker(iteration, key, kind, len(self._markers(iteration, key, kind)))
         durable.make_folder(path.parent)
         durable.write_file(path, records.to_json(note))
 
     def _markers(self, iteration: int, key: TrialKey, kind: str) -> list[Path]:
         """The markers of one kind, oldest first."""
         found: list[Path] = []
-        while (path := self._marker(iteration, key, f"{kind}-{len(found)}" if found else kind)).is_file():
+        while (path := self._nth_marker(iteration, key, kind, len(found))).is_file():
             found.append(path)
         return found
+
+    def _nth_marker(self, iteration: int, key: TrialKey, kind: str, n: int) -> Path:
+        return self._marker(iteration, key, f"{kind}-{n + self.first}" if n else kind)
 
     def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
         """Store a motion that is over with all that was recorded of it, whole or not at all."""
@@ -239,18 +246,18 @@ class SessionStore:
 
     def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
         """Complete the trial of a stored motion with what was `derived` from its recording."""
-        folder = self.trial_folder(record.iteration, TrialKey(record.number, record.attempt))
+        folder = self.trial_folder(*record.place)
         there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = there | {name: len(content) for name, content in derived.items()}
         sized = record.model_copy(update={"files": sizes, "checksums": _checksums(derived)})
-        durable.complete_folder(folder, derived, TRIAL, records.to_json(sized))
+        durable.complete_folder(folder, derived, TRIAL, self._json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:
         """Store what an iteration led to, beside an earlier result that a redo made obsolete."""
-        folder = self.iteration_folder(record.iteration)
+        folder = self.iteration_folder(record.iteration - 1)
         summed = record.model_copy(update={"summary_sha256": _sha256(summary)})
-        files = {SUMMARY: summary, RESULT: records.to_json(summed)}
-        durable.write_folder(folder / f"result-{_results(folder)}", files)
+        files = {SUMMARY: summary, RESULT: self._json(summed)}
+        durable.write_folder(folder / f"result-{self._results(folder) + self.first}", files)
 
     def scratch(self, name: str, content: bytes) -> Path:
         """A throw-away file for the operator to look at, not part of the record."""
@@ -260,21 +267,21 @@ class SessionStore:
         return path
 
     def iteration_folder(self, iteration: int) -> Path:
-        """The folder of one iteration, counted from 1."""
-        return self.folder / f"iteration-{iteration:02d}"
+        """The folder of one iteration, by its index from 0."""
+        return self.folder / f"iteration-{iteration + self.first:02d}"
 
     def trial_folder(self, iteration: int, key: TrialKey) -> Path:
         """The folder of one attempt at a trial."""
-        return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt}"
+        return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + self.first}"
 
     def _newest_result(self, iteration: int) -> Path | None:
         folder = self.iteration_folder(iteration)
-        count = _results(folder)
-        return folder / f"result-{count - 1}" if count else None
+        count = self._results(folder)
+        return folder / f"result-{count - 1 + self.first}" if count else None
 
     def _shown(self, iteration: int) -> Path:
         folder = self.iteration_folder(iteration)
-        return folder / f"result-{_results(folder) - 1}.shown.json"
+        return folder / f"result-{self._results(folder) - 1 + self.first}.shown.json"
 
     def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
         folder = self.trial_folder(iteration, key)
@@ -283,7 +290,24 @@ class SessionStore:
     def _iterations(self) -> Iterator[tuple[int, Path]]:
         for entry in entries(self.folder):
             if match := _ITERATION.fullmatch(entry.name):
-                yield int(match[1]), entry
+                yield int(match[1]) - self.first, entry
+
+    def _key(self, match: re.Match[str]) -> TrialKey:
+        """The trial that a name tells of."""
+        return TrialKey(int(match[1]), int(match[2]) - self.first)
+
+    def _results(self, folder: Path) -> int:
+        """How many results an iteration has."""
+        matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
+        return max((int(match[1]) + 1 - self.first for match in matches if match), default=0)
+
+    def _read(self, kind: type[records.AnyRecord], path: Path) -> records.AnyRecord:
+        """A record, its numbers from 1 whatever the session's format."""
+        return records.renumbered(records.read(kind, path), 1 - self.first)
+
+    def _json(self, record: Record) -> bytes:
+        """A record as this session's format numbers it."""
+        return records.to_json(records.renumbered(record, self.first - 1))
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -337,9 +361,3 @@ def entries(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
-
-
-def _results(folder: Path) -> int:
-    """How many results an iteration has: the newest is one less."""
-    matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
-    return max((int(match[1]) + 1 for match in matches if match), default=0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session.keeping import about, size_bytes
-from adaptsim_cli.session.records import Facts, ResultRecord, Row, Samples, TrialRecord
+from adaptsim_cli.session.records import DimensionRecord, Facts, ResultRecord, Row, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.method import Particle
 
@@ -26,9 +26,10 @@ def summary(
         "hw": facts.hw,
         "world": facts.world,
         "seed": facts.seed,
+        "units": facts.units,
         "particles": [
-            _particle(names, particle, [t for t in trials if t.particle == index], result.next_particles[index])
-            for index, particle in enumerate(before)
+            _particle(facts, names, particle, [t for t in trials if t.particle == index + 1], then)
+            for index, (particle, then) in enumerate(zip(before, result.next_particles, strict=True))
         ],
         "best": result.best.model_dump(mode="json"),
         "verdict": result.verdict,
@@ -37,14 +38,16 @@ def summary(
     }
 
 
-def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord], then: Samples) -> dict[str, Any]:
+def _particle(
+    facts: Facts, names: Sequence[str], now: Particle, trials: Sequence[TrialRecord], then: Samples
+) -> dict[str, Any]:
     return {
         "params": named(names, now.mean),
         "trials": [
             {
-                "id": trial.number,
-                "context": list(trial.context),
-                "action": list(trial.action),
+                "trial": trial.number,
+                "context": by_name(facts.context, trial.context),
+                "action": by_name(facts.action, trial.action),
                 "reward": trial.reward,
                 "outcome": trial.outcome.value,
                 "observation": list(trial.observation),
@@ -59,6 +62,11 @@ def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord]
 def named(names: Sequence[str], values: Row | np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, float]:
     """Values by the names of their dimensions. Raises ValueError where their numbers differ."""
     return dict(zip(names, (float(v) for v in values), strict=True))
+
+
+def by_name(dimensions: Sequence[DimensionRecord], values: Row) -> dict[str, float]:
+    """Values by the names of their quantities."""
+    return {d.name: value for d, value in zip(dimensions, values, strict=True)}
 
 
 def overview(store: SessionStore) -> dict[str, Any]:
@@ -95,14 +103,16 @@ def overview_or_damage(root: Path, name: str) -> dict[str, Any]:
 
 def details(store: SessionStore) -> dict[str, Any]:
     """One session with all that counts in it. Raises SessionError."""
+    facts = store.facts
     trials = [trial for i in range(store.iterations()) for trial in store.trials(i)]
     results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
     return {
-        "facts": store.facts.model_dump(mode="json"),
+        "facts": facts.model_dump(mode="json"),
         "folder": str(store.folder),
+        "units": facts.units,
         "trials": [
             {
-                "id": t.number,
+                "trial": t.number,
                 "attempt": t.attempt,
                 "iteration": t.iteration,
                 "particle": t.particle,
@@ -110,12 +120,19 @@ def details(store: SessionStore) -> dict[str, Any]:
                 "predicted_reward": t.predicted_reward,
                 "outcome": t.outcome.value,
                 "overruled_from": t.overruled_from.value if t.overruled_from else None,
-                "context": list(t.context),
-                "action": list(t.action),
+                "context": by_name(facts.context, t.context),
+                "action": by_name(facts.action, t.action),
+                "timing_s": t.timing_s,
             }
             for t in trials
         ],
         "results": [
-            {"iteration": r.iteration, "best": r.best.model_dump(mode="json"), "verdict": r.verdict} for r in results
+            {
+                "iteration": r.iteration,
+                "best": r.best.model_dump(mode="json"),
+                "verdict": r.verdict,
+                "timing_s": r.timing_s,
+            }
+            for r in results
         ],
     }

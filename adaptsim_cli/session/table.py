@@ -54,7 +54,7 @@ def _columns(table: Iterable[Mapping[str, Cell]]) -> list[str]:
 
 def _row(store: SessionStore, trial: TrialRecord) -> Row:
     facts = store.facts
-    mean = particles_of(store, trial.iteration)[trial.particle].mean
+    mean = particles_of(store, trial.iteration - 1)[trial.particle - 1].mean
     quantities = (
         ("parameter", facts.parameters, mean),
         ("context", facts.context, trial.context),
@@ -68,10 +68,10 @@ def _row(store: SessionStore, trial: TrialRecord) -> Row:
         "method": facts.method,
         "seed": facts.seed,
         "started": trial.started,
-        "iteration": trial.iteration + 1,
+        "iteration": trial.iteration,
         "trial": trial.number,
-        "attempt": trial.attempt + 1,
-        "particle": trial.particle + 1,
+        "attempt": trial.attempt,
+        "particle": trial.particle,
         "outcome": trial.outcome.value,
         "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
         "reward": trial.reward,

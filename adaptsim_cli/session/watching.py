@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.session.operator import Judged, Proposal
-from adaptsim_cli.session.records import KeyMoment
+from adaptsim_cli.session.records import Facts, KeyMoment
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import ObjectTrack
@@ -16,6 +16,21 @@ from sim.adaptation.posterior import Posterior
 
 Telling = Callable[[], Posterior | None]
 """Computes what the trials tell of the true parameters, for whoever wants it; None where the method holds no belief."""
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """What it is that somebody looks on at."""
+
+    name: str  # of the session or rollout
+    what: str  # one line: the session and its method, or the rollout
+    hw: str
+    particles: int = 0  # 0: a trial that belongs to no session
+
+    @classmethod
+    def session(cls, facts: Facts) -> Occasion:
+        """A session."""
+        return cls(facts.name, f"session {facts.name}, method {facts.method}", facts.hw, facts.particles)
 
 
 @dataclass(frozen=True, eq=False)

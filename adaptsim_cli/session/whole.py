@@ -19,7 +19,6 @@ from adaptsim_cli.session import cdr, recording, topics
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
 from adaptsim_cli.session.retracking import tool_poses
-from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
 
 REAL_ARMS = ("panda", "fr3")
@@ -87,9 +86,9 @@ class Trial:
             "world": facts.world,
             "method": facts.method,
             "seed": str(facts.seed),
-            "iteration": str(record.iteration + 1),
+            "iteration": str(record.iteration),
             "trial": str(record.number),
-            "attempt": str(record.attempt + 1),
+            "attempt": str(record.attempt),
             "started": record.started,
             "units": ", ".join(f"{name} in {unit}" for name, unit in units.items()),
             "velocity": "differentiated from the positions",
@@ -99,7 +98,7 @@ class Trial:
 
 def open_trial(store: SessionStore, record: TrialRecord) -> Trial:
     """Raises SessionError where its recording is missing, pruned or corrupt."""
-    file = store.trial_folder(record.iteration, TrialKey(record.number, record.attempt)) / recording.FILE
+    file = store.trial_folder(*record.place) / recording.FILE
     return Trial(store.facts, record, recording.read(file), file)
 
 

@@ -69,7 +69,7 @@ def touch_off(
     screen.plain(f"In use from now on: {folder}")
     screen.next((f"adaptsim rollout {flags(config)}", "one trial with it"))
     if request.as_json:
-        screen.data(summary(saved) | {"folder": str(folder)})
+        screen.data("touch-off", summary(saved) | {"folder": str(folder)})
 
 
 def summary(saved: SavedTouchOff) -> dict[str, Any]:

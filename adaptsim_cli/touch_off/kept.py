@@ -40,25 +40,46 @@ def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
         else (
             one["name"],
             str(one["created"])[:16].replace("T", " "),
-            f"{one['table_height']:+.2f} mm",
-            f"{one['tool_height']:+.2f} mm",
-            f"{one['tool_pitch']:+.2f}°",
+            f"{one['table_height_mm']:+.2f} mm",
+            f"{one['tool_height_mm']:+.2f} mm",
+            f"{one['tool_pitch_deg']:+.2f}°",
             remark(one["in_use"], one["restored_from"]),
         )
         for one in found
     ]
 
 
-def compared(store: TouchOffStore, first: str, second: str) -> list[tuple[str, str, str, str]]:
-    """(quantity, first, second, second - first with the 95 % half width of the difference)."""
-    a, b = (store.read(store.numbered.named(name)) for name in (first, second))
-    body = []
+def compared(store: TouchOffStore, first: str, second: str) -> dict[str, Any]:
+    """Every quantity of both, and second less first with the 95 % half width of the difference, for JSON."""
+    paths = [store.numbered.named(name) for name in (first, second)]
+    a, b = map(store.read, paths)
+    found = []
     for key, name, scale, unit in VALUES:
         was, now = getattr(a, key), getattr(b, key)
-        within = float(np.hypot(was.within, now.within))
-        apart = f"{scale * (now.value - was.value):+.2f} ± {scale * within:.2f} {unit}"
-        body.append((name, f"{scale * was.value:+.2f} {unit}", f"{scale * now.value:+.2f} {unit}", apart))
-    return body
+        found.append(
+            {
+                "quantity": name,
+                "unit": unit,
+                "first": scale * was.value,
+                "second": scale * now.value,
+                "difference": scale * (now.value - was.value),
+                "within_95": scale * float(np.hypot(was.within, now.within)),
+            }
+        )
+    return {"first": paths[0].name, "second": paths[1].name, "quantities": found}
+
+
+def differences(found: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """(quantity, first, second, difference) of a comparison, for a person."""
+    return [
+        (
+            q["quantity"],
+            f"{q['first']:+.2f} {q['unit']}",
+            f"{q['second']:+.2f} {q['unit']}",
+            f"{q['difference']:+.2f} ± {q['within_95']:.2f} {q['unit']}",
+        )
+        for q in found["quantities"]
+    ]
 
 
 def values(known: SavedTouchOff) -> list[tuple[str, str, str]]:
@@ -89,7 +110,10 @@ def _one(store: TouchOffStore, path: Path, *, in_use: bool) -> dict[str, Any]:
         known: SavedTouchOff = store.read(path)
     except SessionError as error:
         return {"name": path.name, "error": str(error)}
-    values = {key.rpartition("_")[0]: round(scale * getattr(known, key).value, 4) for key, _, scale, _ in VALUES}
+    values = {
+        f"{key.rpartition('_')[0]}_{'deg' if unit == '°' else unit}": round(scale * getattr(known, key).value, 4)
+        for key, _, scale, unit in VALUES
+    }
     return {
         "name": path.name,
         "created": known.created,

@@ -1,4 +1,4 @@
-"""A session on a page: what the watcher is shown becomes the page's state."""
+"""A session, or one trial, on a page: what the watcher is shown becomes the page's state."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from typing import Any
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Judged, Proposal
-from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Seen, Sight, Telling
+from adaptsim_cli.session.watching import Occasion, Seen, Sight, Telling
 from adaptsim_cli.view import state
 from adaptsim_cli.view.server import Page
 from perception.types import ObjectTrack
@@ -31,18 +30,18 @@ class LiveView:
         self._pictures: dict[str, bytes] = {}
         self._count = 0
         self._task: Task | None = None
-        self._facts: Facts | None = None
+        self._occasion: Occasion | None = None
 
-    def begins(self, task: Task, facts: Facts, title: str) -> None:
-        """Which session it is, on what hardware."""
-        self._task, self._facts = task, facts
+    def begins(self, task: Task, occasion: Occasion, title: str) -> None:
+        """What it is, on what hardware."""
+        self._task, self._occasion = task, occasion
         head = {
-            "simulated": is_simulated(facts.hw),
+            "simulated": is_simulated(occasion.hw),
             "hardware": title,
-            "session": facts.name,
+            "name": occasion.name,
+            "what": occasion.what,
             "task": task.title[:1].upper() + task.title[1:],
             "object": task.object_name,
-            "method": facts.method,
         }
         self._set(head=head)
 
@@ -55,11 +54,22 @@ class LiveView:
         """See `Listener`."""
         self._set(now={"doing": "", "question": question, "since_s": time.time()})
 
+    def did(self, what: str, stage: str, took_s: float) -> None:
+        """See `Listener`."""
+        self.doing("", None)
+
+    def answered(self, question: str, answer: str, took_s: float) -> None:
+        """See `Listener`: the answer stays in the terminal."""
+        self.asking("")
+
+    def noted(self, text: str) -> None:
+        """See `Listener`: warnings are shown in the terminal, and with the trial."""
+
     def proposed(self, made: Proposal, sight: Sight | None) -> None:
         """See `Watcher`."""
-        if self._task is None or self._facts is None:
+        if self._task is None or self._occasion is None:
             return
-        parts: dict[str, Any] = {"trial": state.trial(self._task, self._facts, made), "judged": None}
+        parts: dict[str, Any] = {"trial": state.trial(self._task, self._occasion.particles, made), "judged": None}
         self._pictures = {}
         if sight is not None:
             name = self._picture(sight.picture)
@@ -93,7 +103,7 @@ class LiveView:
 
 
 @contextmanager
-def live_view(screen: Screen, task: Task, facts: Facts, title: str, port: int | None) -> Iterator[LiveView]:
+def live_view(screen: Screen, task: Task, occasion: Occasion, title: str, port: int | None) -> Iterator[LiveView]:
     """The page while it is needed; says where it is, and how to reach it from another computer.
 
     Raises UsageError where the port that was asked for is taken.
@@ -104,7 +114,7 @@ def live_view(screen: Screen, task: Task, facts: Facts, title: str, port: int | 
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}  and then the same address")
         view = LiveView(page)
-        view.begins(task, facts, title)
+        view.begins(task, occasion, title)
         screen.tell(view)
         yield view
 

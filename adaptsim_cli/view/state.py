@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adaptsim_cli.screen.values import number
 from adaptsim_cli.session.operator import Judged, Proposal
-from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import Seen, Sight
 from hw.types import Array
@@ -31,7 +31,7 @@ def quantities(space: Space, point: Sequence[float] | Array) -> list[dict[str, s
     ]
 
 
-def trial(task: Task, facts: Facts, made: Proposal) -> dict[str, Any]:
+def trial(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
     """A proposed trial in words."""
     stage, expected = made.stage, made.prediction
     return {
@@ -39,7 +39,7 @@ def trial(task: Task, facts: Facts, made: Proposal) -> dict[str, Any]:
         "attempt": stage.key.attempt + 1,
         "iteration": stage.iteration + 1,
         "particle": stage.particle + 1,
-        "particles": facts.particles,
+        "particles": particles,  # 0: it belongs to no session
         "parameters": quantities(task.parameters, made.parameters),
         "context": quantities(task.context, made.context),
         "action": quantities(task.action, made.action),

@@ -53,7 +53,7 @@ def best_of(store: SessionStore, config: Config) -> BestOfSession:
             f"session {name} has no complete iteration yet, so no best policy: adaptsim run-iteration --session {name}"
         )
     found = settings_of(store, config)
-    return BestOfSession(found, results[-1].best.params, history_of(task_of(found), store, results[-1].iteration))
+    return BestOfSession(found, results[-1].best.params, history_of(task_of(found), store, results[-1].iteration - 1))
 
 
 def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPolicy:

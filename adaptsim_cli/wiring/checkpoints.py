@@ -116,7 +116,9 @@ def repair(
         raise UsageError(f"{folder} exists already: use it, or name another --out")
     path, _ = repair(checkpoint, folder, seed, steps, progress)
     learnt = checkpoint_card(checkpoint.solver.task.name, path)["attainable"]
-    return {"checkpoint": str(path), "task": checkpoint.solver.task.name, **learnt}
+    training = {key: value for key, value in learnt.items() if key not in ("threshold", "gate")}
+    kept = {"threshold": learnt["threshold"], "gate": learnt["gate"], "training": training}
+    return {"checkpoint": str(path), "task": checkpoint.solver.task.name, **kept}
 
 
 def list_checkpoints() -> list[dict[str, str]]:

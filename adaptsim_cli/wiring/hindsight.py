@@ -61,7 +61,7 @@ class Hindsight:
         if not trials:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
         done = any(store.result(i) is not None for i in range(count))
-        posteriors = tuple(self.posterior(store, i) for i in range(trials[-1].iteration + 2))
+        posteriors = tuple(self.posterior(store, i) for i in range(trials[-1].iteration + 1))
         known = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Prospect:
@@ -79,7 +79,7 @@ class Hindsight:
         from sim.adaptation.posterior import predicted
 
         solver, context, action = self.checkpoint.solver, np.array(trial.context), np.array(trial.action)
-        guess = particles_of(store, trial.iteration)[trial.particle].mean
+        guess = particles_of(store, trial.iteration - 1)[trial.particle - 1].mean
         drawn = posterior.draw(LIKELY, np.random.default_rng(trial.number))
         states = predicted(solver, np.concatenate([guess[None], drawn]), context, action)
         seen = solver.task.observation

@@ -51,6 +51,7 @@ class PlannedMotion:
         return {
             "task": self.task.name,
             "arm": self.arm,
+            "units": {d.name: d.unit for space in (self.task.context, self.task.action) for d in space.dimensions},
             "context": dict(zip(self.task.context.names, self.context.tolist(), strict=True)),
             "action": dict(zip(self.task.action.names, self.action.tolist(), strict=True)),
             "duration_s": [path.duration_s for path in self.paths],

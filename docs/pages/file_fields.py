@@ -65,6 +65,15 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
+    (
+        "log.jsonl",
+        "What commands did in a session, one JSON object a line, in order of time. No record rests on it: deleting it loses nothing else. "
+        "`event` is one of: `begun` (a command took the session; `data`: versions, python, process), `asked` and `answered` (a question; `data`: answer), "
+        "`done` (a step; `data`: stage), `noted` (a warning), `planned` (a trial before it is asked for; `data`: trial, attempt, iteration, particle, "
+        "parameters, context, action, expected_reward), `tracked` (`data`: outcome, reward, flags), `stored` (`data`: trials and iterations so far), "
+        "`reported`, `ended` (with `data`: error, where an error ended the command). Empty fields are left out. The last line of a computer that lost power may be cut short.",
+        (("", "adaptsim_cli.session.log", "LogLine"),),
+    ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
     ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
     ("rig.json", "Beside a trial on a real rig.", (("", "adaptsim_cli.session.records", "RigFacts"),)),
@@ -159,10 +168,10 @@ SAID = {
     "predicted_high": "upper end of its interval",
     "timing_s": "seconds spent on each stage",
     "number": "number of the trial in the session, from 1",
-    "attempt": "number of the attempt, from 0",
-    "iteration": "number of the iteration, from 0",
-    "particle": "number of the particle, from 0",
-    "trial": "number of the trial of its particle, from 0",
+    "attempt": "number of the attempt, from 1 (from 0 in sessions of formats 1 and 2)",
+    "iteration": "number of the iteration, from 1 (from 0 in sessions of formats 1 and 2)",
+    "particle": "number of the particle, from 1 (from 0 in sessions of formats 1 and 2)",
+    "trial": "number of the trial of its particle, from 1 (from 0 in sessions of formats 1 and 2)",
     "observation": "positions at the task's times, normalised",
     "reward": "between 0 and 1",
     "overruled_from": "outcome that tracking had found, if the operator set another",

@@ -133,7 +133,7 @@ def test_json_on_stdout_is_one_line_an_iteration_and_nothing_else(
 ) -> None:
     assert app.run([*RUN, "--json", "--iterations", "2"]) == 0
     out, err = capfd.readouterr()
-    assert [json.loads(line)["iteration"] for line in out.splitlines()] == [0, 1]
+    assert [json.loads(line)["iteration"] for line in out.splitlines()] == [1, 2]
     assert "SIMULATED" in err
     assert "Report:" in err
 
@@ -171,7 +171,7 @@ def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(
     assert f"adaptsim run-iteration --session {NAME}" in message
     lab.hooks.clear()
     assert app.run(["run-iteration", "--session", NAME, "--yes"]) == 0
-    assert (place / "home/data/sessions" / NAME / "iteration-00" / "result-0").is_dir()
+    assert (place / "home/data/sessions" / NAME / "iteration-01" / "result-1").is_dir()
 
 
 @pytest.fixture
@@ -193,7 +193,7 @@ def test_control_c_stops_cleanly(lab: ToyLab, capfd: pytest.CaptureFixture[str])
     assert "interrupted; everything completed is stored" in told(capfd)
     lab.hooks.clear()
     assert app.run(["sessions", "show", NAME, "--json"]) == 0
-    assert [t["id"] for t in json.loads(capfd.readouterr().out)["trials"]] == [1]
+    assert [t["trial"] for t in json.loads(capfd.readouterr().out)["trials"]] == [1]
 
 
 def test_a_full_disk_ends_with_8(
@@ -232,14 +232,14 @@ def test_an_arm_with_a_fault_is_seen_before_anything_moves(lab: ToyLab, capfd: p
 def test_a_truncated_session_ends_with_8_naming_the_file(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(RUN) == 0
     capfd.readouterr()
-    file = next(Path.cwd().glob("home/data/sessions/*/iteration-00/trial-002-attempt-0/trial.json"))
+    file = next(Path.cwd().glob("home/data/sessions/*/iteration-01/trial-002-attempt-1/trial.json"))
     file.write_bytes(file.read_bytes()[:100])
     for command in (["sessions", "show", NAME], ["report", NAME], ["sessions", "verify"], RUN):
         assert app.run(command) == 8, command
-        assert "trial-002-attempt-0/trial.json is corrupt" in told(capfd)
+        assert "trial-002-attempt-1/trial.json is corrupt" in told(capfd)
     assert app.run(["sessions", "list", "--json"]) == 0, "a damaged session hides no other"
-    (listed,) = json.loads(capfd.readouterr().out)
-    assert "trial-002-attempt-0/trial.json is corrupt" in listed["error"]
+    (listed,) = json.loads(capfd.readouterr().out)["sessions"]
+    assert "trial-002-attempt-1/trial.json is corrupt" in listed["error"]
 
 
 def test_a_flag_that_contradicts_the_session_ends_with_2(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
@@ -253,10 +253,10 @@ def test_a_session_is_listed_shown_reported_and_redone(lab: ToyLab, capfd: pytes
     assert app.run(RUN) == 0
     capfd.readouterr()
     assert app.run(["sessions", "list", "--json"]) == 0
-    (listed,) = json.loads(capfd.readouterr().out)
+    (listed,) = json.loads(capfd.readouterr().out)["sessions"]
     assert (listed["session"], listed["iterations"], listed["trials"]) == (NAME, 1, 4)
     assert app.run(["sessions", "redo", NAME, "2", "--json"]) == 0
-    assert json.loads(capfd.readouterr().out) == {"session": NAME, "trial": 2, "next_attempt": 1}
+    assert json.loads(capfd.readouterr().out) == {"version": 1, "session": NAME, "trial": 2, "next_attempt": 2}
     assert app.run(["report", "--json", "--out", "page.html"]) == 0
     assert json.loads(capfd.readouterr().out)["session"] == NAME
     assert "<svg" in Path("page.html").read_text()
@@ -268,7 +268,7 @@ def test_settings_are_shown_with_their_sources(capfd: pytest.CaptureFixture[str]
     capfd.readouterr()
     assert app.run(["config", "show", "--json"]) == 0
     shown = json.loads(capfd.readouterr().out)
-    assert shown["seed"] == {"value": 7, "source": str(Path.cwd() / "adaptsim.toml")}
+    assert shown["settings"]["seed"] == {"value": 7, "source": str(Path.cwd() / "adaptsim.toml")}
     assert app.run(["config", "init", "--project", "--arm", "none", "--yes"]) == 0
     assert "left as it is" in capfd.readouterr().out
     assert Path("adaptsim.toml").read_text() == "seed = 7\n"

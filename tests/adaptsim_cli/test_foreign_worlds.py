@@ -20,7 +20,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_it_is_listed_and_shown_with_its_physics(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["lab", "list", "--task", "pushing", "--json"]) == 0
-    physics = {world["name"]: world["physics"] for world in json.loads(capfd.readouterr().out)}
+    physics = {world["name"]: world["physics"] for world in json.loads(capfd.readouterr().out)["worlds"]}
     assert (physics["wd"], physics["mujoco-wd"]) == ("drake", "mujoco")
     assert app.run(["lab", "show", *WORLD]) == 0
     assert "Its physics is mujoco: the tool is driven directly" in capfd.readouterr().out

@@ -74,7 +74,7 @@ def test_a_session_goes_on_with_its_checkpoint(
     asked = ["run-iteration", "--task", "pendulum", "--world", "ood-4", "--session", "pendulum", "--yes", "--json"]
     assert app.run(asked) == 0
     after = json.loads(capfd.readouterr().out.splitlines()[-1])
-    assert after["iteration"] == before["iteration"] + 1 == 1
+    assert after["iteration"] == before["iteration"] + 2 == 2, "numbered from 1, whatever the format counts from"
     for was, now in zip(before["particles"], after["particles"], strict=True):
         assert now["params"] == pytest.approx(was["next_params"])
 
@@ -98,3 +98,25 @@ def test_a_calibration_is_what_a_session_works_with_and_the_doctor_shows(old: Pa
     fresh, aged = (doctor.calibration(known, 30, made + timedelta(days=days), "fake") for days in (10, 40))
     assert (fresh.verdict, aged.verdict) == (Severity.OK, Severity.ADVICE)
     assert "± 0.0 mm, ± 0.00°, 10 days old" in str(fresh)
+
+
+def test_a_session_that_counts_from_zero_goes_on_so_on_the_disk_and_from_one_on_the_screen(
+    old: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_CHECKPOINT", "checkpoint")
+    asked = ["run-iteration", "--task", "pendulum", "--world", "ood-4", "--session", "pendulum", "--yes"]
+    assert app.run(asked) == 0
+    folder = old / "home/data/sessions/pendulum"
+    assert (folder / "iteration-01/trial-003-attempt-0/trial.json").is_file()
+    assert json.loads((folder / "iteration-01/result-0/result.json").read_text())["iteration"] == 1
+    assert "iteration 2 of session pendulum" in capfd.readouterr().out
+    assert app.run(["sessions", "show", "pendulum", "--json"]) == 0
+    shown = json.loads(capfd.readouterr().out)
+    places = [(t["iteration"], t["particle"], t["trial"], t["attempt"]) for t in shown["trials"]]
+    assert places == [(1, 1, 1, 1), (1, 2, 2, 1), (2, 1, 3, 1), (2, 2, 4, 1)]
+    assert app.run(["sessions", "redo", "pendulum", "4", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["next_attempt"] == 2
+    assert app.run(asked) == 0
+    assert (folder / "iteration-01/trial-004-attempt-1/trial.json").is_file()
+    assert (folder / "iteration-01/result-1/result.json").is_file()
+    assert app.run(["sessions", "verify", "pendulum"]) == 0

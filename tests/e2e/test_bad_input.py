@@ -43,7 +43,7 @@ def use(monkeypatch: pytest.MonkeyPatch) -> Callable[[BottleBench], BottleBench]
 
 def trials(home_folder: Path) -> list[str]:
     """Folders of trials of the session, whole ones and rejected ones."""
-    return sorted(p.name for p in home_folder.glob("home/data/sessions/s/iteration-00/trial-*") if p.is_dir())
+    return sorted(p.name for p in home_folder.glob("home/data/sessions/s/iteration-01/trial-*") if p.is_dir())
 
 
 # What was typed ------------------------------------------------------------------------------------------------------
@@ -114,14 +114,14 @@ def test_a_second_bottle_half_way_costs_no_finished_trial_and_the_session_goes_o
     assert app.run(SESSION) == 6
     assert "leave one, on the mark" in capfd.readouterr().err
     assert bench.pushes == 1
-    assert trials(tmp_path) == ["trial-001-attempt-0"]
+    assert trials(tmp_path) == ["trial-001-attempt-1"]
 
     bench = use(BottleBench())
     assert app.run(SESSION) == 0
     summary = json.loads(capfd.readouterr().out)
     assert [len(particle["trials"]) for particle in summary["particles"]] == [2, 2]
     assert bench.pushes == 3, "the finished trial is kept"
-    assert trials(tmp_path)[0] == "trial-001-attempt-0"
+    assert trials(tmp_path)[0] == "trial-001-attempt-1"
     assert len(trials(tmp_path)) == 4
 
 

@@ -53,13 +53,13 @@ def run(home: Path, lab: ToyLab, capfd: Capture, calibration_sha256: str = "h" *
 
 def stored(home: Path) -> dict[str, bytes]:
     """Every file of every completed trial, byte by byte."""
-    root = home / "data/sessions/s/iteration-00"
+    root = home / "data/sessions/s/iteration-01"
     return {str(p.relative_to(root)): p.read_bytes() for p in sorted(root.glob("trial-*/*")) if p.is_file()}
 
 
 def completed(home: Path) -> list[str]:
     """The folders of completed trials."""
-    return sorted(path.parent.name for path in home.glob("data/sessions/s/iteration-00/*/trial.json"))
+    return sorted(path.parent.name for path in home.glob("data/sessions/s/iteration-01/*/trial.json"))
 
 
 def raising(error: BaseException) -> Callable[[int, int], None]:
@@ -100,13 +100,13 @@ def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
     assert told.count("Error:") == 1
     assert words in told.partition("Error:")[2]
     assert CONTINUE in told
-    assert completed(home) == ["trial-001-attempt-0"]
+    assert completed(home) == ["trial-001-attempt-1"]
     kept = stored(home)
 
     afterwards = ToyLab(0)
     ended, told, data = run(home, afterwards, capfd)
     assert ended == 0, told
-    assert json.loads(data)["iteration"] == 0
+    assert json.loads(data)["iteration"] == 1
     assert completed(home) == [f"trial-00{n}-attempt-{int(n == 2)}" for n in range(1, 5)]
     assert afterwards.executions == [(2, 1), (3, 0), (4, 0)], "the completed trial is not done again"
     assert kept.items() <= stored(home).items(), "and nothing of it is touched"
@@ -147,7 +147,7 @@ def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
     assert told.count("Error:") == 1
     assert words in told.partition("Error:")[2]
     assert CONTINUE in told
-    assert completed(home) == ["trial-001-attempt-0"]
+    assert completed(home) == ["trial-001-attempt-1"]
     afterwards = ToyLab(0)
     assert run(home, afterwards, capfd)[0] == 0
     assert afterwards.executions == [(2, 0), (3, 0), (4, 0)]

@@ -93,7 +93,7 @@ def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_com
     assert whole.code == 0, whole.said
     (summary,) = whole.data
     assert [len(p["trials"]) for p in summary["particles"]] == [2]
-    assert sorted(drill.completed()) == ["trial-001-attempt-2", "trial-002-attempt-0"]
+    assert sorted(drill.completed()) == ["trial-001-attempt-3", "trial-002-attempt-1"]
     assert [bool(re.search(w, r)) for w, r in zip(("reflex", "pedal"), drill.rejected(), strict=True)] == [True, True]
 
 
@@ -157,7 +157,7 @@ def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_tria
     assert killed.code == -signal.SIGKILL, killed.said
     assert braked(stands(drill)), "the player brakes when nobody speaks to it any more"
     first = drill.completed()
-    assert sorted(first) == ["trial-001-attempt-0"]
+    assert sorted(first) == ["trial-001-attempt-1"]
 
     whole = drill.run()
     assert whole.code == 0, whole.said

@@ -23,7 +23,7 @@ def test_one_iteration_ends_in_the_documented_json_and_a_report(tmp_path: Path, 
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
     summary = json.loads(line)
-    assert (summary["task"], summary["hw"], summary["seed"], summary["iteration"]) == ("scooping", "fake", 0, 0)
+    assert (summary["task"], summary["hw"], summary["seed"], summary["iteration"]) == ("scooping", "fake", 0, 1)
     assert [len(particle["trials"]) for particle in summary["particles"]] == [2, 2]
     for particle in summary["particles"]:
         assert list(particle["params"]) == ["mu", "e", "g", "h"]
@@ -53,9 +53,9 @@ def test_a_fault_has_its_exit_code_and_costs_one_attempt(fault: str, code: int, 
     assert failed.stdout == ""
     resumed = run(tmp_path / "home", world)
     assert resumed.returncode == 0, resumed.stderr
-    folder = tmp_path / "home/data/sessions/s/iteration-00"
-    assert (folder / "trial-002-attempt-1").is_dir()
-    assert (folder / "trial-001-attempt-0").is_dir()
+    folder = tmp_path / "home/data/sessions/s/iteration-01"
+    assert (folder / "trial-002-attempt-2").is_dir()
+    assert (folder / "trial-001-attempt-1").is_dir()
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def digest(home: Path) -> dict[str, object]:
     """All records of the first iteration, without times of day and durations; sizes of what is not JSON."""
     root = home / "data" / "sessions" / "s"
     found: dict[str, object] = {}
-    for path in sorted(root.glob("iteration-00/**/*")):
+    for path in sorted(root.glob("iteration-01/**/*")):
         if path.is_file() and not any(part.startswith(".") for part in path.relative_to(root).parts):
             name = str(path.relative_to(root))
             found[name] = steady(json.loads(path.read_text())) if path.suffix == ".json" else path.stat().st_size

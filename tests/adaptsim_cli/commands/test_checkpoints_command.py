@@ -92,7 +92,7 @@ def test_a_damaged_card_does_not_hide_the_others(copied: Path, capfd: pytest.Cap
     shutil.copytree(copied, broken)
     (broken / CARD).write_text("task = ")
     assert app.run(["checkpoints", "list", "--json"]) == 0
-    found = {row["name"]: row for row in json.loads(capfd.readouterr().out)}
+    found = {row["name"]: row for row in json.loads(capfd.readouterr().out)["checkpoints"]}
     assert "not valid TOML" in found["scooping-small-seed0"]["created"]
     assert found["default"]["task"] in TASKS
 

@@ -60,7 +60,7 @@ def test_list_explains_the_numbers_of_a_task() -> None:
 def test_list_names_the_shipped_worlds() -> None:
     result = runner.invoke(app, ["list", "--task", "scooping", "--json"])
     assert result.exit_code == 0
-    names = {world["name"] for world in json.loads(result.stdout)}
+    names = {world["name"] for world in json.loads(result.stdout)["worlds"]}
     assert {"wd", "ood-1", "ood-2", "ood-3", "ood-4"} <= names
 
 

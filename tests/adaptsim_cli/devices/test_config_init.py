@@ -109,7 +109,7 @@ def test_yes_takes_every_default_and_json_tells_what_was_written(
     assert read(Path(written["rig_file"])).arm.model == "fr3"
     assert app.run(["config", "show", "--json"]) == 0
     shown = json.loads(capfd.readouterr().out)
-    assert shown["rig"]["value"] == written["rig_file"]
+    assert shown["settings"]["rig"]["value"] == written["rig_file"]
     assert shown["rig_file"]["arm"]["address"] == "172.16.0.2"
     assert app.run(["config", "show"]) == 0
     assert "arm.address" in capfd.readouterr().out

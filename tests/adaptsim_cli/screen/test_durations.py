@@ -42,8 +42,8 @@ def test_every_wait_says_how_long_it_took_lately(tmp_path: Path) -> None:
     with screen.busy("Planning the motion", "planning"), screen.busy("Looking closer"):
         pass
     assert "Planning the motion (about 12 s)" in said.getvalue()
-    assert set(screen.spent_s()) == {"planning", "Looking closer"}
-    assert screen.spent_s() == {}, "since the last call"
+    assert set(screen.lap_s()) == {"planning", "Looking closer", "other"}
+    assert set(screen.lap_s()) == {"other"}, "since the last call"
 
 
 def test_a_wait_on_a_terminal_fits_on_one_line() -> None:

@@ -20,7 +20,7 @@ FACTS = Facts(
 def result(sentence: str, iteration: int = 1) -> ResultRecord:
     best = BestRecord(params={"mu": 0.3}, mean_reward=0.5, trials=4, ci95=(0.2, 0.8))
     return ResultRecord(
-        iteration=iteration, trials=(), next_particles=(), best=best, verdict=sentence, timing_s={}, proposal_s=0.0
+        iteration=iteration + 1, trials=(), next_particles=(), best=best, verdict=sentence, timing_s={}, proposal_s=0.0
     )
 
 

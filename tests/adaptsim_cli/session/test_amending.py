@@ -42,7 +42,7 @@ def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path:
     again = ToyLab(0)
     run_iteration(attended(tmp_path, ScriptedOperator(), again))
     assert again.executions == [(2, 0), (3, 0), (4, 0)], "the motion of the restored trial is not made again"
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [0, 0, 0, 0]
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 1, 1, 1]
     assert verify(tmp_path / "data" / "sessions", NAME).damage == ()
 
 
@@ -50,17 +50,17 @@ def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path:
     store = run(tmp_path)
     redo(store, 2, "the piece was touched")
     run(tmp_path)
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [0, 1, 0, 0]
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
     restore(opened(tmp_path), 2, None, "it was not")
     run(tmp_path)
     store = opened(tmp_path)
-    assert [t.attempt for t in store.trials(0)] == [0, 0, 0, 0]
+    assert [t.attempt for t in store.trials(0)] == [1, 1, 1, 1]
     result = store.result(0)
     assert result is not None
     assert result.amended == ("attempt 1 of trial 2 counts again: it was not",)
     redo(store, 2, "it was after all")
     run(tmp_path)
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [0, 1, 0, 0]
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
 
 
 def test_an_amended_outcome_counts_and_the_new_result_says_so(tmp_path: Path) -> None:
@@ -124,5 +124,5 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Pat
             run_iteration(attended(tmp_path, Undecided(), ToyLab(0)))
         restore(opened(tmp_path), 1, None, "yes")
     run_iteration(attended(tmp_path, ScriptedOperator(), ToyLab(0)))
-    assert opened(tmp_path).trials(0)[0].attempt == 0
-    assert len(list(opened(tmp_path).iteration_folder(0).glob("trial-001-attempt-0.restored*.json"))) == 2
+    assert opened(tmp_path).trials(0)[0].attempt == 1
+    assert len(list(opened(tmp_path).iteration_folder(0).glob("trial-001-attempt-1.restored*.json"))) == 2

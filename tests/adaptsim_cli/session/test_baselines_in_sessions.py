@@ -15,6 +15,6 @@ def test_a_session_of_a_baseline_runs_and_continues(method, tmp_path, monkeypatc
     first = json.loads(capsys.readouterr().out)
     assert run(line) == 0  # another process would do the same: nothing is kept but the session's folder
     second = json.loads(capsys.readouterr().out)
-    assert (first["iteration"], second["iteration"]) == (0, 1)
+    assert (first["iteration"], second["iteration"]) == (1, 2)
     assert [p["params"] for p in second["particles"]] == [p["next_params"] for p in first["particles"]]
     assert all(0.0 <= t["reward"] <= 1.0 for p in second["particles"] for t in p["trials"])

@@ -29,7 +29,7 @@ def test_a_bundle_holds_records_and_pictures_only_if_asked(
         names = archive.namelist()
         about = json.loads(archive.read("about.json"))
         texts = [archive.read(name).decode() for name in names if name.endswith((".json", ".toml"))]
-    assert f"{NAME}/iteration-00/trial-001-attempt-0/trial.json" in names
+    assert f"{NAME}/iteration-01/trial-001-attempt-1/trial.json" in names
     assert any(name.endswith(".mcap") for name in names) == pictures
     assert any(name.endswith(".jpg") for name in names) == pictures
     assert about["packages"]["torch"].startswith("2.")

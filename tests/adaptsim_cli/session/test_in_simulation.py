@@ -36,7 +36,7 @@ def opened() -> SessionStore:
 def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run([*RUN, "--json", "-n", "2"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
-    assert [first["iteration"], second["iteration"]] == [0, 1]
+    assert [first["iteration"], second["iteration"]] == [1, 2]
     assert [len(p["trials"]) for p in first["particles"]] == [1, 1]
     assert [p["next_params"] for p in first["particles"]] == [p["params"] for p in second["particles"]]
     for particle in first["particles"]:
@@ -50,7 +50,7 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
     assert "On the table" not in html
     assert "<img src" not in html
     assert "calibration" not in html
-    kept = opened().folder.glob("iteration-00/trial-001-attempt-0/*")
+    kept = opened().folder.glob("iteration-01/trial-001-attempt-1/*")
     assert sorted(path.name for path in kept) == ["motion.json", "trajectory.json", "trial.json"]
 
 
@@ -94,7 +94,7 @@ def test_a_trial_is_redone_and_shown(capfd: pytest.CaptureFixture[str]) -> None:
     capfd.readouterr()
     assert app.run(["sessions", "show", NAME, "--json"]) == 0
     trials = json.loads(capfd.readouterr().out)["trials"]
-    assert [(t["id"], t["attempt"]) for t in trials] == [(1, 0), (2, 1)]
+    assert [(t["trial"], t["attempt"]) for t in trials] == [(1, 1), (2, 2)]
     assert app.run(["report", NAME, "--out", "page.html"]) == 0
     assert "<svg" in Path("page.html").read_text()
 

@@ -95,7 +95,7 @@ def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     room = keeping.prune(store, rejected_only=True)
     assert (room.trials, room.files) == (1, 1)
     assert [path for path in had if path not in recordings(root)] == [
-        f"{NAME}/iteration-00/trial-001-attempt-0/recording.mcap"
+        f"{NAME}/iteration-01/trial-001-attempt-1/recording.mcap"
     ]
     room = keeping.prune(store)
     assert room.trials == 4
@@ -111,7 +111,7 @@ def test_a_recording_that_was_lost_is_still_damage_after_pruning(root: Path) -> 
     store = SessionStore.open(root, NAME)
     keeping.prune(store, rejected_only=True)
     (store.trial_folder(0, TrialKey(2, 0)) / recording.FILE).unlink()
-    assert "trial-002-attempt-0/recording.mcap" in verify(root, NAME).damage[0]
+    assert "trial-002-attempt-1/recording.mcap" in verify(root, NAME).damage[0]
 
 
 def test_a_pruned_session_continues(root: Path) -> None:
@@ -130,10 +130,10 @@ def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.Capt
     for part in (NAME, "#paper", "the first one", "toy", "4 trials", "It works"):
         assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
     assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out.splitlines()[-1]) == []
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"] == []
     assert app.run(["sessions", "archive", NAME]) == 0
     assert app.run(["sessions", "list", "--archived", "--json"]) == 0
-    (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])
+    (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"]
     assert one["size_bytes"] > 1000
     assert one["verdict"] == "It works."
 

@@ -138,7 +138,7 @@ def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path: Path) -
     assert reason(session.store) == "out of sight"
     assert len(recorded(session.store).frames) == 6
     assert not (session.store.trial_folder(0, SECOND) / "trial.json").exists()
-    assert [t.attempt for t in session.store.trials(0)] == [0, 1, 0, 0]
+    assert [t.attempt for t in session.store.trials(0)] == [1, 2, 1, 1]
 
 
 def test_an_arm_that_stops_half_way_leaves_what_the_camera_saw(tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ def test_a_recording_that_waits_for_its_review_can_be_redone(tmp_path: Path) -> 
 def test_a_damaged_recording_that_waits_for_its_review_is_named(tmp_path: Path) -> None:
     path = stop_at_second_review(tmp_path).trial_folder(0, SECOND) / recording.FILE
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt"):
+    with pytest.raises(SessionError, match=r"trial-002-attempt-1/recording\.mcap is corrupt"):
         run(tmp_path)
     assert SessionStore.open(tmp_path / "data" / "sessions", NAME).existing().recorded == {SECOND}
 
@@ -248,4 +248,4 @@ def test_what_lies_in_the_folder_is_what_the_documents_say(tmp_path: Path) -> No
     done = run(tmp_path).trial(0, SECOND)
     assert {"recording.mcap", "object.mcap", "overlay.jpg", "moment-start.jpg"} <= set(done.files)
     assert (motion.context, motion.action, motion.stopped) == (done.context, done.action, None)
-    assert np.isfinite(motion.timing_s["rollout"])
+    assert np.isfinite(motion.timing_s["moving"])

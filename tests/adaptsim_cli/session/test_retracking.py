@@ -84,7 +84,7 @@ def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: T
     (one,) = retracking.retrack(session, TASK, changed, 2)
     assert one.record.number == 2 and not one.is_same_outcome and one.reward == 0.0
     assert one.end_apart_m == pytest.approx(0.005) and one.most_apart_m == pytest.approx(0.005)
-    said = one.as_json()
+    said = one.as_json(session.facts)
     assert (said["stored"]["tracked_outcome"], said["now"]["outcome"]) == ("on_blade", "on_table")
     assert said["end_apart_mm"] == pytest.approx(5.0)
     assert retracking.rows([one])[0][:3] == ("2", "on blade", "on table")
@@ -96,20 +96,20 @@ def test_what_cannot_be_found_any_more_is_told_of_each_trial(session: SessionSto
 
     found = list(retracking.retrack(session, TASK, dataclasses.replace(tracker, find=blind), None))
     assert [one.failure for one in found] == ["nothing looks like it"] * 4
-    assert found[0].as_json()["now"] is None and found[0].end_apart_m is None
+    assert found[0].as_json(session.facts)["now"] is None and found[0].end_apart_m is None
     assert retracking.rows(found)[0][2] == "not tracked"
     with pytest.raises(TrackingFailed, match="4 of 4 trials cannot be tracked now; trial 1: nothing looks like it"):
         retracking.require_tracked(found)
 
 
 def test_a_damaged_recording_is_named(session: SessionStore, tracker: Tracker) -> None:
-    (path,) = session.folder.glob(f"iteration-00/trial-002-attempt-0/{recording.FILE}")
+    (path,) = session.folder.glob(f"iteration-01/trial-002-attempt-1/{recording.FILE}")
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
-    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt or incomplete .*bytes"):
+    with pytest.raises(SessionError, match=r"trial-002-attempt-1/recording\.mcap is corrupt or incomplete .*bytes"):
         list(retracking.retrack(session, TASK, tracker, None))
     path.write_bytes(content[:200] + bytes(len(content) - 200))  # of the right size
-    with pytest.raises(SessionError, match=r"trial-002-attempt-0/recording\.mcap is corrupt"):
+    with pytest.raises(SessionError, match=r"trial-002-attempt-1/recording\.mcap is corrupt"):
         list(retracking.retrack(session, TASK, tracker, None))
 
 
@@ -145,7 +145,7 @@ def test_the_command_prints_a_table_or_one_object(
     assert out.count("on blade") == 8 and "most apart" in out
     assert app.run(["retrack", session.facts.name, "--trial", "3", "--json"]) == 0
     (one,) = json.loads(capfd.readouterr().out)["trials"]
-    assert (one["id"], one["same_outcome"], one["failure"]) == (3, True, None)
+    assert (one["trial"], one["same_outcome"], one["failure"]) == (3, True, None)
     assert one["now"]["reward"] == pytest.approx(one["stored"]["reward"], abs=1e-6)
 
 

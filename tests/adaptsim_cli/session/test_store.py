@@ -37,10 +37,10 @@ def reopened(store: SessionStore) -> SessionStore:
     [
         "session.toml",
         "start.json",
-        "iteration-00/trial-002-attempt-0/trial.json",
-        "iteration-00/trial-002-attempt-0/recording.mcap",
-        "iteration-00/result-0/result.json",
-        "iteration-00/result-0/summary.json",
+        "iteration-01/trial-002-attempt-1/trial.json",
+        "iteration-01/trial-002-attempt-1/recording.mcap",
+        "iteration-01/result-1/result.json",
+        "iteration-01/result-1/summary.json",
     ],
 )
 @pytest.mark.parametrize("cut", [0.0, 0.6])
@@ -55,13 +55,13 @@ def test_a_truncated_file_is_named(store: SessionStore, file: str, cut: float) -
 
 
 def test_a_missing_recording_is_named(store: SessionStore) -> None:
-    (store.folder / "iteration-00/trial-001-attempt-0/recording.mcap").unlink()
-    with pytest.raises(SessionError, match=r"trial-001-attempt-0/recording.mcap .*it is missing"):
+    (store.folder / "iteration-01/trial-001-attempt-1/recording.mcap").unlink()
+    with pytest.raises(SessionError, match=r"trial-001-attempt-1/recording.mcap .*it is missing"):
         overview(reopened(store))
 
 
 def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:
-    (store.folder / "iteration-00/trial-one").mkdir()
+    (store.folder / "iteration-01/trial-one").mkdir()
     with pytest.raises(SessionError, match="trial-one is corrupt"):
         store.existing()
 
@@ -82,8 +82,8 @@ def test_a_newer_format_asks_for_a_newer_version(store: SessionStore) -> None:
 
 def test_what_a_killed_process_left_behind_is_not_read(store: SessionStore) -> None:
     before = store.existing()
-    (store.folder / "iteration-00" / ".trial-005-attempt-0.writing").mkdir()
-    (store.folder / "iteration-00" / ".result-1.writing").mkdir()
+    (store.folder / "iteration-01" / ".trial-005-attempt-1.writing").mkdir()
+    (store.folder / "iteration-01" / ".result-2.writing").mkdir()
     assert store.existing() == before
 
 
@@ -95,7 +95,7 @@ def test_a_session_runs_in_one_process_at_a_time(store: SessionStore) -> None:
 
 
 def test_whoever_takes_a_session_removes_what_was_left_behind(store: SessionStore) -> None:
-    left = store.folder / "iteration-00" / ".trial-005-attempt-0.x1.writing"
+    left = store.folder / "iteration-01" / ".trial-005-attempt-1.x1.writing"
     left.mkdir()
     (left / "recording.mcap").write_bytes(b"half")
     with store.locked():

@@ -68,13 +68,13 @@ def test_a_missing_file_is_noticed(root: Path) -> None:
 
 
 def test_a_missing_trial_is_noticed_by_the_result_that_rests_on_it(root: Path) -> None:
-    (folder,) = (root / NAME).glob("iteration-00/trial-001-attempt-0")
+    (folder,) = (root / NAME).glob("iteration-01/trial-001-attempt-1")
     shutil.rmtree(folder)
     assert any("a result rests on it" in message for message in verify(root, NAME).damage)
 
 
 def test_a_file_that_no_record_names_is_noticed(root: Path) -> None:
-    (root / NAME / "iteration-00" / "trial-001-attempt-0" / "other.json").write_text("{}")
+    (root / NAME / "iteration-01" / "trial-001-attempt-1" / "other.json").write_text("{}")
     (message,) = verify(root, NAME).damage
     assert "other.json" in message
     assert "no record names it" in message

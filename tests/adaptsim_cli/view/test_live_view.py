@@ -22,6 +22,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.operator import Judged, Proposal, Redo, Review
+from adaptsim_cli.session.watching import Occasion
 from adaptsim_cli.view import state
 from adaptsim_cli.view.live import LiveView, live_view
 from adaptsim_cli.view.server import Page
@@ -136,7 +137,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     screen = Screen(console=Console(file=io.StringIO(), width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     facts = session.store.facts
-    with live_view(screen, TASK, facts, "toy lab", None) as view:
+    with live_view(screen, TASK, Occasion.session(facts), "toy lab", None) as view:
         operator = Looking(view, [Redo("slip")])
         watched = Session(session.store, session.parts, operator, screen, view)
         run_iteration(watched)
@@ -162,7 +163,7 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path)
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
-    with live_view(screen, TASK, session.store.facts, "toy lab", None) as view:
+    with live_view(screen, TASK, Occasion.session(session.store.facts), "toy lab", None) as view:
         with screen.busy("Finding the piece"):
             assert view._state["now"]["doing"] == "Finding the piece"
         assert view._state["now"]["doing"] == ""

@@ -57,7 +57,7 @@ def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixt
     (home / "data/rollouts/scooping-broken").mkdir()
     capsys.readouterr()
     assert app.run(["rollouts", "list", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)["rollouts"]
     whole = [one for one in found if "error" not in one]
     assert {one["task"] for one in whole} == {"pendulum"}
     assert "was not tracked" in next(one["error"] for one in found if "error" in one)

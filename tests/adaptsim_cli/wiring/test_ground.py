@@ -66,6 +66,9 @@ def test_calibrations_are_listed_compared_and_restored(settings: Resolved, capfd
     assert "in use, copy of 1" in out(capfd)
     assert run(["calibrate", "show", "3", *WORLD]) == 0
     assert "The camera stands at" in out(capfd)
+    for asked in (["show", "3"], ["compare", "1", "2"], ["restore", "2"]):
+        assert run(["calibrate", *asked, *WORLD, "--json"]) == 0
+        assert json.loads(out(capfd))["version"] == 1
 
 
 def test_what_is_not_there_or_in_use_already_is_said(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:

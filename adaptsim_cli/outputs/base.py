@@ -1,0 +1,47 @@
+"""What all JSON output shares: a version, no unknown keys, a meaning for every field, and units."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+VERSION = 1
+"""Counts up when a key goes, or means something else. New keys do not change it."""
+
+UNITS = {
+    "_s": "s", "_ms": "ms", "_m": "m", "_mm": "mm", "_mm_m": "mm/m", "_px": "px", "_deg": "degree", "_rad": "rad",
+    "_mrad": "mrad", "_bytes": "byte", "_N": "N", "_C": "degree Celsius",
+}  # fmt: skip
+"""The end of a name is its unit."""
+
+Quantities = dict[str, float]
+"""Values by the names of their parameters, contexts or actions, in `units`."""
+
+
+def said(meaning: str) -> Any:
+    """A field that every object has, with one line of meaning."""
+    return Field(description=meaning)
+
+
+def maybe(meaning: str) -> Any:
+    """A field that is null where there is nothing to say."""
+    return Field(None, description=meaning)
+
+
+class Part(BaseModel):
+    """A part of an output: frozen, unknown keys are an error, so that no key leaves the program undescribed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", json_schema_serialization_defaults_required=True)
+
+
+class Output(Part):
+    """What one command prints."""
+
+    version: int = Field(VERSION, description="of this output; it counts up when a key goes, or means something else")
+
+
+def unit_of(name: str) -> str:
+    """The unit that a name ends with, "" where it has none."""
+    ends = [end for end in UNITS if name.endswith(end)]
+    return UNITS[max(ends, key=len)] if ends else ""

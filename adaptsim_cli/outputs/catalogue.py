@@ -1,0 +1,89 @@
+"""Which command prints what, and its JSON schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from adaptsim_cli.outputs import learning, rig, sessions, trials
+from adaptsim_cli.outputs.base import Output, said, unit_of
+
+
+class Schemas(Output):
+    """JSON schemas of outputs."""
+
+    schemas: dict[str, dict[str, Any]] = said("by command")
+
+
+OUTPUTS: Mapping[str, type[Output]] = {
+    "run-iteration": trials.Iteration,
+    "pretrain": learning.Pretrained,
+    "benchmark": learning.BenchmarkOutput,
+    "world-tables": learning.WorldTables,
+    "rollout": trials.Rollout,
+    "preview": trials.Preview,
+    "report": sessions.Reported,
+    "compare": sessions.Compared,
+    "bundle": sessions.Bundled,
+    "doctor": rig.Doctor,
+    "retrack": sessions.Retracked,
+    "replay": sessions.Replayed,
+    "schema": Schemas,
+    "calibrate": rig.Calibration,
+    "calibrate check": rig.CalibrationCheck,
+    "calibrate board": rig.Board,
+    "calibrate solve": rig.Calibration,
+    "calibrate together": rig.Cameras,
+    "calibrate overlay": rig.Overlay,
+    "calibrate list": rig.CalibrationList,
+    "calibrate show": rig.Calibration,
+    "calibrate restore": rig.Restored,
+    "calibrate compare": rig.CalibrationsCompared,
+    "touch-off": rig.TouchOff,
+    "touch-off list": rig.TouchOffList,
+    "touch-off show": rig.TouchOff,
+    "touch-off restore": rig.Restored,
+    "touch-off compare": rig.TouchOffsCompared,
+    "sessions list": sessions.SessionList,
+    "sessions show": sessions.SessionShown,
+    "sessions verify": sessions.VerifiedSessions,
+    "sessions redo": sessions.Redone,
+    "sessions accept": sessions.Amended,
+    "sessions amend": sessions.Amended,
+    "sessions note": sessions.Annotated,
+    "sessions tag": sessions.Annotated,
+    "sessions archive": sessions.Moved,
+    "sessions restore": sessions.Moved,
+    "sessions delete": sessions.Deleted,
+    "sessions prune": sessions.Pruned,
+    "sessions policy": sessions.Policy,
+    "sessions export": sessions.Exported,
+    "rollouts list": sessions.RolloutList,
+    "rollouts report": sessions.RolloutReported,
+    "checkpoints list": learning.Checkpoints,
+    "checkpoints verify": learning.CheckpointVerified,
+    "checkpoints parameters": learning.CheckpointParameters,
+    "checkpoints repair": learning.CheckpointRepaired,
+    "config show": rig.Settings,
+    "config path": rig.Places,
+    "config init": rig.Initialised,
+    "lab list": learning.Worlds,
+    "lab show": learning.World,
+}
+"""The output of every command that takes `--json`."""
+
+
+def output(command: str, value: Mapping[str, Any]) -> dict[str, Any]:
+    """`value` as `command` prints it, its version first. Raises ValidationError where it is not as described."""
+    return OUTPUTS[command].model_validate(value).model_dump(mode="json")
+
+
+def schema(command: str) -> dict[str, Any]:
+    """The JSON schema of what `command` prints, with the unit of every field whose name ends with one."""
+    found = OUTPUTS[command].model_json_schema(mode="serialization")
+    found["title"] = f"adaptsim {command} --json"
+    for part in (found, *found.get("$defs", {}).values()):
+        for name, field in part.get("properties", {}).items():
+            if unit := unit_of(name):
+                field["unit"] = unit
+    return found

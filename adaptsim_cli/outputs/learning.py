@@ -1,0 +1,151 @@
+"""Outputs of the commands around worlds, checkpoints and benchmarks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from adaptsim_cli.outputs.base import Output, Part, Quantities, maybe, said
+from adaptsim_cli.outputs.trials import UNITS
+
+
+class WorldRow(Part):
+    """One world of the simulated lab."""
+
+    name: str = said("its name")
+    task: str = said("which task")
+    description: str = said("one sentence")
+    physics: str = said("drake or mujoco")
+
+
+class Described(Part):
+    """One parameter, context, action or nuisance of a task."""
+
+    name: str = said("its name")
+    plain_name: str = said("its name as people say it")
+    unit: str = said("its unit; empty for a plain number")
+    meaning: str = said("what it is, in one line")
+    low: float = said("lower end of its range")
+    high: float = said("upper end of its range")
+
+
+class Worlds(Output):
+    """The worlds of a task, and what its quantities mean."""
+
+    worlds: list[WorldRow] = said("one each")
+    quantities: list[Described] = said("parameters, contexts, actions and nuisance of the task")
+
+
+class World(Output):
+    """What is hidden in a world. A session never sees it."""
+
+    task: str = said("which task")
+    world: str = said("which world")
+    description: str = said("one sentence")
+    physics: str = said("drake or mujoco")
+    units: dict[str, str] = said(UNITS)
+    parameters: Quantities = said("true parameters, in `units`")
+    nuisance: Quantities = said("what differs from trial to trial, in `units`")
+    unmodelled: dict[str, Any] = said("effects that no parameter expresses")
+    seed: int | None = maybe("of errors and noise; null for a world without an arm")
+    sensing: dict[str, Any] | None = maybe("errors of camera and joints")
+    mount: dict[str, Any] | None = maybe("errors of table and tool")
+    faults: dict[str, Any] | None = maybe("faults, by trial")
+    X_BC: list[list[float]] | None = maybe("true pose of the camera in the arm's base, 4 x 4, m")
+    joint_zeros_rad: list[float] | None = maybe("true zeros of the joints")
+    X_FT: list[list[float]] | None = maybe("true pose of the tool in the flange, 4 x 4, m")
+    trials: list[dict[str, Any]] | None = maybe("where the object was placed and how it moved, in every trial so far")
+
+
+class CheckpointRow(Part):
+    """One checkpoint."""
+
+    task: str = said("which task; ? where its card cannot be read")
+    name: str = said("its name")
+    created: str = said("when it was made")
+    folder: str = said("where it lies")
+
+
+class Checkpoints(Output):
+    """The shipped checkpoints and the user's own."""
+
+    checkpoints: list[CheckpointRow] = said("one each")
+
+
+class Figure(Part):
+    """One figure of a card."""
+
+    name: str = said("what it is")
+    card: float = said("what the card says")
+    found: float = said("what fresh rollouts say")
+    tolerance: float = said("by how much it may be worse")
+    better: str = said("whether more or less is better")
+    holds: bool = said("whether it holds")
+
+
+class CheckpointVerified(Output):
+    """A checkpoint against its card."""
+
+    task: str = said("which task")
+    folder: str = said("where it lies")
+    sha256: str = said("hash of its weights")
+    holds: bool = said("whether every figure holds")
+    figures: list[Figure] = said("one each")
+
+
+class Identifiable(Part):
+    """How well sessions can tell one parameter."""
+
+    name: str = said("its name")
+    title: str = said("its name as people say it, with the unit")
+    left: float = said("share of the error that is left after the trials; 1: they tell nothing")
+    words: str = said("the same in words")
+
+
+class CheckpointParameters(Output):
+    """Which parameters sessions can tell."""
+
+    folder: str = said("of the checkpoint")
+    task: str = said("which task")
+    sessions: int = said("simulated targets")
+    trials: int = said("trials in each")
+    parameters: list[Identifiable] = said("one each")
+
+
+class CheckpointRepaired(Output):
+    """A copy of a checkpoint with another adaptation policy."""
+
+    checkpoint: str = said("folder of the copy")
+    task: str = said("which task")
+    threshold: float = said("reward from which a step counts as reached")
+    gate: dict[str, Any] = said("what the policy earns beside staying and drifting, and whether that passes")
+    training: dict[str, Any] = said("what it was trained with")
+
+
+class Pretrained(Output):
+    """A checkpoint that was trained."""
+
+    checkpoint: str = said("its folder")
+    card: dict[str, Any] = said("its card, with the held-out results")
+    report: str | None = maybe("document that was written; null without --report")
+
+
+class BenchmarkOutput(Output):
+    """Methods compared; [files](files.md#benchmarkjson) describes the rows field by field."""
+
+    format: int = said("version of the results' files")
+    task: str = said("which task")
+    conditions: dict[str, Any] = said("how much each session could try, and how policies were judged")
+    checkpoints: Any = said("which checkpoints the methods rest on")
+    targets: list[str] = said("worlds")
+    seeds: int = said("sessions a world and method")
+    left_out: dict[str, str] = said("methods that these checkpoints do not hold, and why")
+    rows: list[dict[str, Any]] = said("one for a method, a world and a seed")
+    summary: list[dict[str, Any]] = said("one for a set of worlds")
+    report: str = said("page that was written")
+
+
+class WorldTables(Output):
+    """Tables of true rollouts that were made."""
+
+    task: str = said("which task")
+    tables: list[dict[str, Any]] = said("one a world")

@@ -1,0 +1,295 @@
+"""Outputs of the commands that read and keep sessions and rollouts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from adaptsim_cli.outputs.base import Output, Part, Quantities, said
+from adaptsim_cli.outputs.trials import UNITS, Best
+
+
+class SessionRow(Part):
+    """One session in one line. A damaged one has `session` and `error` alone."""
+
+    session: str = said("its name")
+    task: str = said("which task")
+    hw: str = said("which hardware moved: fake, panda or fr3")
+    world: str = said("world of the simulated lab; empty on a real arm")
+    method: str = said("how it adapts")
+    seed: int = said("seed of all random numbers")
+    created: str = said("when it was begun")
+    iterations: int = said("complete iterations")
+    trials: int = said("completed trials that count")
+    mean_reward: float | None = said("of these trials; null without one")
+    verdict: str = said("sentence of its last iteration; empty before the first")
+    size_bytes: int = said("what it takes on the disk")
+    note: str = said("what a person wrote to it")
+    tags: list[str] = said("its tags")
+
+
+class Damaged(Part):
+    """A session that cannot be read."""
+
+    session: str = said("its name")
+    error: str = said("what is wrong with it")
+
+
+class SessionList(Output):
+    """All sessions, newest last."""
+
+    sessions: list[SessionRow | Damaged] = said("one each")
+
+
+class ShownTrial(Part):
+    """One completed trial that counts."""
+
+    trial: int = said("number of the trial in the session, from 1")
+    attempt: int = said("which attempt at it counts, from 1")
+    iteration: int = said("number of its iteration, from 1")
+    particle: int = said("number of its particle, from 1")
+    reward: float = said("between 0 and 1")
+    predicted_reward: float = said("what the simulator expected")
+    outcome: str = said("how it ended")
+    overruled_from: str | None = said("outcome that tracking had found, if the operator set another")
+    context: Quantities = said("context as measured, in `units`")
+    action: Quantities = said("action that was commanded, in `units`")
+    timing_s: dict[str, float] = said("wall time by stage")
+
+
+class ShownResult(Part):
+    """One complete iteration."""
+
+    iteration: int = said("its number, from 1")
+    best: Best = said("the parameters that the session would go with")
+    verdict: str = said("one sentence on the session")
+    timing_s: dict[str, float] = said("wall time by stage; `total` is their sum")
+
+
+class SessionShown(Output):
+    """One session with all that counts in it."""
+
+    facts: dict[str, Any] = said("what it was begun with, as in session.toml")
+    folder: str = said("where it lies")
+    units: dict[str, str] = said(UNITS)
+    trials: list[ShownTrial] = said("its trials, in order")
+    results: list[ShownResult] = said("its complete iterations, in order")
+
+
+class Verified(Part):
+    """One session, file by file."""
+
+    session: str = said("its name")
+    files: int = said("files that were read")
+    without_checksum: int = said("files of an earlier version: only their sizes were compared")
+    damage: list[str] = said("one message a damaged file")
+
+
+class VerifiedSessions(Output):
+    """Sessions that were read from end to end."""
+
+    sessions: list[Verified] = said("one each")
+
+
+class Redone(Output):
+    """A trial that will be done again."""
+
+    session: str = said("which session")
+    trial: int = said("number of the trial, from 1")
+    next_attempt: int = said("number of its next attempt, from 1")
+
+
+class Amended(Output):
+    """A trial that counts again, or counts otherwise."""
+
+    session: str = said("which session")
+    trial: int = said("number of the trial, from 1")
+    attempt: int = said("which attempt, from 1")
+    changed: str = said("what changed, in one sentence")
+
+
+class Annotated(Output):
+    """Note and tags of a session."""
+
+    session: str = said("which session")
+    note: str = said("what a person wrote to it")
+    tags: list[str] = said("its tags")
+
+
+class Moved(Output):
+    """A session that lies elsewhere now."""
+
+    session: str = said("which session")
+    folder: str = said("where it lies now")
+
+
+class Deleted(Output):
+    """A session that is gone."""
+
+    session: str = said("which session")
+    deleted: bool = said("true")
+
+
+class Pruned(Output):
+    """Recordings that were removed."""
+
+    session: str = said("which session")
+    files: int = said("recordings that were removed")
+    trials: int = said("trials that they belonged to")
+    size_bytes: int = said("room that was made")
+
+
+class Quantity(Part):
+    """One parameter, context or action."""
+
+    name: str = said("its name")
+    unit: str = said("its unit; empty for a plain number")
+    low: float = said("lower end of its range")
+    high: float = said("upper end of its range")
+    scale: str = said("how it is normalised: linear, log or integer")
+    plain_name: str = said("its name as people say it")
+    meaning: str = said("what it is, in one line")
+
+
+class Policy(Output):
+    """The best policy of a session as a table."""
+
+    format: int = said("version of the table")
+    session: str = said("which session")
+    task: str = said("which task")
+    checkpoint: str = said("which checkpoint it was trained with")
+    checkpoint_sha256: str = said("hash of the checkpoint's weights")
+    parameters: Quantities = said("parameters that it was trained for, in the units of `quantities`")
+    quantities: dict[str, list[Quantity]] = said("what stands in `parameters`, `context` and `action`, in order")
+    contexts: list[list[float]] = said("contexts over the whole area, in units")
+    actions: list[list[float]] = said("the policy's action at each, in units")
+
+
+class Exported(Output):
+    """Trials in the format of another program."""
+
+    session: str = said("which session")
+    format: str = said("which format")
+    written: list[str] = said("files and folders that were written")
+
+
+class Replayed(Output):
+    """A trial as a video or a Rerun file."""
+
+    session: str = said("which session")
+    trial: int = said("number of the trial, from 1")
+    recording: str = said("the recording that it was made from")
+    written: str = said("file that was written")
+
+
+class Bundled(Output):
+    """A session for a bug report."""
+
+    session: str = said("which session")
+    bundle: str = said("archive that was written")
+    files: list[str] = said("what it holds")
+
+
+class Reported(Output):
+    """The page of a session."""
+
+    session: str = said("which session")
+    report: str = said("page that was written")
+
+
+class ComparedMethod(Part):
+    """What the sessions of one method say together."""
+
+    method: str = said("which method")
+    sessions: int = said("how many sessions")
+    last_reward: float = said("mean reward of their last iterations")
+    last_ci95: list[float] | None = said("its 95 % interval; null for one session")
+    pairs: int = said("sessions that have a partner of the first method in the same world with the same seed")
+    difference: float | None = said("mean difference to the first method over these pairs; null under two pairs")
+    difference_ci95: list[float] | None = said("its 95 % interval")
+
+
+class Compared(Output):
+    """Several sessions beside each other."""
+
+    task: str = said("which task")
+    sessions: list[dict[str, str | int | float]] = said("the rows of sessions.csv")
+    methods: list[ComparedMethod] = said("one for each method")
+    page: str = said("page that was written")
+    tables: list[str] = said("tables that were written")
+
+
+class Stored(Part):
+    """A trial as it was tracked when it was made."""
+
+    outcome: str = said("outcome that counts")
+    tracked_outcome: str = said("outcome that tracking found")
+    reward: float = said("reward that counts")
+    context: Quantities = said("context as measured, in `units`")
+    flags: list[str] = said("what tracking warned of")
+
+
+class Now(Part):
+    """The same trial as it is tracked now."""
+
+    outcome: str = said("outcome that tracking finds")
+    reward: float | None = said("its reward; null where there is none")
+    context: Quantities | None = said("context as measured, in `units`; null where the object was not found")
+    flags: list[str] = said("what tracking warns of")
+
+
+class RetrackedTrial(Part):
+    """One trial, tracked again."""
+
+    trial: int = said("number of the trial in the session, from 1")
+    iteration: int = said("number of its iteration, from 1")
+    attempt: int = said("which attempt, from 1")
+    stored: Stored = said("as it was tracked then")
+    now: Now | None = said("as it is tracked now; null where tracking failed")
+    same_outcome: bool = said("whether tracking finds the same outcome")
+    end_apart_mm: float | None = said("distance of the two ends")
+    most_apart_mm: float | None = said("largest distance of the two tracks")
+    failure: str | None = said("why tracking failed")
+
+
+class Retracked(Output):
+    """Trials of a session, tracked again."""
+
+    session: str = said("which session")
+    units: dict[str, str] = said(UNITS)
+    trials: list[RetrackedTrial] = said("one each")
+
+
+class RolloutRow(Part):
+    """One rollout in one line. A damaged one has `rollout` and `error` alone."""
+
+    rollout: str = said("its name")
+    task: str = said("which task")
+    hw: str = said("which hardware moved: fake, panda or fr3")
+    world: str = said("world of the simulated lab; empty on a real arm")
+    outcome: str = said("how it ended")
+    reward: float = said("between 0 and 1")
+    context: Quantities = said("context as measured, in the task's units")
+    action: Quantities = said("action that was commanded, in the task's units")
+    when: str = said("when it was made")
+    size_bytes: int = said("what it takes on the disk")
+    folder: str = said("where it lies")
+
+
+class DamagedRollout(Part):
+    """A rollout that cannot be read."""
+
+    rollout: str = said("its name")
+    error: str = said("what is wrong with it")
+
+
+class RolloutList(Output):
+    """All rollouts, newest last."""
+
+    rollouts: list[RolloutRow | DamagedRollout] = said("one each")
+
+
+class RolloutReported(Output):
+    """The page of a rollout."""
+
+    rollout: str = said("which rollout")
+    report: str = said("page that was written")

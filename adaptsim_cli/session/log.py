@@ -1,0 +1,167 @@
+"""The log of a session: what was asked and answered, planned, done and warned of, a JSON object a line.
+
+No record rests on it. A line is written at once and in one piece; the last one may be cut short where the computer lost
+power, and readers leave such a line out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.records import Record, as_row
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.watching import Seen, Sight, Telling
+from adaptsim_cli.storage import durable
+from hw.bounded import JSON_BYTES, read_bytes
+from perception.types import ObjectTrack
+
+FILE = "log.jsonl"
+
+Kind = Literal["begun", "asked", "answered", "done", "noted", "planned", "tracked", "stored", "reported", "ended"]
+
+
+class LogLine(Record):
+    """One line of log.jsonl."""
+
+    at: str  # when, to the millisecond
+    event: Kind  # what happened
+    text: str = ""  # the sentence that the screen showed: question, step, warning, error
+    took_s: float | None = None  # how long the step or the answer took
+    data: dict[str, Any] = Field(default_factory=dict)  # what else belongs to it, by name and in units
+
+
+class SessionLog:
+    """`Listener` and `Watcher`: every call is a line of the file in the session's folder."""
+
+    def __init__(self, folder: Path, screen: Screen) -> None:
+        self._path, self._screen, self._is_lost = folder / FILE, screen, False
+        self._is_torn = _is_torn(self._path)
+
+    def doing(self, what: str, expected_s: float | None) -> None:
+        """See `Listener`: it is a line once it is over."""
+
+    def did(self, what: str, stage: str, took_s: float) -> None:
+        """See `Listener`."""
+        self.write("done", what, took_s, stage=stage)
+
+    def asking(self, question: str) -> None:
+        """See `Listener`."""
+        self.write("asked", question)
+
+    def answered(self, question: str, answer: str, took_s: float) -> None:
+        """See `Listener`."""
+        self.write("answered", question, took_s, answer="Esc" if answer == "\x1b" else answer)
+
+    def noted(self, text: str) -> None:
+        """See `Listener`."""
+        self.write("noted", text)
+
+    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+        """See `Watcher`."""
+        stage, expected = made.stage, made.prediction
+        self.write(
+            "planned",
+            made.summary,
+            trial=stage.key.number,
+            attempt=stage.key.attempt + 1,
+            iteration=stage.iteration + 1,
+            particle=stage.particle + 1,
+            parameters=as_row(made.parameters),
+            context=as_row(made.context),
+            action=as_row(made.action),
+            expected_reward=[expected.reward, expected.low, expected.high],
+        )
+
+    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+        """See `Watcher`."""
+        self.write("tracked", outcome=judged.outcome.value, reward=judged.reward, flags=list(judged.flags))
+
+    def changed(self, store: SessionStore, posterior: Telling) -> None:
+        """See `Watcher`."""
+        existing = store.existing()
+        self.write("stored", trials=len(existing.completed), iterations=len(existing.results))
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`."""
+        self.write("reported", path.name)
+
+    def write(self, event: Kind, text: str = "", took_s: float | None = None, **data: Any) -> None:
+        """Append one line. Where that fails, the screen says so once, and the session goes on without a log."""
+        if self._is_lost:
+            return
+        at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        took_s = None if took_s is None else round(took_s, 3)
+        line = LogLine(at=at, event=event, text=text, took_s=took_s, data=data)
+        try:
+            with durable.explained(self._path):
+                _append(self._path, ("\n" if self._is_torn else "") + _as_line(line))
+            self._is_torn = False
+        except SessionError as error:
+            self._is_lost = True
+            self._screen.note(f"The session goes on without its log: {error}")
+
+
+@contextmanager
+def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> Iterator[SessionLog]:
+    """The log of one command that carries a session on: from here to its end, whatever ends it."""
+    log = SessionLog(store.folder, screen)
+    screen.tell(log)
+    log.write("begun", versions=dict(versions), python=platform.python_version(), process=os.getpid())
+    try:
+        yield log
+    except (Exception, KeyboardInterrupt) as error:
+        log.write("ended", str(error) or "interrupted", error=type(error).__name__)
+        raise
+    log.write("ended")
+
+
+def read(folder: Path) -> tuple[LogLine, ...]:
+    """The log of the session in `folder`, oldest line first; empty where there is none.
+
+    Lines that were cut short are left out. Raises Unreadable where the file is larger than any log can be, OSError.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        return ()
+    found = []
+    for line in read_bytes(path, JSON_BYTES).splitlines():
+        try:
+            found.append(LogLine.model_validate_json(line))
+        except ValueError:
+            continue
+    return tuple(found)
+
+
+def _as_line(line: LogLine) -> str:
+    return json.dumps(line.model_dump(mode="json", exclude_defaults=True)) + "\n"
+
+
+def _append(path: Path, text: str) -> None:
+    """In one piece: a line is there, or it is not."""
+    fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(fd, text.encode())
+    finally:
+        os.close(fd)
+
+
+def _is_torn(path: Path) -> bool:
+    """Whether the last line was cut short."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-1, os.SEEK_END)
+            return file.read(1) != b"\n"
+    except OSError:  # missing, or empty
+        return False

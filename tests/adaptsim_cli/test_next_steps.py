@@ -1,0 +1,86 @@
+"""Every command ends with the next one, and what it names can be typed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from adaptsim_cli import app
+
+SESSION = ["run-iteration", "--task", "pendulum", "--world", "wd", "--yes", "--session"]
+NAMED = re.compile(r"^(?:Next: |  or: )(.*)$", re.MULTILINE)
+
+
+def named(capfd: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
+    """The commands that a command names at its end."""
+    capfd.readouterr()
+    assert app.run(arguments) == 0
+    found = NAMED.findall(capfd.readouterr().out)
+    assert found, f"adaptsim {' '.join(arguments)} leaves nobody a next step"
+    return found
+
+
+def require_typable(line: str) -> None:
+    """Every adaptsim command in it exists, with these options."""
+    words = shlex.split(line)
+    if words[0] != "adaptsim":
+        return
+    node: Any = typer.main.get_command(app.app)
+    rest = words[1:]
+    while hasattr(node, "commands") and rest and rest[0] in node.commands:
+        node, rest = node.commands[rest[0]], rest[1:]
+    assert node.params, line
+    options = {name for parameter in node.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    for word in rest:
+        if word.startswith("--"):
+            assert word in options, line
+
+
+def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    lines: list[str] = []
+    for command in (
+        [*SESSION, "s"],
+        [*SESSION, "other"],
+        ["rollout", "--session", "s", "--best", "--yes"],
+        ["sessions", "list"],
+        ["sessions", "show", "s"],
+        ["sessions", "verify", "s"],
+        ["sessions", "note", "s", "a note"],
+        ["sessions", "tag", "s", "paper"],
+        ["sessions", "policy", "s", "--out", "policy.json"],
+        ["sessions", "export", "s"],
+        ["sessions", "redo", "s", "2"],
+        ["sessions", "accept", "s", "2"],
+        ["compare", "s", "other"],
+        ["report", "s"],
+        ["bundle", "s"],
+        ["sessions", "prune", "s", "--yes"],
+        ["sessions", "archive", "other"],
+        ["sessions", "restore", "other"],
+        ["sessions", "delete", "other", "--yes"],
+        ["rollouts", "list"],
+        ["rollouts", "report"],
+        ["doctor", "--task", "pendulum"],
+        ["lab", "list", "--task", "scooping"],
+        ["lab", "show", "--task", "scooping", "--world", "wd"],
+        ["checkpoints", "list"],
+        ["config", "show"],
+        ["config", "path"],
+        ["config", "init", "--project", "--arm", "none", "--yes"],
+        ["calibrate", "list", "--world", "wd"],
+        ["calibrate", "board", "--out", "board.png"],
+        ["touch-off", "list", "--world", "wd"],
+        ["schema"],
+    ):
+        lines += named(capfd, *command)
+    for line in lines:
+        require_typable(line)

@@ -193,8 +193,8 @@ class Check(Part):
     group: str = said("which part of the lab")
     name: str = said("what was looked at")
     verdict: str = said("ok, advice, missing or skipped; only what is missing keeps an iteration from running")
-    detail: str = said("what was found")
-    fix: str = said("what mends it, as a command where there is one")
+    detail: str = said("the finding")
+    fix: str = said("the remedy, as a command where there is one")
 
 
 class Doctor(Output):

@@ -15,7 +15,7 @@ class Trial(Part):
     action: Quantities = said("action that was commanded, in `units`")
     reward: float = said("between 0 and 1")
     outcome: str = said("how it ended, a value of `perception.types.Outcome`")
-    observation: list[float] = said("what the object did, normalised with the task's fixed bounds, time by time")
+    observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
 
 
 class Particle(Part):
@@ -91,7 +91,7 @@ class Rollout(Output):
     outcome: str = said("how it ended")
     reward: float = said("between 0 and 1")
     flags: list[str] = said("what tracking or the end of the motion warned of")
-    observation: list[float] = said("what the object did, normalised with the task's fixed bounds, time by time")
+    observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
     track: Track = said("the tracked object")
     when: str = said("when it was made")
 

@@ -67,11 +67,18 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     ),
     (
         "log.jsonl",
-        "What commands did in a session, one JSON object a line, in order of time. No record rests on it: deleting it loses nothing else. "
-        "`event` is one of: `begun` (a command took the session; `data`: versions, python, process), `asked` and `answered` (a question; `data`: answer), "
-        "`done` (a step; `data`: stage), `noted` (a warning), `planned` (a trial before it is asked for; `data`: trial, attempt, iteration, particle, "
-        "parameters, context, action, expected_reward), `tracked` (`data`: outcome, reward, flags), `stored` (`data`: trials and iterations so far), "
-        "`reported`, `ended` (with `data`: error, where an error ended the command). Empty fields are left out. The last line of a computer that lost power may be cut short.",
+        "The course of a session, one JSON object a line, in order of time. No record rests on it: deleting it loses nothing else. "
+        "Empty fields are left out. The last line of a computer that lost power may be cut short.\n\n"
+        "| `event` | when | `data` |\n|---|---|---|\n"
+        "| `begun` | a command took the session | `versions`, `python`, `process` |\n"
+        "| `asked`, `answered` | a question, and its answer | `answer` |\n"
+        "| `done` | a step is over | `stage` |\n"
+        "| `noted` | a warning was shown | |\n"
+        "| `planned` | before the question whether the arm may move | `trial`, `attempt`, `iteration`, `particle`, `parameters`, `context`, `action`, `expected_reward` |\n"
+        "| `tracked` | before the review | `outcome`, `reward`, `flags` |\n"
+        "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
+        "| `reported` | the report was drawn | |\n"
+        "| `ended` | the command ends | `error`, where one ended it |",
         (("", "adaptsim_cli.session.log", "LogLine"),),
     ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),

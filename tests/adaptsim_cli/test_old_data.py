@@ -119,4 +119,3 @@ def test_a_session_that_counts_from_zero_goes_on_so_on_the_disk_and_from_one_on_
     assert app.run(asked) == 0
     assert (folder / "iteration-01/trial-004-attempt-1/trial.json").is_file()
     assert (folder / "iteration-01/result-1/result.json").is_file()
-    assert app.run(["sessions", "verify", "pendulum"]) == 0

@@ -60,6 +60,38 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
     assert np.array_equal(pixels, stored.frames[0].depth_mm)
 
 
+def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store: SessionStore, tmp_path: Path) -> None:
+    file, *_ = exporting.export(store, "mcap", tmp_path)
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    schemas = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    assert schemas == {
+        "/camera/colour": "sensor_msgs/msg/CompressedImage",
+        "/camera/colour/camera_info": "sensor_msgs/msg/CameraInfo",
+        "/camera/depth": "sensor_msgs/msg/Image",
+        "/camera/depth/camera_info": "sensor_msgs/msg/CameraInfo",
+        "/before/colour": "sensor_msgs/msg/CompressedImage",
+        "/before/depth": "sensor_msgs/msg/Image",
+        "/joints/measured": "sensor_msgs/msg/JointState",
+        "/joints/commanded": "sensor_msgs/msg/JointState",
+        "/robot_description": "std_msgs/msg/String",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/object": "geometry_msgs/msg/PointStamped",
+        "/outcome": "std_msgs/msg/String",
+        "/events": "rcl_interfaces/msg/Log",
+    }
+    found = messages(file)
+    transforms = b"".join(found["/tf"])
+    for frame in ("base", "tool", "camera_colour", "camera_depth", *topics.FRAMES):
+        assert frame.encode() + b"\0" in transforms, frame
+    for topic, holds in (("/joints/measured", (7, 7, 7)), ("/joints/commanded", (7, 7, 0))):
+        reader = cdr.Reader(found[topic][0])
+        reader.header()
+        assert reader.strings()[0] == "panda_joint1"
+        assert tuple(len(reader.doubles()) for _ in range(3)) == holds, "positions, velocities, efforts"
+
+
 def test_every_frame_of_the_layout_is_in_the_file(store: SessionStore, tmp_path: Path) -> None:
     *files, layout = exporting.export(store, "mcap", tmp_path)
     configured = json.loads(layout.read_text())["configById"]

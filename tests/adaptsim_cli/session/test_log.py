@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from toy_rig import ToyLab, opener
-from toy_session import resolved, run, silent
+from toy_session import NAME, resolved, run, silent
 
 from adaptsim_cli.report import page
 from adaptsim_cli.session import conduct, log
@@ -55,9 +55,8 @@ def test_what_stops_a_command_is_its_last_line(tmp_path: Path) -> None:
         raise CameraError("the camera is gone")
 
     with pytest.raises(CameraError):
-        run(tmp_path, ToyLab(0, {"snapshot": lost}))
-    settings = resolved(tmp_path)
-    (folder,) = settings.places.sessions.iterdir()
+        run(tmp_path, ToyLab(0, {"stop_recording": lost}))
+    folder = resolved(tmp_path).places.sessions / NAME
     last = log.read(folder)[-1]
     assert (last.event, last.text, last.data) == ("ended", "the camera is gone", {"error": "CameraError"})
     assert any(line.event == "noted" and "does not count" in line.text for line in log.read(folder))

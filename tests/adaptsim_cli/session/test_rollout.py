@@ -42,7 +42,7 @@ def test_the_trial_of_a_policy(lab: ToyLab, tmp_path: Path, capfd: pytest.Captur
     record = json.loads(capfd.readouterr().out)
     assert record["params"] is not None
     assert 0.0 <= record["reward"] <= 1.0
-    assert json.loads((tmp_path / "one" / "trial.json").read_text()) == record
+    assert {"version": 1, **json.loads((tmp_path / "one" / "trial.json").read_text())} == record
     assert (tmp_path / "one" / "recording.mcap").stat().st_size > 0
     assert not (tmp_path / "home" / "data" / "sessions").exists()
 

@@ -40,7 +40,8 @@ def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path: Path) -
 def test_the_summary_has_the_documented_shape(tmp_path: Path) -> None:
     summary = run(tmp_path).summary(0)
     assert list(summary) == [
-        "task", "session", "iteration", "hw", "world", "seed", "particles", "best", "verdict", "outlook", "timing_s",
+        "version", "task", "session", "iteration", "hw", "world", "seed", "units", "particles", "best", "verdict",
+        "outlook", "timing_s",
     ]  # fmt: skip
     assert {"moving", "tracking", "training", "adapting", "other", "total"} <= set(summary["timing_s"])
     assert set(summary["best"]) == {"params", "mean_reward", "trials", "ci95"}
@@ -106,7 +107,7 @@ def test_an_operator_can_have_a_trial_redone(tmp_path: Path) -> None:
 
 def test_sessions_redo_runs_the_trial_again_and_adapts_again(tmp_path: Path) -> None:
     store = run(tmp_path)
-    assert redo(store, 3, "bad light") == 1
+    assert redo(store, 3, "bad light") == 2
     lab = ToyLab(0)
     again = run(tmp_path, lab)
     assert lab.executions == [(3, 1)]
@@ -114,7 +115,7 @@ def test_sessions_redo_runs_the_trial_again_and_adapts_again(tmp_path: Path) -> 
     assert (again.folder / "iteration-01" / "result-1").is_dir(), "the earlier result is kept"
     result = again.result(0)
     assert result is not None
-    assert result.trials[2] == (3, 1)
+    assert result.trials[2] == (3, 2)
 
 
 def test_a_trial_that_later_ones_rest_on_cannot_be_redone(tmp_path: Path) -> None:

@@ -1,0 +1,153 @@
+"""Film a first session in a terminal of 80 x 24, from clone to report: the commands really run.
+
+    python docs/film.py
+
+Writes docs/figures/first-session.cast (asciinema play FILE), and what stands in the terminal at the end as a page,
+docs/start/film.md, and as a picture, docs/figures/first-session.svg. Needs git and tmux; tmux is the terminal that
+turns the stream into text. Waits longer than a second are cut to one; nothing else is changed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import pty
+import re
+import select
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+COLUMNS, ROWS, LONGEST_WAIT_S = 80, 24, 1.0
+ROOT = Path(__file__).parents[1]
+CAST, PICTURE = ROOT / "docs/figures/first-session.cast", ROOT / "docs/figures/first-session.svg"
+PAGE = ROOT / "docs/start/film.md"
+PROMPT = "$ "
+HEAD = """# A first session, filmed
+
+Written by `python docs/film.py`, which types these commands into a terminal of 80 × 24 and runs them.
+[The film](../figures/first-session.cast) plays with `asciinema play first-session.cast`; waits are cut to one second. [The same as a picture](../figures/first-session.svg).
+`make setup` is left out: it downloads for minutes.
+The task is the pendulum, which needs no arm and takes seconds. [The first session](first-session.md) does the same with the simulated robot.
+
+"""
+
+
+def commands(clone: Path) -> tuple[str, ...]:
+    """Typed one after the other; each runs to its end."""
+    return (
+        f"git clone --quiet {ROOT} {clone.name}",
+        f"cd {clone.name}",
+        "adaptsim doctor --task pendulum",
+        "adaptsim run-iteration --task pendulum --world ood-1 --session first --yes",
+        "adaptsim run-iteration --session first --yes",
+        "adaptsim sessions show first",
+        "adaptsim rollout --session first --best --yes",
+        "adaptsim report first",
+    )
+
+
+def main() -> int:
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        events = film(place)
+        header = {"version": 2, "width": COLUMNS, "height": ROWS, "title": "adaptsim: a first session"}
+        lines = [json.dumps(header), *(json.dumps([round(t_s, 2), "o", text]) for t_s, text in events)]
+        CAST.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        shown = screen("".join(text for _, text in events), place)
+    PAGE.write_text(f"{HEAD}```text\n{plain(shown)}\n```\n", encoding="utf-8")
+    PICTURE.write_text(picture(shown), encoding="utf-8")
+    print(f"{CAST.relative_to(ROOT)}: {events[-1][0]:.0f} s, {CAST.stat().st_size} bytes")
+    return 0
+
+
+def film(place: Path) -> list[tuple[float, str]]:
+    """(time in s, output) of all commands, as a terminal gets it; the clone and all data lie in `place`."""
+    process, fd = pty.fork()
+    if process == 0:
+        os.chdir(place)
+        kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
+        path = f"{Path(sys.executable).parent}:{kept.get('PATH', '')}"
+        mine = {"HOME": str(place), "ADAPTSIM_HOME": str(place / "data"), "TERM": "xterm-256color", "PS1": PROMPT}
+        os.execve("/bin/bash", ["bash", "--norc", "--noprofile"], {**kept, **mine, "PATH": path})
+    fcntl.ioctl(fd, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+    events: list[tuple[float, str]] = []
+    clock_s = _until_prompt(fd, events, 0.0)
+    for command in commands(place / "adaptsim"):
+        for key in command:
+            os.write(fd, key.encode())
+            time.sleep(0.02)
+        os.write(fd, b"\n")
+        clock_s = _until_prompt(fd, events, clock_s + 0.5, after=command)
+    os.write(fd, b"exit\n")
+    os.close(fd)
+    os.waitpid(process, 0)
+    private = str(place)
+    return [(t_s, text.replace(private, "~")) for t_s, text in events]
+
+
+def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, after: str = "") -> float:
+    """Read until the shell asks again; returns the film's clock. Raises TimeoutError after ten minutes."""
+    seen, last_s, deadline_s = "", time.monotonic(), time.monotonic() + 600.0
+    while time.monotonic() < deadline_s:
+        if not select.select([fd], [], [], 1.0)[0]:
+            continue
+        text = os.read(fd, 65536).decode("utf-8", "replace")
+        now_s = time.monotonic()
+        clock_s += min(now_s - last_s, LONGEST_WAIT_S)
+        last_s = now_s
+        events.append((clock_s, text))
+        seen += text
+        answer = seen.partition(after)[2] if after else f"\n{seen}"
+        if answer.endswith(f"\n{PROMPT}"):
+            return clock_s
+    raise TimeoutError(f"{after}: no prompt within ten minutes; seen: {seen[-500:]}")
+
+
+def screen(stream: str, place: Path) -> str:
+    """What a terminal shows of it, with its history and its colours; tmux is that terminal."""
+    if shutil.which("tmux") is None:
+        raise SystemExit("docs/film.py needs tmux")
+    recorded = place / "stream"
+    recorded.write_text(stream, encoding="utf-8")
+    tmux = ["tmux", "-L", f"film-{os.getpid()}", "-f", "/dev/null"]
+    size = ["-x", str(COLUMNS), "-y", str(ROWS)]
+    try:
+        subprocess.run(
+            [*tmux, "start-server", ";", "set", "-g", "history-limit", "20000", ";", "new-session", "-d", *size,
+             f"cat {recorded}; sleep 60"], check=True,
+        )  # fmt: skip
+        time.sleep(3.0)
+        shown = subprocess.run(
+            [*tmux, "capture-pane", "-e", "-p", "-S", "-"], check=True, capture_output=True, text=True
+        )
+    finally:
+        subprocess.run([*tmux, "kill-server"], check=False)
+    return shown.stdout.rstrip().removesuffix("exit").rstrip().removesuffix("$").rstrip()
+
+
+def plain(shown: str) -> str:
+    """Without colours."""
+    return "\n".join(line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown).splitlines())
+
+
+def picture(shown: str) -> str:
+    """As SVG that loads nothing from elsewhere."""
+    console = Console(record=True, width=COLUMNS, file=io.StringIO(), force_terminal=True)
+    console.print(Text.from_ansi(shown))
+    svg = console.export_svg(title="adaptsim: a first session")
+    return re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

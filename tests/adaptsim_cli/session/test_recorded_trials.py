@@ -200,7 +200,7 @@ def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(first: BaseEx
 
 
 def test_a_recording_that_waits_for_its_review_can_be_redone(tmp_path: Path) -> None:
-    assert redo(stop_at_second_review(tmp_path), 2, "never mind") == 1
+    assert redo(stop_at_second_review(tmp_path), 2, "never mind") == 2
     lab = ToyLab(0)
     run(tmp_path, lab)
     assert lab.executions == [(2, 1), (3, 0), (4, 0)]

@@ -127,12 +127,14 @@ def tab(pictures: Path) -> Iterator[Tab]:
                 ready = Path(folder) / "DevToolsActivePort"
                 until(lambda: ready.is_file() and len(ready.read_text().splitlines()) == 2, f"{browser} did not start")
                 port, way = ready.read_text().splitlines()
-                with connect(f"ws://127.0.0.1:{port}{way}", max_size=None, open_timeout=_ANSWER_S) as line:
+                with connect(
+                    f"ws://127.0.0.1:{port}{way}", max_size=None, open_timeout=_ANSWER_S, ping_interval=None
+                ) as line:
                     line.send(json.dumps({"id": 0, "method": "Target.getTargets"}))
                     targets = json.loads(line.recv(timeout=_ANSWER_S))["result"]["targetInfos"]
                 target = next(one["targetId"] for one in targets if one["type"] == "page")
                 address = f"ws://127.0.0.1:{port}/devtools/page/{target}"
-                with connect(address, max_size=None, open_timeout=_ANSWER_S) as line:
+                with connect(address, max_size=None, open_timeout=_ANSWER_S, ping_interval=None) as line:
                     yield Tab(line, pictures)
             finally:
                 process.terminate()

@@ -33,11 +33,13 @@ ROOT = Path(__file__).parents[1]
 CAST, PICTURE = ROOT / "docs/figures/first-session.cast", ROOT / "docs/figures/first-session.svg"
 PAGE = ROOT / "docs/start/film.md"
 PROMPT = "$ "
+ADDRESS = "https://example.org/adaptsim.git"
+"""Stands for wherever the project lives; the film clones this checkout."""
 HEAD = """# A first session, filmed
 
 Written by `python docs/film.py`, which types these commands into a terminal of 80 × 24 and runs them.
 [The film](../figures/first-session.cast) plays with `asciinema play first-session.cast`; waits are cut to one second. [The same as a picture](../figures/first-session.svg).
-`make setup` is left out: it downloads for minutes.
+`make setup` is left out: it downloads for minutes. The address of the clone stands for that of the project.
 The task is the pendulum, which needs no arm and takes seconds. [The first session](first-session.md) does the same with the simulated robot.
 
 """
@@ -46,7 +48,7 @@ The task is the pendulum, which needs no arm and takes seconds. [The first sessi
 def commands(clone: Path) -> tuple[str, ...]:
     """Typed one after the other; each runs to its end."""
     return (
-        f"git clone --quiet {ROOT} {clone.name}",
+        f"git clone --quiet {ADDRESS} {clone.name}",
         f"cd {clone.name}",
         "adaptsim doctor --task pendulum",
         "adaptsim run-iteration --task pendulum --world ood-1 --session first --yes",
@@ -79,7 +81,9 @@ def film(place: Path) -> list[tuple[float, str]]:
         kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
         path = f"{Path(sys.executable).parent}:{kept.get('PATH', '')}"
         mine = {"HOME": str(place), "ADAPTSIM_HOME": str(place / "data"), "TERM": "xterm-256color", "PS1": PROMPT}
-        os.execve("/bin/bash", ["bash", "--norc", "--noprofile"], {**kept, **mine, "PATH": path})
+        mine |= {"PATH": path, "PYTHONPATH": str(place / "adaptsim")}  # the program is that of the clone
+        mine |= {"GIT_CONFIG_COUNT": "1", "GIT_CONFIG_KEY_0": f"url.{ROOT}.insteadOf", "GIT_CONFIG_VALUE_0": ADDRESS}
+        os.execve("/bin/bash", ["bash", "--norc", "--noprofile"], {**kept, **mine})
     fcntl.ioctl(fd, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
     events: list[tuple[float, str]] = []
     clock_s = _until_prompt(fd, events, 0.0)

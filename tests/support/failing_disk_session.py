@@ -119,7 +119,7 @@ def digest(home: Path) -> dict[str, object]:
 def _content(path: Path) -> object:
     if path.suffix == ".json":
         return _steady(json.loads(path.read_text()))
-    return path.exists() if path.suffix in (".html", ".toml") else path.stat().st_size
+    return path.exists() if path.suffix in (".html", ".toml", ".jsonl") else path.stat().st_size
 
 
 def _steady(value: object) -> object:

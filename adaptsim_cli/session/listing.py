@@ -32,7 +32,7 @@ def size(count: int) -> str:
 
 
 def _session(s: Mapping[str, Any]) -> list[RenderableType]:
-    where = f"world {str(s['world']).split('/')[-1]}" if s["world"] else f"REAL ROBOT {s['hw']}"
+    where = f"SIMULATED world {str(s['world']).split('/')[-1]}" if s["world"] else f"REAL ROBOT {s['hw']}"
     reward = "no reward yet" if s["mean_reward"] is None else f"mean reward {s['mean_reward']:.2f}"
     facts = (
         str(s["task"]),
@@ -54,7 +54,7 @@ def _session(s: Mapping[str, Any]) -> list[RenderableType]:
 def _rollout(r: Mapping[str, Any]) -> list[RenderableType]:
     if "error" in r:
         return [Text.assemble((str(r["rollout"]), "bold"), f" {r['error']}")]
-    where = f"world {str(r['world']).split('/')[-1]}" if r["world"] else f"REAL ROBOT {r['hw']}"
+    where = f"SIMULATED world {str(r['world']).split('/')[-1]}" if r["world"] else f"REAL ROBOT {r['hw']}"
     outcome = str(r["outcome"]).replace("_", " ")
     facts = (str(r["task"]), where, f"{outcome}, reward {r['reward']:.2f}", size(r["size_bytes"]))
     return [_name(str(r["rollout"]), ()), _joined((*facts, str(r["when"])[:16].replace("T", " ")))]

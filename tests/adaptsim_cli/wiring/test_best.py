@@ -62,7 +62,7 @@ def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixt
     assert {one["task"] for one in whole} == {"pendulum"}
     assert "was not tracked" in next(one["error"] for one in found if "error" in one)
     assert app.run(["rollouts", "report", whole[-1]["rollout"]]) == 0
-    html = Path(capsys.readouterr().out.split("Report: ")[1].strip()).read_text()
+    html = Path(capsys.readouterr().out.split("Report: ")[1].splitlines()[0]).read_text()
     assert "SIMULATED, world wd" in html
     assert html.count('class="track c0"') >= 2
     assert "http" not in html

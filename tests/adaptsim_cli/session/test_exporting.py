@@ -73,6 +73,8 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
         "/camera/depth/camera_info": "sensor_msgs/msg/CameraInfo",
         "/before/colour": "sensor_msgs/msg/CompressedImage",
         "/before/depth": "sensor_msgs/msg/Image",
+        "/after/colour": "sensor_msgs/msg/CompressedImage",
+        "/after/depth": "sensor_msgs/msg/Image",
         "/joints/measured": "sensor_msgs/msg/JointState",
         "/joints/commanded": "sensor_msgs/msg/JointState",
         "/robot_description": "std_msgs/msg/String",

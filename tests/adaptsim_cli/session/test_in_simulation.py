@@ -41,9 +41,9 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
     assert [p["next_params"] for p in first["particles"]] == [p["params"] for p in second["particles"]]
     for particle in first["particles"]:
         (trial,) = particle["trials"]
-        assert trial["context"] == []
+        assert trial["context"] == {}
         assert len(trial["observation"]) == 24
-        true = rewards(TRUTH, np.array(trial["action"]))
+        true = rewards(TRUTH, np.array(list(trial["action"].values())))
         assert trial["reward"] == pytest.approx(float(true), abs=1e-9), "the target is the world that was asked for"
     html = page.render(opened())
     assert "Over time" in html

@@ -75,6 +75,7 @@ def main() -> int:
 
 def film(place: Path) -> list[tuple[float, str]]:
     """(time in s, output) of all commands, as a terminal gets it; the clone and all data lie in `place`."""
+    (place / ".inputrc").write_text("set enable-bracketed-paste off\n")
     process, fd = pty.fork()
     if process == 0:
         os.chdir(place)

@@ -75,7 +75,7 @@ def test_a_value_of_another_kind_is_named(store: SessionStore) -> None:
 
 def test_a_newer_format_asks_for_a_newer_version(store: SessionStore) -> None:
     path = store.folder / "session.toml"
-    path.write_bytes(seal_toml(unsealed(path).replace(b"format = 2", b"format = 3")))
+    path.write_bytes(seal_toml(unsealed(path).replace(b"format = 3", b"format = 4")))
     with pytest.raises(SessionError, match="Install a newer adaptsim"):
         reopened(store)
 

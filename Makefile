@@ -13,7 +13,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site check-site package
+.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -90,6 +90,10 @@ site:
 # Lays out every page of the site as wide as a phone; needs Chromium or Chrome.
 check-site: site
 	$(PYTHON) docs/check_site.py build/site
+
+# Opens live page, report and comparison in a browser while sessions run; pictures in build/live. Needs Chromium or Chrome.
+check-live: $(STAMP)
+	$(BIN)/python docs/check_live.py
 
 # What a user gets: the wheel, installed in an empty environment and used outside of the checkout.
 package:

@@ -107,7 +107,7 @@ def rollout(
     place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
     page = ((f"adaptsim rollouts report {name}", "the path, on a page"),)
     on = f"--session {session}" if session else f"--task {settings.task} {place}"
-    adapt = (f"adaptsim run-iteration {on}", "adapts in some twenty such trials")
+    adapt = (f"adaptsim run-iteration {on}", "goes on with it" if session else "adapts in some twenty such trials")
     screen.next(*(() if out else page), adapt)
 
 

@@ -31,9 +31,10 @@ def values(space: Space, point: Array) -> str:
 
 
 def meanings(*spaces: Space) -> Table:
-    """Name, plain name, unit and meaning of every dimension of the spaces."""
+    """Name, plain name, range with its unit, and meaning of every dimension of the spaces."""
     dimensions = [d for space in spaces for d in space.dimensions]
-    return rows(("name", "plain name", "unit", "meaning"), [(d.name, d.plain, d.unit, d.meaning) for d in dimensions])
+    body = [(d.name, d.plain, f"{number(d.low)} to {number(d.high)} {d.unit}".rstrip(), d.meaning) for d in dimensions]
+    return rows(("name", "plain name", "range", "meaning"), body)
 
 
 def badge(hw: str, hardware: str) -> Text:

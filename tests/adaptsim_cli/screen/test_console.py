@@ -155,7 +155,7 @@ def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture
     conduct.conduct(settings, request, opener(ToyLab(0)), page.write)
     out, err = capfd.readouterr()
     assert out.count("\n") == 1
-    assert out.startswith('{"task": "toy"')
+    assert out.startswith('{"version": 1, "task": "toy"')
     assert "Trial 4" in err
 
 

@@ -2,6 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 from toy_learning import trained
 from toy_task import TOY
 
@@ -12,7 +13,8 @@ from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
 from sim.solvers.emulator.solver import EmulatorSolver
-from sim.tasks import get_task
+from sim.storage.tensors import load_tensors
+from sim.tasks import files_of, get_task
 from sim.types import Dimension, Space
 
 
@@ -30,6 +32,15 @@ def chosen(name, checkpoint):
     method = make_method(name, TOY, checkpoint)
     assert isinstance(method, QPolicy)
     return method
+
+
+def test_targets_beyond_the_ranges_change_only_the_papers_policies():
+    default, wide = (load_tensors(files_of("pushing", "checkpoints") / name / MODEL) for name in ("default", "wide"))
+    same = {name for name, tensor in default.items() if name in wide and torch.equal(tensor, wide[name])}
+    parts = ("emulator.", "prospects.")
+    assert {name for name in default if name.startswith(parts)} == {name for name in same if name.startswith(parts)}
+    assert len([name for name in same if name.startswith(parts)]) > 10
+    assert not all(name in same for name in default if name.startswith("q_network."))
 
 
 def test_it_comes_back_as_it_was(stored):

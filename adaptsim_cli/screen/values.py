@@ -53,6 +53,13 @@ def number(value: float) -> str:
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
 
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, as people read it: a length under 1 cm in millimetres, −1.0 mm for −0.000976 m."""
+    if unit == "m" and 0 < abs(value) < 0.01:
+        return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ")
+    return f"{number(value)} {unit}".rstrip()
+
+
 def _examples(space: Space) -> str:
     return ", ".join(f"{d.name}={(d.low + d.high) / 2:.3g} ({_range(d)})" for d in space.dimensions)
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.screen.values import number
+from adaptsim_cli.screen.values import quantity
 from hw.types import Array
 from sim.types import Space
 
@@ -24,10 +24,7 @@ def words(name: str) -> str:
 
 def values(space: Space, point: Array) -> str:
     """A point of a space in words: the plain name of every dimension with its value and unit."""
-    return ", ".join(
-        f"{d.plain_name} {number(v)}{' ' + d.unit if d.unit else ''}"
-        for d, v in zip(space.dimensions, point, strict=True)
-    )
+    return ", ".join(f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(space.dimensions, point, strict=True))
 
 
 def meanings(*spaces: Space) -> Table:

@@ -120,7 +120,7 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
     if result.outlook is None:
         return []
     told = [
-        f"{d.plain_name} {'+' if off > 0 else '−'}{values.number(abs(off))} {d.unit}".rstrip()
+        f"{d.plain_name} {'+' if off > 0 else '−'}{values.quantity(abs(off), d.unit)}"
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not told:

@@ -1,4 +1,4 @@
-"""README, docs and `--help` against the program.
+"""Every page, notebooks too, and `--help` against the program.
 
 Commands and examples parse and name what exists, links lead somewhere, pictures are there and small.
 """
@@ -13,33 +13,24 @@ from pathlib import Path
 import cv2
 import pytest
 import typer
+from documents import FENCE, PAGES, ROOT, commands, read, shown
 
 from adaptsim_cli import app, config
 from adaptsim_cli.session.conduct import default_name
 from sim.lab.world import list_worlds
 from sim.tasks import get_task
 
-ROOT = Path(__file__).parents[2]
-DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
 GUIDE_PICTURES = sorted((ROOT / "docs/figures").glob("guide-*"))
-FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
-COMMAND = re.compile(r"^(?:\$ )?(?:[A-Z][A-Z0-9_]*=\S* )*(adaptsim(?: .*)?)$")
 EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 PLACEHOLDER = re.compile(r"[A-Z]+")
 TUTORIAL = "curling"
 """The task that docs/guide/add-a-task.md makes; tests/documents/test_tutorials.py runs its code."""
+OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
+"""Options that act while the line is parsed: nothing is installed by a test."""
 NUMBERS = {"N", "TRIAL"}
 """Placeholders that stand for a number."""
-
-
-def commands(text: str) -> list[str]:
-    """Every `adaptsim ...` of a document: lines of its code blocks, fenced or indented, and spans within its prose."""
-    blocks = [line for match in FENCE.finditer(text) for line in match[3].splitlines()]
-    prose = FENCE.sub("", text)
-    blocks += [line for line in prose.splitlines() if line.startswith("    ")]
-    found = [match[1] for line in blocks if (match := COMMAND.match(line.strip()))]
-    return found + [" ".join(span.split()) for span in re.findall(r"`(adaptsim(?:\s[^`]*)?)`", prose)]
 
 
 def parse(line: str) -> dict[str, object]:
@@ -47,7 +38,7 @@ def parse(line: str) -> dict[str, object]:
 
     A line that only names a command need not give what the command requires.
     """
-    node: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+    node = PROGRAM
     words = ["1" if word in NUMBERS else word for word in shlex.split(line, comments=True)[1:]]
     context = node.make_context("adaptsim", [], resilient_parsing=True)
     while words and not words[0].startswith("-") and isinstance(node, typer.core.TyperGroup):
@@ -56,7 +47,7 @@ def parse(line: str) -> dict[str, object]:
         assert command is not None
         context = command.make_context(name, [], parent=context, resilient_parsing=True)
         node = command  # type: ignore[assignment]
-    if not words or "--help" in words:
+    if not words or OF_THE_PROGRAM & set(words):
         return {}
     return dict(node.make_context(node.name, words, parent=context.parent).params)
 
@@ -72,7 +63,7 @@ def helps(node: typer.core.TyperGroup, name: str = "adaptsim") -> Iterator[tuple
             yield f"{name} {word}", command.help or ""
 
 
-HELPS = dict(helps(typer.main.get_command(app.app)))  # type: ignore[arg-type]
+HELPS = dict(helps(PROGRAM))
 EXAMPLES = [line for text in HELPS.values() for line in EXAMPLE.findall(text)]
 
 
@@ -90,7 +81,7 @@ def world_missing(found: dict[str, object]) -> str:
 def sessions_of_the_readme(home: Path) -> set[str]:
     """The sessions that its commands begin, on a machine without settings."""
     names = set[str]()
-    for line in commands((ROOT / "README.md").read_text(encoding="utf-8")):
+    for line in commands(read(ROOT / "README.md")):
         if not line.startswith("adaptsim run-iteration"):
             continue
         found = parse(line)
@@ -100,14 +91,10 @@ def sessions_of_the_readme(home: Path) -> set[str]:
     return names
 
 
-def shown(path: Path) -> str:
-    return str(path.relative_to(ROOT))
-
-
-@pytest.mark.parametrize("document", DOCUMENTS, ids=shown)
+@pytest.mark.parametrize("document", PAGES, ids=shown)
 def test_every_command_parses(document: Path) -> None:
     wrong = []
-    for line in commands(document.read_text(encoding="utf-8")):
+    for line in commands(read(document)):
         try:
             found = parse(line)
         except typer.TyperException as error:
@@ -160,10 +147,10 @@ def test_commands_are_found_in_fences_indented_and_in_prose() -> None:
     assert parse("adaptsim report X # y")["session"] == "X"
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=shown)
+@pytest.mark.parametrize("document", PAGES, ids=shown)
 def test_every_link_leads_somewhere(document: Path) -> None:
     wrong = []
-    for target in LINK.findall(FENCE.sub("", document.read_text(encoding="utf-8"))):
+    for target in LINK.findall(FENCE.sub("", read(document))):
         if re.match(r"[a-z]+:", target):
             continue
         name, _, anchor = target.partition("#")
@@ -177,7 +164,7 @@ def test_every_link_leads_somewhere(document: Path) -> None:
 
 def anchors(document: Path) -> list[str]:
     """What the headings of a document are called in links, as GitHub makes it."""
-    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", document.read_text(encoding="utf-8")), re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)$", FENCE.sub("", read(document)), re.MULTILINE)
     return [re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings]
 
 

@@ -6,9 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
+from documents import PAGES, ROOT, read, shown
 
-ROOT = Path(__file__).parents[2]
-DOCUMENTS = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 SPAN = re.compile(
     r"`((?:adaptsim_cli|benchmarks|calib|docs|hw|perception|sim|tests)/[\w./-]+\.(?:py|md|toml|svg|png|ino))`"
 )
@@ -17,9 +16,9 @@ IN_CODE = re.compile(r"docs/[\w/-]+\.md")
 DECISION = re.compile(r"docs/decisions/(\d{4})")
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("document", PAGES, ids=shown)
 def test_every_path_in_a_document_exists(document: Path) -> None:
-    named = set(SPAN.findall(document.read_text(encoding="utf-8"))) - MADE_BY_A_READER
+    named = set(SPAN.findall(read(document))) - MADE_BY_A_READER
     assert not (gone := sorted(name for name in named if not (ROOT / name).exists())), gone
 
 

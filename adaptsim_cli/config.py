@@ -227,5 +227,5 @@ def _message(error: ValidationError) -> str:
         return unknown(key, key, known, "Known keys")
     info = _Values.model_fields[str(first["loc"][0])]
     if first["type"] == "literal_error":
-        return f"{key} = {first['input']!r}: it is one of {', '.join(get_args(Hardware))}"
+        return f"{key} = {first['input']!r}: choose one of {', '.join(get_args(Hardware))}"
     return f"{key} = {first['input']!r}: {plain(first['msg'])} ({info.description})"

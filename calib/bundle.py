@@ -88,7 +88,7 @@ def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None
         return motion(mounting, None, None, np.stack(poses))
     if len(joints) == len(views):
         raise UnusableViews("the views have joints, but the arm's kinematics are not known: give poses of the flange")
-    raise UnusableViews("some views have joints and others have not: record all of them alike")
+    raise UnusableViews("some views have joints and others do not: record all views alike")
 
 
 @dataclass(frozen=True, eq=False)

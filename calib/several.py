@@ -139,7 +139,7 @@ def _possible(cameras: Sequence[Camera]) -> None:
 
 
 def _same_arm(cameras: Sequence[Camera]) -> None:
-    """Views of one name must be of one posture. Raises UnusableViews, TooFewViews."""
+    """Views with the same name must show the same posture. Raises UnusableViews, TooFewViews."""
     first: dict[str, tuple[str, Array]] = {}
     counts: dict[str, int] = {}
     for camera in cameras:
@@ -149,8 +149,8 @@ def _same_arm(cameras: Sequence[Camera]) -> None:
             if distance_mm(X, X_other) > _SAME_MM or angle_deg(X, X_other) > _SAME_DEG:
                 raise UnusableViews(
                     f"view {view.name} of {camera.name} is {distance_mm(X, X_other):.1f} mm and"
-                    f" {angle_deg(X, X_other):.2f}° from view {view.name} of {other}: views of one name must be of one"
-                    " posture of the arm"
+                    f" {angle_deg(X, X_other):.2f}° from view {view.name} of {other}: views with the same"
+                    " name must show the same posture of the arm"
                 )
     if sum(count > 1 for count in counts.values()) < MIN_SHARED:
         raise TooFewViews(

@@ -89,7 +89,7 @@ def draw(solved: Solved) -> ArmPictures:
         raise UnusableViews("the camera is on the wrist and sees no arm: nothing can be drawn")
     if record.arm not in ("panda", "fr3"):
         raise UnusableViews(
-            'only the looks of a Panda and an FR3 are known here: write arm = "panda" or arm = "fr3" at the top of '
+            'only the shapes of a Panda and an FR3 are known here: write arm = "panda" or arm = "fr3" at the top of '
             "setup.toml if it is one of them"
         )
     X_CB, offsets_rad = inverse(np.array(record.X_AC)), record.offsets_rad()

@@ -40,7 +40,7 @@ class PrintedBoard(Record):
 def fitting(paper: str, square_mm: float | None) -> Board:
     """The board for a paper: squares as large as fit, in whole mm, or as asked for. Raises UsageError."""
     if paper not in PAPERS_MM:
-        raise UsageError(f"--paper {paper}: it is one of {', '.join(PAPERS_MM)}")
+        raise UsageError(f"--paper {paper}: choose one of {', '.join(PAPERS_MM)}")
     width, height = PAPERS_MM[paper]
     like = Board()
     room = (width - 2 * _SIDE_MM) / like.squares_across, (height - _TOP_MM - _BOTTOM_MM) / like.squares_down

@@ -135,7 +135,7 @@ def together(
 ) -> None:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
-    Views of one name are of one posture of the arm.
+    Views with the same name must show the same posture of the arm.
 
     Example: adaptsim calibrate together camera-0 camera-1 camera-2
     """

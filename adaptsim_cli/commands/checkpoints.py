@@ -101,7 +101,7 @@ def parameters(
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the simulated targets.")] = None,
     as_json: _Json = False,
 ) -> None:
-    """Say before the first trial which parameters a session can tell, by sessions on simulated targets.
+    """Show which parameters a session can estimate, and which stay unknown. Measured in simulated sessions.
 
     Example: adaptsim checkpoints parameters --task pushing
     """
@@ -133,7 +133,7 @@ def repair(
 ) -> None:
     """Copy a checkpoint and add the paper's adaptation policy with a threshold that can be reached.
 
-    It learns in the checkpoint's own simulator, so it takes minutes. The learning gate says whether it learnt anything:
+    It learns in the checkpoint's own simulator, so it takes minutes. The learning gate says whether it learned anything:
     it must earn more than staying where it starts, and more than drifting one way. Use it with --method
     adaptsim-attainable and the setting `checkpoint`, or with adaptsim benchmark --checkpoints FOLDER.
 

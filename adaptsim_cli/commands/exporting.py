@@ -18,7 +18,7 @@ def export(
         str, typer.Option("--format", autocompletion=completing.formats, help="csv, parquet, mcap, lerobot or rerun.")
     ] = "csv",
     out: Annotated[
-        Path | None, typer.Option("--out", help="File of a table, folder otherwise; in the present folder if left out.")
+        Path | None, typer.Option("--out", help="File of a table, else folder; default: in the current folder.")
     ] = None,
     as_json: _Json = False,
 ) -> None:

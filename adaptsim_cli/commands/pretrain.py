@@ -49,17 +49,17 @@ def pretrain(
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
 
-    This is what adaptsim needs. --methods adds the paper's adaptation policies, and --evaluate judges; both
-    take longer than all the rest. They may be asked for later: the same command with them goes on from what is there.
+    The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
+    both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
-    With --targets wide it learns from, and is judged on, targets that may lie beyond the ranges of the paper.
+    With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
-    With --report some 3,600 further rollouts (minutes) tell what emulator and policies are worth; a second report
-    needs none. A finished folder given with --out is reported on as it is.
+    --report runs some 3,600 further rollouts (minutes) to measure emulator and policies; a second report needs none.
+    A finished folder given with --out stays as it is.
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """

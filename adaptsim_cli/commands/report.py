@@ -14,7 +14,7 @@ def report(
     session: Annotated[
         str | None,
         typer.Argument(
-            help="Name of the session; the newest where it is left out.", autocompletion=completing.sessions
+            help="Name of the session; default: the newest.", autocompletion=completing.sessions
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,

@@ -42,7 +42,7 @@ def report(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="Name of the rollout; the newest where it is left out.", autocompletion=completing.rollouts
+            help="Name of the rollout; default: the newest.", autocompletion=completing.rollouts
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,

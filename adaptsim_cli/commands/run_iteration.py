@@ -49,7 +49,7 @@ def run_iteration(
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
     Continues where the session stopped. Without --session, its name follows from task, world, method and seed. With
-    --until-done it runs at most --iterations, or else as many as the paper gives the task.
+    --until-done it stops when another iteration is not worth its trials, and runs --iterations at most.
 
     Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
     """

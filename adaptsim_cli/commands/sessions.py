@@ -149,12 +149,12 @@ def accept(
     trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
     attempt: Annotated[
         int | None,
-        typer.Option("--attempt", min=1, help="Which attempt; if left out, the newest with a recording."),
+        typer.Option("--attempt", min=1, help="Which attempt; default: the newest with a recording."),
     ] = None,
     reason: Annotated[str, typer.Option("--reason", help="Why it counts after all.")] = "restored by the operator",
     as_json: _Json = False,
 ) -> None:
-    """Take back a rejection: an attempt that did not count counts again. Nothing moves, nothing is deleted.
+    """Take back a rejection: the attempt counts again. Nothing moves, nothing is deleted.
 
     Example: adaptsim sessions accept scooping-ood-1-adaptsim-seed0 3
     """
@@ -172,7 +172,7 @@ def amend(
     name: _Name,
     trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
     outcome: Annotated[
-        str | None, typer.Option("--outcome", help="The outcome that you saw, e.g. on_blade; asked for, if left out.")
+        str | None, typer.Option("--outcome", help="The outcome that you saw, e.g. on_blade; without it you are asked.")
     ] = None,
     reason: Annotated[str, typer.Option("--reason", help="How you know.")] = "amended by the operator",
     as_json: _Json = False,

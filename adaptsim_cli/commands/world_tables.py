@@ -18,7 +18,7 @@ def world_tables(
     scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="The tables on stdout.")] = False,
 ) -> None:
-    """Simulate the tables of worlds that a benchmark looks trials up in; about a minute of one core a world.
+    """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
 
     Stop it at any time: the same command continues. Damaged files of a table are made again.
 

@@ -44,6 +44,6 @@ class ToolWatch:
         if abs(now.width_m - self.width_m) > SLIPPED_M:
             raise HandError(
                 f"the {self.tool} has slipped: {stands}, {1e3 * self.width_m:.1f} mm at first (at most "
-                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is not known any more; have the hand take it again: "
+                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is no longer known; have the hand take it again: "
                 f"{self.remedy}"
             )

@@ -82,7 +82,7 @@ def amendable(
     rewards = {outcome: task.score(replace(track, outcome=outcome), context) for outcome in outcomes}
     choices = {outcome: reward for outcome, reward in rewards.items() if np.isfinite(reward)}
     if not choices:
-        raise UsageError(f"trial {number} of {store.facts.name} was simulated: nobody can have seen it otherwise")
+        raise UsageError(f"trial {number} of {store.facts.name} was simulated without a camera: its outcome is exact")
     return record, choices
 
 

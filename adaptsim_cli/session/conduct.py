@@ -134,7 +134,7 @@ def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
         screen.note(f"There is no session {name} yet; it begins now.{meant}")
         return
     then = f"A new session is begun in {root / name}."
-    stopped = f"no session was begun; those that there are: {', '.join(known) or 'none yet'}"
+    stopped = f"no session was begun; known sessions: {', '.join(known) or 'none yet'}"
     screen.go_on(f"There is no session {name} yet.{meant}", "to begin it", then=then, stopped=stopped)
 
 

@@ -29,7 +29,7 @@ def export(
     ExtraMissing, SessionError.
     """
     if kind not in FORMATS:
-        raise UsageError(f"--format {kind}: it is one of {', '.join(FORMATS)}")
+        raise UsageError(f"--format {kind}: choose one of {', '.join(FORMATS)}")
     if not (records := table.trials_of(store)):
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
     if kind == "csv":

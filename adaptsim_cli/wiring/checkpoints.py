@@ -185,7 +185,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
             continue
     raise CheckpointError(
         f"session {facts.name!r} was begun with the checkpoint {facts.checkpoint} ({facts.checkpoint_sha256[:12]}), "
-        "which is not here any more: name its folder with ADAPTSIM_CHECKPOINT"
+        "which is no longer here: name its folder with ADAPTSIM_CHECKPOINT"
     )
 
 

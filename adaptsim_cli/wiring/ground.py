@@ -58,7 +58,7 @@ def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Fact
     ground = next((one for one in found if one.eye.camera_late_s == facts.camera_late_s), None)
     if ground is None:
         raise UsageError(
-            f"session {facts.name!r} was begun with a calibration or touch-off that is kept no more; name another "
+            f"session {facts.name!r} was begun with a calibration or touch-off that is no longer kept; name another "
             "--session"
         )
     return ground

@@ -115,7 +115,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     task, models = get_task(config.task), get_args(Model)
     if arm is not None or config.is_simulated:
         if arm not in (None, *models):
-            raise UsageError(f"--arm {arm}: it is one of {', '.join(models)}")
+            raise UsageError(f"--arm {arm}: choose one of {', '.join(models)}")
         return mounted_as_shipped(task, cast(Model, arm or "panda"))
     known = current_calibration(config, resolved.places)
     boxes = () if known is None else (camera_box(known.hand_eye().X_BC),)

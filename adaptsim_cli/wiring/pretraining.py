@@ -72,14 +72,14 @@ def pretrain(
 
     budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
     if budget not in budgets:
-        raise UsageError(f"--budget {budget}: it is one of {', '.join(budgets)}")
+        raise UsageError(f"--budget {budget}: choose one of {', '.join(budgets)}")
     config = resolved.config
     solver = config.solver or SOLVERS[0]
     if solver not in SOLVERS:
-        raise UsageError(f"--solver {solver}: it is one of {', '.join(SOLVERS)}")
+        raise UsageError(f"--solver {solver}: choose one of {', '.join(SOLVERS)}")
     kind = next((known for known in TARGETS if known == targets), None)
     if kind is None:
-        raise UsageError(f"--targets {targets}: it is one of {', '.join(TARGETS)}")
+        raise UsageError(f"--targets {targets}: choose one of {', '.join(TARGETS)}")
     task, chosen = task_of(config), sizes.applied_to(budgets[budget]().on_targets(kind))
     unusual = (
         Path(config.object).stem,
@@ -107,5 +107,5 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
     if kind == "dask" and scheduler:
         return dask_cluster(scheduler)
     if kind not in ("processes", "dask"):
-        raise UsageError(f"--executor {kind}: it is one of processes, dask")
+        raise UsageError(f"--executor {kind}: choose one of processes, dask")
     raise UsageError("--executor dask and --scheduler ADDRESS belong together")

@@ -27,7 +27,7 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
     no NAF, CheckpointError where `folder` holds something else.
     """
     if name not in ("", *SOLVERS):
-        raise UsageError(f"--solver {name}: it is one of {', '.join(SOLVERS)}")
+        raise UsageError(f"--solver {name}: choose one of {', '.join(SOLVERS)}")
     if name == "emulator" and checkpoint.naf:
         raise UsageError(
             f"--solver emulator: the checkpoint {checkpoint.path} was made with --solver naf and holds no emulator. "

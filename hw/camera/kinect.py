@@ -65,7 +65,7 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
 
 def _mode(modes: Mapping[str, Mode], name: str) -> Mode:
     if name not in modes:
-        raise CameraError(f"camera mode {name!r} is not known: it is one of {', '.join(modes)}")
+        raise CameraError(f"camera mode {name!r} is not known: choose one of {', '.join(modes)}")
     return modes[name]
 
 

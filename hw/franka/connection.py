@@ -123,7 +123,7 @@ class Connection:
             return said
         try:
             reasons = _reading(self._robot.read_once()).reasons
-        except self._errors:  # it does not answer any more: its last words are what there is
+        except self._errors:  # it no longer answers: its last words are what there is
             return said
         return self._failure(error, reasons)
 

@@ -119,7 +119,7 @@ class FrankaHand:
         try:
             return gripper.read_once()
         except self._errors as error:
-            raise DeviceUnavailable(f"the hand at {self._host} does not answer any more ({error})") from error
+            raise DeviceUnavailable(f"the hand at {self._host} no longer answers ({error})") from error
 
     def _need_homing(self) -> None:
         self._connected()

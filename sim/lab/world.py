@@ -230,7 +230,7 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
     for dimension, value in zip(task.margin.dimensions, values, strict=True):
         if dimension.scale == "integer" and not dimension.low <= value <= dimension.high:
             kinds = f"{dimension.low:g} to {dimension.high:g}"
-            raise WorldError(f"{source}: {dimension.name} = {value:g} in [params] names no kind; there are {kinds}")
+            raise WorldError(f"{source}: {dimension.name} = {value:g} in [params] is no kind; choose {kinds}")
     return values
 
 

@@ -48,7 +48,7 @@ def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> Non
         ("seed = -1", r"seed = -1: input should be greater than or equal to 0"),
         ("seed = '0'", r"seed = '0': input should be a valid integer"),
         ("min_free_mb = '1 GB'", r"min_free_mb = '1 GB': .*free disk space that a session needs, MB"),
-        ("hw = 'ur5'", r"hw = 'ur5': it is one of fake, panda, fr3"),
+        ("hw = 'ur5'", r"hw = 'ur5': choose one of fake, panda, fr3"),
         ("seed = ", r"adaptsim.toml is not valid TOML: Invalid value"),
         ("[run]\nseed = 1", r"unknown key 'run'; Known keys"),
         ("particles = 99", r"less than or equal to 16"),

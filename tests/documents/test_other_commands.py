@@ -54,7 +54,7 @@ def test_every_other_command_names_what_exists(page: Path) -> None:
     ],
 )
 def test_a_wrong_line_is_noticed(line: str, why: str) -> None:
-    (found,) = commands(f"`{line}`", line.split()[0])
+    (found,) = commands(f"`{line}`", line.split(maxsplit=1)[0])
     assert why in wrong(found)
 
 

@@ -95,7 +95,7 @@ def _port(
 
 def _one_of(ask: Ask, tell: Callable[[str], None], question: str, choices: Sequence[str], default: str) -> str:
     while (answer := ask(f"{question} {', '.join(choices)}.", default).lower()) not in choices:
-        tell(f"{answer!r}: it is one of {', '.join(choices)}")
+        tell(f"{answer!r}: choose one of {', '.join(choices)}")
     return answer
 
 

@@ -51,7 +51,7 @@ def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
     rig = read(Path(config.rig), tools)
     if rig.arm.model != config.hw:
         raise UsageError(
-            f"hw = {config.hw}, but {config.rig} is of a lab with arm.model = {rig.arm.model!r}, so nothing has "
+            f"hw = {config.hw}, but {config.rig} belongs to a lab with arm.model = {rig.arm.model!r}, so nothing has "
             f"moved. Say --hw {rig.arm.model}, or name another rig file with the setting rig; to write one: {begin}"
         )
     return rig

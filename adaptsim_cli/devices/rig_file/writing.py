@@ -52,7 +52,7 @@ class Written:
 def init(places: Places, request: InitRequest, screen: Screen) -> Written:
     """Ask, then write. Raises UsageError, StoppedByOperator, SessionError; then nothing has been written."""
     if request.arm is not None and request.arm not in ARMS:
-        raise UsageError(f"--arm {request.arm}: it is one of {', '.join(ARMS)}")
+        raise UsageError(f"--arm {request.arm}: choose one of {', '.join(ARMS)}")
     if not request.yes:
         console.require_terminal("there is no terminal to answer at: run in a terminal, or add --yes for every default")
     settings = places.project_file if request.project else places.user_file

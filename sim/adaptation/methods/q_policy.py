@@ -37,7 +37,7 @@ def create_attainable(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
     if checkpoint is None or checkpoint.attainable is None:
         where = "there is no checkpoint" if checkpoint is None else f"{checkpoint.path} holds none"
         raise CheckpointError(
-            f"adaptsim-attainable needs an adaptation policy that learnt with an attainable threshold, and {where}: "
+            f"adaptsim-attainable needs an adaptation policy that learned with an attainable threshold, and {where}: "
             f"make one with `adaptsim checkpoints repair --task {task.name}`"
         )
     return QPolicy(task, checkpoint.attainable, "iteration")

@@ -70,7 +70,7 @@ def test_answers_that_cannot_be_are_explained_and_asked_again() -> None:
     assert rig.pedal is not None and rig.pedal.port == "/dev/ttyACM3"
     assert rig.balance is not None and (rig.balance.port, rig.balance.protocol) == (ARDUINO, "sbi")
     assert rig.person is None
-    for problem in ("'ur5': it is one of", "letters, digits", "address alone", "'7' is no path", "share the port"):
+    for problem in ("'ur5': choose one of", "letters, digits", "address alone", "'7' is no path", "share the port"):
         assert sum(problem in line for line in told) == 1, problem
 
 
@@ -148,7 +148,7 @@ def test_without_a_terminal_nothing_is_asked(capfd: pytest.CaptureFixture[str]) 
         assert app.run(["config", "init"]) == 2
     assert "add --yes for every default" in capfd.readouterr().err
     assert app.run(["config", "init", "--arm", "ur5", "--yes"]) == 2
-    assert "it is one of fr3, panda, none" in capfd.readouterr().err
+    assert "choose one of fr3, panda, none" in capfd.readouterr().err
 
 
 def test_a_broken_rig_file_does_not_hide_the_settings(place: Path, capfd: pytest.CaptureFixture[str]) -> None:

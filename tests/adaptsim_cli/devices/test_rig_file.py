@@ -161,7 +161,7 @@ def test_a_real_arm_needs_the_rig_file_of_its_own_model(tmp_path: Path) -> None:
         rig_of(load(tmp_path, hw="fr3").config)
     write_rig(tmp_path / "project")
     assert rig_of(load(tmp_path, hw="panda").config).name == "lab-1"
-    with pytest.raises(UsageError, match=r"is of a lab with arm.model = 'panda'"):
+    with pytest.raises(UsageError, match=r"belongs to a lab with arm.model = 'panda'"):
         rig_of(load(tmp_path, hw="fr3").config)
 
 

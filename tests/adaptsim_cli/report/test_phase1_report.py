@@ -121,7 +121,7 @@ def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification:
 
 def test_unknown_targets_are_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["pretrain", "--task", "pendulum", "--targets", "far", "--out", str(made.parent / "new")]) == 2
-    assert "--targets far: it is one of paper, wide" in capfd.readouterr().err
+    assert "--targets far: choose one of paper, wide" in capfd.readouterr().err
     assert not (made.parent / "new").exists()
 
 

@@ -119,5 +119,5 @@ def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings: R
     assert len({nominal, first, second}) == 3
     assert own(second)[0, 3] - own(first)[0, 3] == pytest.approx(0.01)
     assert own(nominal)[0, 3] != own(first)[0, 3], "the calibration that came with the world"
-    with pytest.raises(UsageError, match="is kept no more; name another"):
+    with pytest.raises(UsageError, match="is no longer kept; name another"):
         own("f" * 64, replace(settings.places))

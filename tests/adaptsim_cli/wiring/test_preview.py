@@ -45,7 +45,7 @@ def test_the_page_is_served_to_this_machine_alone() -> None:
         (["--action", "pitch=steep"], "'steep' is not a number"),
         (["--action", "pitch=3"], "lies outside of"),
         (["--context", "x=2"], "lies outside of"),
-        (["--arm", "ur5"], "it is one of panda, fr3"),
+        (["--arm", "ur5"], "choose one of panda, fr3"),
         (["--task", "juggling"], "must be one of pendulum"),
     ],
 )

@@ -55,6 +55,6 @@ def test_an_exact_task_has_its_own(tmp_path: Path) -> None:
         assert policies is expectations is checkpoint.solver
     with pytest.raises(UnknownName, match="pendulum has no solver naf"), solver_of(checkpoint, "naf", 1, tmp_path):
         pass
-    with pytest.raises(UsageError, match="it is one of emulator, naf"), solver_of(checkpoint, "lqr", 1, tmp_path):
+    with pytest.raises(UsageError, match="choose one of emulator, naf"), solver_of(checkpoint, "lqr", 1, tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []

@@ -90,7 +90,9 @@ def _sorted(views: Sequence[View]) -> list[View]:
         raise UnusableViews(f"more than one view is called {', '.join(twice)}: give each its own name")
     kinds = {None if view.q_rad is None else len(view.q_rad) for view in views}
     if len(kinds) > 1:
-        raise UnusableViews("some views have joints and others do not, or another number of them: record all views alike")
+        raise UnusableViews(
+            "some views have joints and others do not, or another number of them: record all views alike"
+        )
     return sorted(views, key=lambda view: view.name)
 
 

@@ -21,7 +21,9 @@ def solve(folders: Sequence[Path]) -> Together:
     """Raises ViewFolderError, PerceptionError, UnusableViews."""
     names = [folder.name for folder in folders]
     if len(set(names)) < len(names):
-        raise UnusableViews(f"two folders have the same name ({', '.join(names)}): a camera takes the name of its folder")
+        raise UnusableViews(
+            f"two folders have the same name ({', '.join(names)}): a camera takes the name of its folder"
+        )
     return solve_together([_camera(folder) for folder in folders])
 
 

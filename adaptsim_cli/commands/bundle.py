@@ -13,9 +13,7 @@ from adaptsim_cli.commands import completing
 def bundle(
     session: Annotated[
         str | None,
-        typer.Argument(
-            help="Name of the session; default: the newest.", autocompletion=completing.sessions
-        ),
+        typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Archive to write (.zip).")] = None,
     pictures: Annotated[bool, typer.Option("--with-pictures", help="Pack images, recordings and pages too.")] = False,

@@ -133,8 +133,8 @@ def repair(
 ) -> None:
     """Copy a checkpoint and add the paper's adaptation policy with a threshold that can be reached.
 
-    It learns in the checkpoint's own simulator, so it takes minutes. The learning gate says whether it learned anything:
-    it must earn more than staying where it starts, and more than drifting one way. Use it with --method
+    It learns in the checkpoint's own simulator, so it takes minutes. The learning gate says whether it learned
+    anything: it must earn more than staying where it starts, and more than drifting one way. Use it with --method
     adaptsim-attainable and the setting `checkpoint`, or with adaptsim benchmark --checkpoints FOLDER.
 
     Example: adaptsim checkpoints repair --task pushing --seed 1

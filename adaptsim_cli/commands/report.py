@@ -13,9 +13,7 @@ from adaptsim_cli.commands import completing
 def report(
     session: Annotated[
         str | None,
-        typer.Argument(
-            help="Name of the session; default: the newest.", autocompletion=completing.sessions
-        ),
+        typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Where the page lies, as JSON on stdout.")] = False,

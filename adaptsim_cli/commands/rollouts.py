@@ -41,9 +41,7 @@ def list_rollouts(as_json: _Json = False) -> None:
 def report(
     name: Annotated[
         str | None,
-        typer.Argument(
-            help="Name of the rollout; default: the newest.", autocompletion=completing.rollouts
-        ),
+        typer.Argument(help="Name of the rollout; default: the newest.", autocompletion=completing.rollouts),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
     as_json: _Json = False,

@@ -197,11 +197,6 @@ class Worth:
     to_halve: int | None  # how many such views halve it; None: more than a dozen
 
     @property
-    def helpful(self) -> tuple[str, ...]:
-        """The three that the result rests on most."""
-        return tuple(name for name, _ in self.without[:3])
-
-    @property
     def idle(self) -> tuple[str, ...]:
         """Without any one of these the error grows by less than a hundredth."""
         return tuple(sorted(name for name, share in self.without if share < 0.01))

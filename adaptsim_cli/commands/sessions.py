@@ -181,7 +181,7 @@ def amend(
 
     Later trials stay as they are; the next adaptation takes the new outcome into account and says so.
 
-    Example: adaptsim sessions amend scooping-ood-1-adaptsim-seed0 3 --outcome on_table --reason "it fell off at home"
+    Example: adaptsim sessions amend scooping-ood-1-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console

@@ -58,12 +58,7 @@ class Compared:
         """A row of `sessions.csv`."""
         facts, first, last, best = self.facts, self.iterations[0], self.iterations[-1], self.result
         return {
-            "session": facts.name,
-            "task": facts.task,
-            "hw": facts.hw,
-            "world": facts.world,
-            "method": facts.method,
-            "seed": facts.seed,
+            **facts.named(),
             "day": self.day,
             "iterations": len(self.iterations),
             "trials": len(self.trials),

@@ -86,7 +86,12 @@ class Facts(Record):
     context: tuple[DimensionRecord, ...]
     action: tuple[DimensionRecord, ...]
     curves: dict[str, int] = {}
-    """Column of the track by what it is called, where it is drawn over time instead of on the table."""
+    """Name of a column of the track -> its index, where it is drawn over time instead of on the table."""
+
+    def named(self) -> dict[str, str | int]:
+        """What tells this session from others, as the first columns of every table."""
+        keys = {"session": self.name, "task": self.task, "hw": self.hw, "world": self.world}
+        return {**keys, "method": self.method, "seed": self.seed}
 
     @property
     def units(self) -> dict[str, str]:

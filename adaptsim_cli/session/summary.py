@@ -76,12 +76,7 @@ def overview(store: SessionStore) -> dict[str, Any]:
     results = [result for i in range(iterations) if (result := store.result(i)) is not None]
     last, said = (results[-1] if results else None), about(store.folder)
     return {
-        "session": facts.name,
-        "task": facts.task,
-        "hw": facts.hw,
-        "world": facts.world,
-        "method": facts.method,
-        "seed": facts.seed,
+        **facts.named(),
         "created": facts.created,
         "iterations": len(results),
         "trials": len(rewards),

@@ -61,12 +61,7 @@ def _row(store: SessionStore, trial: TrialRecord) -> Row:
         ("action", facts.action, trial.action),
     )
     return {
-        "session": facts.name,
-        "task": facts.task,
-        "hw": facts.hw,
-        "world": facts.world,
-        "method": facts.method,
-        "seed": facts.seed,
+        **facts.named(),
         "started": trial.started,
         "iteration": trial.iteration,
         "trial": trial.number,

@@ -48,11 +48,6 @@ class ProbeReport:
     fix: str | None  # what to do about it
 
     @property
-    def is_ready(self) -> bool:
-        """A camera can be opened."""
-        return self.error is None
-
-    @property
     def serials(self) -> tuple[str, ...]:
         """Of the cameras that can be used."""
         return tuple(device.serial for device in self.devices if device.error is None)

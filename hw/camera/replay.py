@@ -1,19 +1,14 @@
-"""A camera that shows what another one saw: frames of a Kinect's recording, or of a session."""
+"""A camera that shows what another one saw: the frames of a session, tracked again."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
-from pathlib import Path
+from itertools import pairwise
 from typing import Self
 
-from hw.camera.recording import KinectRecording
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
-
-MOST_FRAMES = 1800
-"""Of one film: a minute, some 6 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +74,3 @@ class RecordedCamera:
     def _need_connection(self) -> None:
         if not self._connected:
             raise DeviceUnavailable("the recorded camera is not connected: use it inside a `with` block")
-
-
-def recorded_kinect(path: Path) -> RecordedCamera:
-    """One take: the first frame of a Matroska recording as still, all of them as film.
-
-    Reads the whole file, some 4 MB a frame. Raises CameraError, DeviceUnavailable without PyAV.
-    """
-    with KinectRecording(path) as recording:
-        model, frames = recording.model(), tuple(islice(recording.frames(), MOST_FRAMES + 1))
-    if len(frames) > MOST_FRAMES:
-        raise CameraError(f"{path} is longer than {MOST_FRAMES} frames, which is a minute: cut it")
-    if not frames:
-        raise CameraError(f"{path} holds no instant with both a colour and a depth image: record again")
-    return RecordedCamera(model, [Take(frames[0], frames)])

@@ -23,7 +23,7 @@ def child(program: str) -> list[str]:
 def test_no_library_is_a_message_with_the_install_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(k4a_library, "library_file", lambda: None)
     report = probe_k4a()
-    assert (report.library, report.is_ready, report.serials) == (None, False, ())
+    assert (report.library, report.error is None, report.serials) == (None, False, ())
     with pytest.raises(DeviceUnavailable, match=r"not installed\. Install .*apt-get install libk4a1\.4"):
         report.require()
 
@@ -71,7 +71,7 @@ def test_cameras_are_listed_with_serial_and_firmware_and_given_back() -> None:
     busy, free = report.devices
     assert (busy.serial, free.serial) == ("", "B2") and busy.error is not None and "cannot be opened" in busy.error
     assert free.firmware == "colour 1.6.110, depth 1.6.80"
-    assert (report.is_ready, report.serials, report.version, report.maker) == (True, ("B2",), "1.4.1", "Microsoft")
+    assert (report.error is None, report.serials, report.version, report.maker) == (True, ("B2",), "1.4.1", "Microsoft")
     assert not fake.open
     assert look(fake, "libk4a.so", "7f00 /opt/lib/libOrbbecSDK.so.1.10").maker == "Orbbec"
 

@@ -105,4 +105,4 @@ def test_pixels_go_from_depth_to_colour_as_the_library_takes_them(
 def test_the_probe_loads_it_and_sees_that_no_camera_is_there_or_lists_it() -> None:
     report = probe_k4a()
     assert report.library == os.environ[NEEDED[0]] and report.maker is not None
-    assert report.is_ready == bool(report.serials)
+    assert (report.error is None) == bool(report.serials)

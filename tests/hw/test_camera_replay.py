@@ -1,14 +1,11 @@
-"""The recorded-frames camera, from frames and from a Matroska file."""
+"""The camera that shows recorded frames."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from kinect_files import SMALL, record
 
-from hw.camera.replay import RecordedCamera, Take, recorded_kinect
+from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame, Intrinsics
 
@@ -53,18 +50,3 @@ def test_out_of_turn_and_out_of_order() -> None:
         Take(frame(0.0), (frame(1.0), frame(1.0)))
     with pytest.raises(ValueError, match="at least one take"):
         RecordedCamera(MODEL, [])
-
-
-def test_a_matroska_recording_is_one_take(tmp_path: Path) -> None:
-    path = tmp_path / "r.mkv"
-    record(path, [0.0, 1 / 30, 2 / 30], [0.0, 1 / 30, 2 / 30])
-    with recorded_kinect(path) as camera:
-        still = camera.snapshot()
-        camera.start_recording()
-        film = camera.stop_recording()
-    assert [f.t_s for f in film] == pytest.approx([2.0, 2.033, 2.067], abs=2e-3)
-    assert still is film[0] and camera.model().serial == "001514394512"
-    assert film[2].depth_mm[5, 0] == 1002 and film[0].colour.shape == (*SMALL[::-1], 3)
-    record(path, [0.0], [0.5])
-    with pytest.raises(CameraError, match="no instant with both"):
-        recorded_kinect(path)

@@ -1,0 +1,181 @@
+"""Every call that a page or `--help` shows is executed in one home of the simulated lab, and ends as it should.
+
+Lines that take hours, or need what a test has not, are in `ELSEWHERE` with the reason. The operator's guide has a test
+of its own. A line that only names a command (`adaptsim report`) is checked by tests/adaptsim_cli/test_documents.py.
+A call of a real arm is executed too: without one it is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import real_views
+import typer
+from documents import PAGES, ROOT, commands, read
+
+from adaptsim_cli import app
+
+PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+SESSION = "scooping-ood-1-adaptsim-seed0"
+OTHER = "scooping-ood-1-udr-seed0"
+STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
+STANDS_FOR |= {"VIEWS": "my-views"}
+ELSEWHERE = {
+    r" pretrain": "minutes to an hour; tests/adaptsim_cli/commands runs it with few rollouts",
+    r" world-tables": "minutes of two cores; tests/adaptsim_cli/commands runs it with few rollouts",
+    r" benchmark (--task pushing|--fresh)": "needs the tables of forty worlds",
+    r" checkpoints repair": "minutes; tests/adaptsim_cli/commands runs it with few steps",
+    r" curling": "the task of a tutorial; tests/documents/test_tutorials.py",
+    r" --object my-tofu.toml": "needs a pretraining of ten minutes",
+    r" --rerun": "opens a viewer; tests/extras",
+    r" rollouts report \S": "the name holds the time; without one it is the newest",
+    r" overlay": "needs pictures; tests/adaptsim_cli/calibration/test_arm_picture.py",
+    r" amend \S+ \d+$": "asks at the terminal; tests/adaptsim_cli/session/test_amending.py",
+}
+"""What is not executed here -> why."""
+PRELUDE = (
+    f"adaptsim run-iteration --task scooping --world ood-1 --method udr --session {OTHER} --yes",
+    "adaptsim rollout --task pendulum --yes",
+)
+"""Makes what the lines take for granted."""
+FIRST = (r" run-iteration", r" calibrate --hw fake", r" calibrate restore", r" touch-off --task", r" rollout ")
+LAST = (
+    r" redo",
+    r" accept",
+    r" amend",
+    r" prune",
+    r" archive",
+    r" sessions restore",
+    r" --own-cal",
+    r" init",
+    r" delete",
+)
+"""Lines come in this order, all others between the two."""
+NEEDS_EXTRA = {"--format lerobot": "pyarrow", "--format parquet": "pyarrow", "--format rerun": "rerun"}
+REFUSED = {2, 3}
+
+
+def documented() -> list[str]:
+    """The calls of all pages and examples, with placeholders filled in, in an order in which they can be executed."""
+    left_out = {ROOT / "docs/guide/operators-guide.md", ROOT / "docs/reference/commands.md"}
+    shown = [line for page in PAGES if page not in left_out for line in commands(read(page))]
+    examples = re.findall(r"^Example: (.*)$", "\n".join(_helps(PROGRAM)), re.MULTILINE)
+    calls = [words for line in shown if _says_more(words := shlex.split(line, comments=True))]
+    calls += [shlex.split(line) for line in examples]
+    return sorted({shlex.join(_filled(words)) for words in calls}, key=lambda line: (_place(line), line))
+
+
+def _place(line: str) -> int:
+    found = [i for i, pattern in enumerate((*FIRST, r"", *LAST)) if pattern and re.search(pattern, line)]
+    return max(found, default=len(FIRST))
+
+
+def _filled(words: list[str]) -> list[str]:
+    """The line with a value for every placeholder."""
+    trial = "2" if "--json" in words else "1"  # a trial is redone once
+    names = iter(("1",) if words[1] in {"calibrate", "touch-off"} else (SESSION, OTHER))
+    values = STANDS_FOR | {"TRIAL": trial}
+    return [next(names) if word == "NAME" else values.get(word, word) for word in words]
+
+
+def _helps(node: typer.core.TyperGroup) -> list[str]:
+    texts = [node.help or ""]
+    for command in node.commands.values():
+        texts += _helps(command) if isinstance(command, typer.core.TyperGroup) else [command.help or ""]
+    return texts
+
+
+def _says_more(words: list[str]) -> bool:
+    """Whether a line says more than which command it means, and that its output be JSON."""
+    node: object = PROGRAM
+    rest = words[1:]
+    while rest and isinstance(node, typer.core.TyperGroup) and rest[0] in node.commands:
+        node, rest = node.commands[rest[0]], rest[1:]
+    return node is not PROGRAM and bool(set(rest) - {"--json"})
+
+
+def _options(words: list[str]) -> set[str]:
+    """The names of the options that the command of a line has."""
+    node: object = PROGRAM
+    for word in words[1:]:
+        if not isinstance(node, typer.core.TyperGroup) or word not in node.commands:
+            break
+        node = node.commands[word]
+    return {str(p.name) for p in getattr(node, "params", ())}
+
+
+def elsewhere(line: str) -> str:
+    """Why this line is not executed here; empty if it is."""
+    return next((why for pattern, why in ELSEWHERE.items() if re.search(pattern, line)), "")
+
+
+def run(line: str, place: Path) -> str:
+    """Execute a line without a terminal; returns what was wrong, empty if it ended as it should."""
+    words, has = shlex.split(line), _options(shlex.split(line))
+    real = "fr3" in words or "panda" in words
+    if "yes" in has and "--yes" not in words and not real:
+        words.append("--yes")  # there is nobody to ask
+    if "html" in has and "--html" not in words:
+        words += ["--html", "page.html"]  # instead of a server
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
+    lab = {"ADAPTSIM_HOME": str(place / "home"), "ADAPTSIM_WORLD": "ood-1", "OMP_NUM_THREADS": "1", "COLUMNS": "100"}
+    program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()"]
+    done = subprocess.run(
+        [*program, *words[1:]], env=kept | lab, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    extra = next((package for option, package in NEEDS_EXTRA.items() if option in line), "sys")
+    right = REFUSED | {0} if real else {0} if find_spec(extra) else REFUSED
+    if done.returncode in right and "Traceback" not in done.stderr:
+        return ""
+    return f"{line}: exit code {done.returncode}\n{done.stdout[-1500:]}{done.stderr[-1500:]}"
+
+
+def views(place: Path) -> None:
+    """The folders that the pages call my-views and camera-0 to camera-2."""
+    real_views.corner_folder(place / "my-views")
+    for number in range(3):
+        real_views.corner_folder(place / f"camera-{number}", number)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(4 * 3600)
+def test_every_documented_call_works() -> None:
+    with tempfile.TemporaryDirectory(prefix="c") as folder:
+        place = Path(folder)
+        views(place)
+        lines = [*PRELUDE, *(line for line in documented() if not elsewhere(line))]
+        assert len(lines) > 60
+        assert not (wrong := [why for line in lines if (why := run(line, place))]), "\n\n".join(wrong)
+
+
+def test_whatever_is_not_executed_is_documented_and_has_a_reason() -> None:
+    lines = documented()
+    for pattern in ELSEWHERE:
+        assert any(re.search(pattern, line) for line in lines), pattern
+    assert sum(not elsewhere(line) for line in lines) > 60
+    assert not [line for line in lines if {"NAME", "TRIAL", *STANDS_FOR} & set(shlex.split(line))]
+
+
+def test_a_session_is_begun_before_it_is_read_and_deleted_last() -> None:
+    lines = [line for line in documented() if not elsewhere(line)]
+    begun = lines.index("adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes")
+    reading = [i for i, line in enumerate(lines) if SESSION in line and "run-iteration" not in line]
+    assert begun < min(reading)
+    assert lines.index(f"adaptsim sessions redo {SESSION} 1") < lines.index(f"adaptsim sessions accept {SESSION} 1")
+    assert lines[-1] == f"adaptsim sessions delete {SESSION}"
+
+
+def test_a_call_is_told_from_a_name() -> None:
+    assert not _says_more(["adaptsim", "calibrate", "--json"])
+    assert not _says_more(["adaptsim", "sessions", "redo"])
+    assert not _says_more(["adaptsim", "--debug"])
+    assert _says_more(["adaptsim", "sessions", "redo", "NAME", "3"])

@@ -1,4 +1,4 @@
-"""Every page is on the site's menu and in the index of the documents; the site is built strictly by `make site`."""
+"""Every page is on the site's menu and in the index of the documents, and a decision fits on a page."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import re
 from documents import PAGES, ROOT
 
 DOCS = ROOT / "docs"
-RESULTS = {"results", "decisions"}
-"""Folders with an index of their own, which the index of all documents links."""
+PAGE_WORDS = 725
 
 
 def pages() -> list[str]:
@@ -29,3 +28,9 @@ def test_every_page_is_linked_from_an_index() -> None:
             linked.add(str((folder / target).resolve().relative_to(ROOT)))
     missing = {f"docs/{page}" for page in pages()} - linked - {"docs/README.md"}
     assert not missing, missing
+
+
+def test_a_decision_fits_on_a_page() -> None:
+    lengths = {page.name: len(page.read_text(encoding="utf-8").split()) for page in (DOCS / "decisions").glob("0*.md")}
+    assert len(lengths) > 10
+    assert not {name: words for name, words in lengths.items() if words > PAGE_WORDS}

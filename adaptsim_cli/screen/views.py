@@ -12,7 +12,7 @@ from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.screen.values import quantity
+from adaptsim_cli.screen.values import number, quantity
 from hw.types import Array
 from sim.types import Space
 

@@ -37,6 +37,7 @@ ELSEWHERE = {
     r" --object my-tofu.toml": "needs a pretraining of ten minutes",
     r" --rerun": "opens a viewer; tests/extras",
     r" rollouts report \S": "the name holds the time; without one it is the newest",
+    r" --refine-intrinsics": "is refused with so few views, exit code 3; tests/calib/test_trial.py",
     r" overlay": "needs pictures; tests/adaptsim_cli/calibration/test_arm_picture.py",
     r" amend \S+ \d+$": "asks at the terminal; tests/adaptsim_cli/session/test_amending.py",
 }

@@ -16,7 +16,7 @@ from math import cos, sin
 import numpy as np
 
 from hw.kinematics import CRAIG, FLANGE_M, JOINTS, forward, jacobian
-from hw.types import PATH_RATE_HZ, Array, Contact, Guard
+from hw.types import PATH_RATE_HZ, Array, Contact, Guard, frozen_array
 
 MEDIAN_OF = 25
 """Samples of the force, at 1 kHz, whose median counts: a spike of less than half of these does not."""
@@ -30,6 +30,8 @@ IMPACT_NS_M = 500.0
 
 WINDOW_M = 0.006
 """How much of the way before the end is used to find where the touch began: of it what is no faster than the end."""
+TORQUE_NOISE_NM = frozen_array((0.22, 0.32, 0.19, 0.31, 0.09, 0.11, 0.03), (JOINTS,), "torque noise")
+"""(7,) root mean square of the high-pass joint torques of a real Panda in motion: what simulated arms report too."""
 _STEADY = 1.3
 _CANDIDATES = 121
 

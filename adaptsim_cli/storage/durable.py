@@ -11,11 +11,14 @@ import errno
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptsim_cli.errors import DiskFull, SessionError
 from sim.storage.files import TEMPORARY, flush_file, flush_folder, publish_new, whole_file
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""The system's numbers for a disk, or a user's share of it, without room."""
 
 
 def write_file(path: Path, content: bytes) -> None:
@@ -84,7 +87,8 @@ def remove_leftovers(folder: Path) -> None:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # it is never read, so it may stay
+                path.unlink()
 
 
 @contextmanager
@@ -95,9 +99,17 @@ def explained(path: Path) -> Iterator[None]:
     except FileExistsError as error:
         raise SessionError(f"{path} exists already, and stored records are never overwritten") from error
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise DiskFull(
-                f"the disk is full: {path} could not be written. Everything completed before is safe; "
-                "free some space and run the same command again"
-            ) from error
-        raise SessionError(f"{path} could not be written: {error.strerror}") from error
+        if error.errno in FULL:
+            raise disk_full(path) from error
+        raise SessionError(
+            f"{path} could not be written: {error.strerror}. Everything completed before is safe; check the disk and "
+            "your right to write there, then run the same command again"
+        ) from error
+
+
+def disk_full(path: Path) -> DiskFull:
+    """The error where there is no room for `path`."""
+    return DiskFull(
+        f"the disk is full: {path} could not be written. Everything completed before is safe; "
+        "free some space and run the same command again"
+    )

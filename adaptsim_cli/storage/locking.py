@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.storage.durable import FULL, disk_full
 
 LOCK = ".lock"
 """A file of the folder, open for writing while the lock is held: a network file system locks nothing else."""
@@ -20,11 +21,13 @@ _POLL_S = 0.02
 @contextmanager
 def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
     """Hold `folder`, which exists. Raises UsageError with the message `taken` where another process still holds it
-    after `wait_s`, SessionError where the folder cannot be written to.
+    after `wait_s`, DiskFull or SessionError where the folder cannot be written to.
     """
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except OSError as error:
+        if error.errno in FULL:
+            raise disk_full(folder / LOCK) from error
         raise SessionError(f"{folder} cannot be locked: {error.strerror}; may you write there?") from error
     try:
         _lock(descriptor, folder, taken, time.monotonic() + wait_s)

@@ -11,7 +11,7 @@ import numpy as np
 
 from hw.braking import brake
 from hw.collision import KeepOut
-from hw.contact import Detector
+from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.guarding import require_guarded
 from hw.kinematics import forward
@@ -30,8 +30,9 @@ HANDLE_M = 0.012
 PIECE_S = 0.04
 """The plant is advanced in pieces of this length, and asked after each whether it has touched."""
 
-NOISE_NM, RIPPLE_NM, BIAS_NM = 0.15, 0.15, 0.5
-"""Of the torque estimate: white, periodic in each joint's angle (gears), constant through a motion."""
+RIPPLE_NM, BIAS_NM = 0.15, 0.5
+"""Of the torque estimate: periodic in each joint's angle (gears), constant through a motion. Its white noise is that of
+a real Panda."""
 RIPPLE_PER_RAD = 30.0
 SPIKE_NM, SPIKES_PER_S = 6.0, 0.5
 
@@ -199,7 +200,7 @@ class _FeelingArm:
 
     def _measured(self, felt: Felt, unseen: Array, bias_Nm: Array, rng: np.random.Generator) -> Felt:
         """As the arm reports it: without what it does not know of its joints, with what its sensors add."""
-        noise = NOISE_NM * rng.standard_normal(felt.torque_Nm.shape)
+        noise = TORQUE_NOISE_NM * rng.standard_normal(felt.torque_Nm.shape)
         spikes = rng.uniform(size=len(felt.t_s)) < SPIKES_PER_S / PATH_RATE_HZ
         noise[spikes] += SPIKE_NM * rng.choice([-1.0, 1.0], size=(int(spikes.sum()), 7))
         ripple = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * felt.q_rad + self._phase_rad)

@@ -45,13 +45,7 @@ def at_first(motion: str, fault: Callable[[Command], object]) -> Before:
 
 def stands(drill: Drill) -> Array:
     """(M, 7) what the arm was commanded in its last motion. Fails unless the commands end, with the arm at rest."""
-    seen: list[int] = []
-
-    def quiet() -> bool:
-        seen.append(len(drill.arm.received()))
-        return len(seen) > 20 and seen[-1] == seen[-20]
-
-    until(quiet)
+    until(lambda: not drill.arm.moves())
     commanded: Array = drill.arm.commanded()
     assert 1000 * AT_S * 0.8 < len(commanded) < 4000, "it began, and did not play to its end"
     return commanded

@@ -67,14 +67,18 @@ class Fr3Process:
         """Put the arm there, at rest, all faults forgotten."""
         self.tell("place " + " ".join(f"{v:.12f}" for v in np.asarray(q_rad)))
 
-    def plane(self, height_m: float, p_F_m: ArrayLike, stiffness_N_m: float = 2e4, noise_Nm: float = 0.15) -> None:
+    def plane(self, height_m: float, p_F_m: ArrayLike, stiffness_N_m: float = 2e4) -> None:
         """A springy table top under the flange's point; far below, the arm feels noise alone."""
-        self.tell(f"plane {height_m} {stiffness_N_m} {noise_Nm} " + " ".join(f"{v:.9f}" for v in np.asarray(p_F_m)))
+        self.tell(f"plane {height_m} {stiffness_N_m} " + " ".join(f"{v:.9f}" for v in np.asarray(p_F_m)))
 
     def received(self) -> list[list[float] | None]:
         """The commanded joints of the last motion, cycle by cycle, None where none came."""
         rows: list[list[float] | None] = json.loads(self.tell("report"))["received"]
         return rows
+
+    def moves(self) -> bool:
+        """Whether a motion goes on."""
+        return bool(json.loads(self.tell("report"))["moves"])
 
     def configured(self) -> list[str]:
         """The setters that the arm has taken, in their order."""

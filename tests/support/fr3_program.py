@@ -34,9 +34,9 @@ from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
-SILENCE_S = 0.5
+SILENCE_S = 5.0
 """Of the pedal, instead of 0.06 s: a busy computer is no fault of its cable."""
-PATIENT = Timing(realtime=False, silence_s=5.0, overrun_s=600.0)
+PATIENT = Timing(realtime=False, silence_s=20.0, overrun_s=600.0)
 
 
 class Shown:

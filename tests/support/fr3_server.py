@@ -16,9 +16,9 @@ then obeys lines on stdin, each answered by "done":
     lock, unlock             the joints, in Desk
     fci off, fci on          nobody answers any more; somebody does
     mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
-    plane HEIGHT STIFFNESS NOISE X Y Z   a level, springy plane under the flange's point X Y Z, in m, N/m and Nm
+    plane HEIGHT STIFFNESS X Y Z         a level, springy plane under the flange's point X Y Z, in m and N/m
     threshold FORCE          the plane's force in N at which the arm stops by itself
-    report                   the commands of the last motion, as JSON
+    report                   the commands of the last motion, and whether it goes on, as JSON
 
 The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise and a constant error.
 
@@ -26,7 +26,8 @@ Added to franky-sim: what the arm takes in which mode, what it finds wrong with 
 torque that they need, reflexes with their reasons, recovery that takes its time, the success rate of the last 100
 cycles, and an interface version of choice. PACE "exact" keeps to 1 kHz and loses the
 commands that come late; "patient" waits for the command of every cycle, so that a test does not depend on the load of
-the computer; "hurried" waits too, and goes on as soon as it came.
+the computer; "hurried" waits too, and goes on as soon as it came. After a mark it dawdles until the motion is over, so
+that what a test does there always falls into it.
 """
 
 from __future__ import annotations
@@ -60,10 +61,13 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
+from hw.contact import TORQUE_NOISE_NM
 from hw.kinematics import forward, jacobian
 
 PATIENCE_S = 0.2
 RECOVERY_CYCLES = 50
+DAWDLING_S = 0.01
+"""A cycle's length after a mark."""
 TORQUE_ERROR_NM = 0.8
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
@@ -72,8 +76,8 @@ KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
 class Plane:
     """A level plane that presses back where a point fixed to the flange is below it."""
 
-    def __init__(self, height_m: float, stiffness_N_m: float, noise_Nm: float, p_F_m: Any) -> None:
-        self._height_m, self._stiffness_N_m, self._noise_Nm, self._p_F_m = height_m, stiffness_N_m, noise_Nm, p_F_m
+    def __init__(self, height_m: float, stiffness_N_m: float, p_F_m: Any) -> None:
+        self._height_m, self._stiffness_N_m, self._p_F_m = height_m, stiffness_N_m, p_F_m
         self._rng = np.random.default_rng(0)
         self.force_N, self.reported_Nm = 0.0, np.zeros(7)
 
@@ -83,7 +87,7 @@ class Plane:
         deep_m = self._height_m - float((X_BF[:3, :3] @ self._p_F_m + X_BF[:3, 3])[2])
         self.force_N = max(deep_m, 0.0) * self._stiffness_N_m
         torque_Nm = self.force_N * jacobian(q_rad, self._p_F_m)[2]
-        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + self._noise_Nm * self._rng.standard_normal(7)
+        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + TORQUE_NOISE_NM * self._rng.standard_normal(7)
         return torque_Nm
 
 
@@ -146,8 +150,8 @@ class Fr3Server(FrankaRobotServer):
         self.moving = 0
         self.received: list[list[float] | None] = []
         self.recent: deque[bool] = deque(maxlen=100)
-        self.mark_s, self.mark_after = 0.0, 0
-        self.plane = Plane(-1.0, 0.0, 0.0, np.zeros(3))
+        self.mark_s, self.mark_after, self.is_marked = 0.0, 0, False
+        self.plane = Plane(-1.0, 0.0, np.zeros(3))
         self.threshold_N = float("inf")
         self._came: list[float] | None = None
         self._answered, self._dropped = 0, False
@@ -156,7 +160,7 @@ class Fr3Server(FrankaRobotServer):
         """The hand is `gripper_server.py`: franky-sim's takes one connection and answers no stopped command."""
 
     def start_motion(self, *mode: Any) -> None:
-        self.moving, self.received = 0, []
+        self.moving, self.received, self.is_marked = 0, [], False
         self.mark_after -= 1
         self.recent.clear()
         self.monitor.begin(np.array(self.robot.state.q_d))
@@ -192,7 +196,7 @@ class Fr3Server(FrankaRobotServer):
             self.received.append(self._came)
             self.recent.append(self._came is not None)
             if self.mark_s and self.mark_after < 0 and self.moving >= self.mark_s * 1000:
-                self.mark_s = 0.0
+                self.mark_s, self.is_marked = 0.0, True
                 sys.stderr.write("mark\n")
                 sys.stderr.flush()
             self._check()
@@ -319,7 +323,8 @@ def obey(server: Fr3Server) -> None:
             while server.orders:
                 time.sleep(0.001)
         elif word == "report":
-            say(json.dumps({"received": server.received, "configured": server.configured}))
+            moves = bool(server.current_motion_id)
+            say(json.dumps({"received": server.received, "configured": server.configured, "moves": moves}))
         say("done")
 
 
@@ -351,9 +356,7 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "strict": lambda: lambda: server.be_strict(int(rest[0])),
         "patient": lambda: keep("strict", False),
         "mark": lambda: lambda: (keep("mark_after", int(rest[1]))(), keep("mark_s", float(rest[0]))())[0],
-        "plane": lambda: keep(
-            "plane", Plane(float(rest[0]), float(rest[1]), float(rest[2]), np.array(rest[3:], dtype=np.float64))
-        ),
+        "plane": lambda: keep("plane", Plane(float(rest[0]), float(rest[1]), np.array(rest[2:], dtype=np.float64))),
         "threshold": lambda: keep("threshold_N", float(rest[0])),
         "report": lambda: None,
     }
@@ -382,6 +385,7 @@ def main(host: str, interface: str, pace: str, *q: str) -> None:
             if pace != "exact":
                 server.wait_for_command()
             if pace == "hurried" and server.current_motion_id:
+                time.sleep(DAWDLING_S if server.is_marked else 0.0)
                 continue
             due_s = max(due_s + 0.001, time.perf_counter() - 0.001)  # a late cycle is not made up for in a burst
             time.sleep(max(0.0, due_s - time.perf_counter()))

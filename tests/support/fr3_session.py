@@ -293,7 +293,7 @@ def _home_rad() -> Array:
     return home(hardware.X_FT, cell_as_shipped(hardware, "fr3"), hardware.home_pitch_rad)
 
 
-def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:
+def until(condition: Callable[[], bool], within_s: float = 300.0) -> None:
     """Fails when it does not come to hold."""
     began_s = time.monotonic()
     while not condition():

@@ -102,8 +102,8 @@ def test_the_files_of_another_user_are_left_alone_and_it_is_said(tmp_path: Path)
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
     )
     first, second, third = done.stdout.splitlines()
-    assert first.endswith("file could not be written: Permission denied")
-    assert second.endswith("theirs could not be written: Permission denied")
+    assert "file could not be written: Permission denied. " in first
+    assert "theirs could not be written: Permission denied. " in second
     assert third.endswith("cannot be locked: Permission denied; may you write there?")
     assert sorted(path.name for path in folder.iterdir()) == ["theirs"]
     assert (folder / "theirs").read_bytes() == b"0"

@@ -13,7 +13,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 from in_process import InProcess
 from sdk_fake import FakeSdk
 
-from hw.contact import began
+from hw.contact import TORQUE_NOISE_NM, began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
 from hw.franka import fr3, panda
 from hw.franka.arm import FrankaArm
@@ -26,7 +26,7 @@ SETTINGS = FrankaSettings("172.16.0.2")
 DRIVES = {"panda": panda.drive, "fr3": fr3.drive}
 PATH = down(0.005, 0.008)
 PLANE_M = TOP_M - 0.0025
-STIFFNESS_N_M, NOISE_NM, ERROR_NM = 4000.0, 0.15, 0.8
+STIFFNESS_N_M, ERROR_NM = 4000.0, 0.8
 
 
 def tip_m(q_rad: Any) -> float:
@@ -43,7 +43,7 @@ def plane(
     def feels(q: list[float]) -> list[float]:
         force_N = max(height_m - tip_m(q), 0.0) * STIFFNESS_N_M
         also(force_N)
-        noise_Nm: Array = ERROR_NM + NOISE_NM * rng.standard_normal(7)
+        noise_Nm: Array = ERROR_NM + TORQUE_NOISE_NM * rng.standard_normal(7)
         return (force_N * jacobian(q, TIP)[2] + noise_Nm).tolist() if force_N else noise_Nm.tolist()
 
     return feels

@@ -10,8 +10,8 @@ which other work of the computer counts as well, and the process's own, in which
 part; `--busy` starts so many processes that compute all the time.
 
 Cycles follow each other at once, unless `--real-time` is given: then they come a thousand times a second, and the
-process has what the player claims on a real arm (`hw.franka.realtime`): real-time priority, locked memory, one core, and
-a processor that stays awake. The kernel may be any; what it or a virtual machine's host holds up still counts.
+process has what the player claims on a real arm (`hw.franka.realtime`): real-time priority, locked memory, one core,
+and a processor that stays awake. The kernel may be any; what it or a virtual machine's host holds up still counts.
 """
 
 from __future__ import annotations
@@ -117,7 +117,9 @@ def main() -> None:
             other.kill()
     load = os.getloadavg()[0]
     print(f"{len(wall)} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}")
-    print(f"  {'with real-time priority, at 1 kHz' if options.real_time else 'one after the other'}", *missing, sep="; ")
+    print(
+        f"  {'with real-time priority, at 1 kHz' if options.real_time else 'one after the other'}", *missing, sep="; "
+    )
     for name, times in (("computer's clock", wall), ("process's own time", own)):
         us = 1e6 * np.quantile(times, [0.5, 0.9999, 1.0])
         print(f"  {name:<20} median {us[0]:.1f} µs, 99.99 % {us[1]:.0f} µs, worst {us[2]:.0f} µs")

@@ -9,6 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from adaptsim_cli.calibration import arm_picture, camera_check, overlay, shows, touching
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.motion_record import record_motion
@@ -91,7 +94,10 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
     for view in folder.views:
         assert view.colour is not None  # our own views always have a picture
         corners = detect(view.colour, rig.board, camera)
-        sights = sights.with_view(view.name, corners, locate(corners, rig.board, camera).X_VM)
+        X_CM = locate(corners, rig.board, camera).X_VM
+        if not series.path_of_picture(view.name).exists():  # it was stopped just before
+            _picture(rig, series, sights, view.name, view.colour, corners, X_CM)
+        sights = sights.with_view(view.name, corners, X_CM)
     for sentence in folder.damaged:
         screen.note(f"  taken again: {sentence}")
     screen.note(f"Continuing with {len(sights.names)} stored views. --fresh starts again without them.")
@@ -148,14 +154,27 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
     series.add(files.view_files(name, seen.frame, seen.q_rad, seen.t_arm_s, number, rig.temperatures_C()))
-    picture = overlay.draw(seen.frame.colour, corners, pose.X_VM, sights.corners, rig.board, camera)
-    path = series.picture(f"{name}.corners.jpg", picture)
-    series.picture("latest.jpg", picture)
+    path = _picture(rig, series, sights, name, seen.frame.colour, corners, pose.X_VM)
     sights = sights.with_view(name, corners, pose.X_VM)
     so_far = sights.coverage(rig)
     assert so_far is not None
     screen.show(shows.view(len(sights.names), total, len(corners), rig.board.corners, pose, so_far, path))
     return sights
+
+
+def _picture(
+    rig: CalibrationRig,
+    series: Series,
+    before: Sights,
+    name: str,
+    colour: NDArray[np.uint8],
+    corners: Corners,
+    X_CM: Array,
+) -> Path:
+    """Store what a view shows, for people: its corners, and those of the views before it. -> the picture."""
+    drawn = overlay.draw(colour, corners, X_CM, before.corners, rig.board, rig.camera.model().colour)
+    series.picture("latest.jpg", drawn)
+    return series.picture(series.path_of_picture(name).name, drawn)
 
 
 def _look_again(rig: CalibrationRig, screen: Screen) -> Look:

@@ -59,6 +59,10 @@ class Series:
             durable.replace_file(self.folder / name, data)
         durable.write_file(self.folder / record, content)
 
+    def path_of_picture(self, view: str) -> Path:
+        """Where the picture of a view with its corners lies."""
+        return self.folder / f"{view}.corners.jpg"
+
     def picture(self, name: str, jpeg: bytes) -> Path:
         """A picture for people, beside the views."""
         path = self.folder / name
@@ -99,6 +103,7 @@ class CalibrationStore:
             "its views are kept"
         )
         with locked(self.folder, taken):
+            durable.remove_leftovers(self.folder)
             yield
 
     def series(self, setup: SetupRecord, *, fresh: bool) -> tuple[Series, bool]:

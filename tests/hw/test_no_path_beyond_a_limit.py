@@ -14,12 +14,12 @@ import pytest
 from cells import cell
 from sink import Sink
 
-from hw.collision import BARE_HAND, HAND_MASS
+from hw.collision import ARM, BARE_HAND, HAND_MASS, KeepOut
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
 from hw.franka.arm import FrankaArm
 from hw.franka.settings import FrankaSettings
-from hw.kinematics import forward, jacobian
+from hw.kinematics import FLANGE, forward, jacobian, link_poses
 from hw.mass import Mass
 from hw.types import Array, JointPath
 
@@ -46,7 +46,15 @@ HARMLESS = 1.0 + 1e-9
 # m/s, m/s², m/s³, then the same of turning
 MAKERS_FLANGE = {"panda": (1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0), "fr3": (3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0)}
 MAKERS_NM = [87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]
-LOADED = replace(BARE_HAND, mass=HAND_MASS + Mass(1.5, np.array([0.0, 0.02, 0.12]), 0.002 * np.eye(3)))
+TIP_F_M = np.array([0.0, 0.0, 0.2])
+LOADED = replace(
+    BARE_HAND, mass=HAND_MASS + Mass(1.5, np.array([0.0, 0.02, 0.12]), 0.002 * np.eye(3)), points_F_m=TIP_F_M[None]
+)
+LOW = np.array([0.0, 0.0, 0.0, -2.0, 0.0, 2.0, np.pi / 4])
+ROD = KeepOut("a rod", np.array([0.479, 0.318, 0.15]), np.array([0.488, 0.327, 0.30]))
+"""Thin and upright, beside where the other motions go; the tip passes it in an arc about the base."""
+CLEAR_M, TABLE_M = 0.01, 0.002
+"""What `hw.limits` promises to keep between two bodies."""
 
 
 def beyond(q: Array, q_arm: Array, model: str) -> str:
@@ -89,6 +97,46 @@ def beyond_together(q: Array, model: str) -> str:
     return ", ".join(name for name, (values, most) in sizes.items() if values.max() > most * 1.02)
 
 
+def too_close(q: Array) -> str:
+    """Whether tool or arm come closer to rod or table than promised, four times as often as the samples.
+
+    Bodies as points along their axes, without any of `hw.limits` or of the distances of `hw.collision`.
+    """
+    rows = np.linspace(0, len(q) - 1, 4 * (len(q) - 1) + 1)
+    fine = np.stack([np.interp(rows, np.arange(len(q)), joint) for joint in q.T], axis=1)
+    poses, share = link_poses(fine), np.linspace(0.0, 1.0, 9)[:, None]
+    bodies = [(c.link, c.start_m + share * (c.end_m - c.start_m), c.radius_m) for c in (*ARM, *LOADED.capsules)]
+    for link, points_m, radius_m in (*bodies, (FLANGE, TIP_F_M[None], 0.0)):
+        at_m = poses[:, None, link, :3, :3] @ points_m[..., None]
+        at_m = at_m[..., 0] + poses[:, None, link, :3, 3]
+        gap_m = np.linalg.norm(at_m - np.clip(at_m, ROD.low_m, ROD.high_m), axis=-1) - radius_m
+        if link >= 1 and gap_m.min() < CLEAR_M - 1e-4:
+            return f"{1e3 * gap_m.min():.2f} mm from the rod"
+        if link >= 2 and radius_m and (at_m[..., 2] - radius_m).min() < TABLE_M - 1e-4:
+            return "table"
+    return ""
+
+
+def past_the_rod(rng: np.random.Generator, model: str) -> tuple[Array, Array]:
+    """Samples (N, 7) and their beginning: the tip sweeps past the rod, at any distance from a hit to far enough."""
+    q_mid = LOW + np.concatenate([[0.0], rng.uniform(-0.02, 0.02, 6)])
+    nearest = ROD.low_m[:2]  # the corner towards the base
+    wanted_m = np.linalg.norm(nearest) - rng.uniform(-0.002, 0.03)
+    reaches = LOW[3] + np.linspace(-0.3, 0.3, 121)  # the elbow opens until the tip is as far out as wanted
+    bent = np.repeat(q_mid[None], len(reaches), axis=0)
+    bent[:, 3] = reaches
+    tip_m = (forward(bent) @ np.append(TIP_F_M, 1.0))[:, :2]
+    q_mid[3] = np.interp(wanted_m, np.linalg.norm(tip_m, axis=1), reaches)
+    tip_m = (forward(q_mid) @ np.append(TIP_F_M, 1.0))[:2]
+    q_mid[0] = np.arctan2(nearest[1], nearest[0]) - np.arctan2(tip_m[1], tip_m[0]) + rng.uniform(-0.03, 0.03)
+    samples, ddq_max = int(rng.integers(300, 900)), MAKERS[model][3]
+    travel = rng.uniform(-0.01, 0.01, 7)
+    travel[0] = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.9) * ddq_max[0] * (samples / 1e3) ** 2 / 7.52
+    travel[0] = np.clip(travel[0], -0.9e-3 * samples, 0.9e-3 * samples)  # its velocity peaks at 2.19 times the mean
+    start = q_mid - 0.5 * travel
+    return start + smooth(samples) * travel, start
+
+
 def smooth(samples: int) -> Array:
     u = np.linspace(0.0, 1.0, samples)[:, None]
     return u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
@@ -125,6 +173,7 @@ def paths(rng: np.random.Generator, model: str) -> Iterator[tuple[str, Array, Ar
         bad = fair.copy()
         bad[row, joint] = rng.choice([np.nan, np.inf, -np.inf, 1e9])
         yield "not a number", bad, start
+        yield "past the rod", *past_the_rod(rng, model)
 
 
 def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]:
@@ -132,7 +181,7 @@ def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]
     reached: Counter[str] = Counter()
     refused: Counter[str] = Counter()
     sink = Sink()
-    with FrankaArm(cell(model, LOADED), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
+    with FrankaArm(cell(model, LOADED, keep_out=(ROD,)), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
         for _, (kind, q, q_arm) in zip(range(count), paths(np.random.default_rng(seed), model), strict=False):
             sink.q_rad = q_arm
             before = len(sink.given)
@@ -143,7 +192,7 @@ def hunt(model: str, count: int, seed: int) -> tuple[Counter[str], Counter[str]]
                 assert len(sink.given) == before, f"{kind} was refused and played"
                 continue
             given = sink.given.pop().path.q_rad
-            broken = beyond(given, q_arm, model) or beyond_together(given, model)
+            broken = beyond(given, q_arm, model) or beyond_together(given, model) or too_close(given)
             assert not broken, f"a path beyond the {model}'s limits reached the driver: {kind}, {broken}"
             reached[kind] += 1
     return reached, refused
@@ -155,6 +204,7 @@ def check(model: str, count: int, seed: int) -> None:
     assert reached["fair"] > 0.5 * (reached["fair"] + refused["fair"]), "an arm that refuses everything proves nothing"
     assert reached["near the limit"] > 0
     assert reached["spike"] > 0  # a nanoradian is nothing
+    assert reached["past the rod"] > 0
     for kind in (
         "near the limit",
         "all near the limit",
@@ -165,6 +215,7 @@ def check(model: str, count: int, seed: int) -> None:
         "spike",
         "step",
         "shaking",
+        "past the rod",
     ):
         assert refused[kind] > 0, kind
     assert reached["not a number"] == 0

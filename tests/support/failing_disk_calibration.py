@@ -15,14 +15,16 @@ from typing import Any
 
 import board_rig
 import numpy as np
+from board_pictures import picture
 from board_rig import COUNT, ToyBench, places
 from failing_disk import main
 from numpy.typing import NDArray
 
 import perception.board
-from adaptsim_cli.calibration import arm_picture, flow
-from adaptsim_cli.calibration.solving import Solved
+from adaptsim_cli.calibration import arm_picture, flow, page
+from adaptsim_cli.calibration.solving import Solved, solve_folder
 from adaptsim_cli.calibration.store import RESULT, VIEWS
+from adaptsim_cli.storage.locking import LOCK
 from calib import files
 from hw.types import Execution, JointPath
 
@@ -76,16 +78,17 @@ def _of_image(image: NDArray[np.uint8], *_: Any) -> str:
 
 class ToyCalibration:
     def __init__(self) -> None:
-        board_rig.picture = once(board_rig.picture, lambda X, board, seed: (X.tobytes(), board, seed))
-        solve = once(flow.solve_folder, _of_folder)
+        vars(board_rig)["picture"] = once(picture, lambda X, board, seed: (X.tobytes(), board, seed))
+        solve = once(solve_folder, _of_folder)
         vars(flow)["solve_folder"] = lambda folder, **named: _in(folder, solve(folder, **named))
-        vars(flow.report)["render"] = once(flow.report.render, _of_solved)
+        vars(page)["render"] = once(page.render, _of_solved)
         vars(arm_picture)["draw"] = once(arm_picture.draw, _of_solved)
         vars(perception.board)["detect"] = once(perception.board.detect, _of_image)
         vars(files)["_png"] = once(vars(files)["_png"], _of_image)
 
     def run(self, home: Path) -> None:
-        board_rig.run(home, StampedBench())
+        with board_rig.store(home).locked():
+            board_rig.run(home, StampedBench())
 
     def completed(self, home: Path) -> dict[str, bytes]:
         """Every view that has its record, and the calibration."""
@@ -103,7 +106,7 @@ class ToyCalibration:
         return {
             str(path.relative_to(home)): json.loads(content) if path.suffix == ".json" else _sha256(content)
             for path in sorted(home.rglob("*"))
-            if path.is_file() and not path.name.startswith(".")
+            if path.is_file() and path.name != LOCK
             for content in [path.read_bytes()]
         }
 

@@ -52,6 +52,7 @@ side = "left"
 """
 START = "Enter to start, q to stop, ? explains:"
 ANSWERS = {
+    "There is no session s yet. Enter to begin it, q to stop, ? explains:": "",
     "Type fr3 to confirm all of this, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
     "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop, ? explains:": "",
@@ -77,6 +78,7 @@ class Pedal(threading.Thread):
         device, program = pty.openpty()
         tty.setraw(device)
         tty.setraw(program)
+        os.set_blocking(device, False)  # what nobody reads is lost, as on a real line
         self.port.unlink(missing_ok=True)
         self.port.symlink_to(os.ttyname(program))
         self.pressed, self.silent, self._ends = True, False, (device, program)
@@ -105,7 +107,7 @@ class Pedal(threading.Thread):
             if not self.silent and self._ends[0] >= 0:
                 try:
                     os.write(self._ends[0], line_for(counter, self.pressed))
-                except OSError:  # pulled out between two looks
+                except OSError:  # pulled out between two looks, or nobody reads
                     continue
             counter += 1
 
@@ -169,9 +171,7 @@ class Drill:
         arguments = ["run-iteration", "--task", "scooping", "--hw", "fr3", "--session", "s", "--json"]
         with Command(self, arguments, before, {**ANSWERS, **(answers or {})}) as command:
             ended = command.to_the_end()
-        if kept := os.environ.get("ADAPTSIM_DRILL_TRANSCRIPT"):
-            with Path(kept).open("a") as file:
-                file.write(f"======== exit code {ended.code}\n{ended.said}\n")
+        transcribe(f"\n======== exit code {ended.code}\n")
         return ended
 
     def completed(self) -> dict[str, bytes]:
@@ -252,7 +252,9 @@ class Command:
         except OSError as error:  # nobody holds the other end any more
             assert error.errno == errno.EIO
             return False
-        self._said += heard.decode(errors="replace").replace("\r\n", "\n")
+        said = heard.decode(errors="replace").replace("\r\n", "\n")
+        self._said += said
+        transcribe(said)
         for question, answer in self._answers.items():
             if question in self._said[self._answered :]:
                 self._answered = len(self._said)
@@ -262,6 +264,13 @@ class Command:
             self._held = len(self._said)
             self._drill.pedal.press_anew()
         return True
+
+
+def transcribe(said: str) -> None:
+    """To the file that ADAPTSIM_DRILL_TRANSCRIPT names, where it names one: what is said, while it is said."""
+    if kept := os.environ.get("ADAPTSIM_DRILL_TRANSCRIPT"):
+        with Path(kept).open("a") as file:
+            file.write(said)
 
 
 Before = Callable[[str, Command], None]

@@ -11,7 +11,8 @@ part; `--busy` starts so many processes that compute all the time.
 
 Cycles follow each other at once, unless `--real-time` is given: then they come a thousand times a second, and the
 process has what the player claims on a real arm (`hw.franka.realtime`): real-time priority, locked memory, one core,
-and a processor that stays awake. The kernel may be any; what it or a virtual machine's host holds up still counts.
+and a processor that stays awake. The kernel may be any; what it or a virtual machine's host holds up still counts. How
+much that is shows a piece of fixed arithmetic of a similar length, timed beside every cycle: "the computer alone".
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 
 CHANGE = np.array([0.25, -0.15, 0.2, 0.1, 0.25, 0.15, -0.25])
 DURATION_S = 1.0
 PERIOD_S = 0.001
+FIXED = 400
 
 
 class Following:
@@ -55,10 +57,17 @@ def path() -> JointPath:
     return JointPath(t_s, READY + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * CHANGE)
 
 
-def cycles(cell: Workcell, count: int, period_s: float) -> tuple[Array, Array, int]:
-    """Times in s of at least `count` cycles, by the computer's clock and the process's; how many motions stopped."""
+def arithmetic() -> float:
+    value = 0.0
+    for _ in range(FIXED):
+        value = value * 0.999 + 1.0
+    return value
+
+
+def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array], int]:
+    """Times in s of at least `count` cycles, by what was timed and how; how many motions stopped."""
     motion = motion_of(path(), cell.motion)
-    wall, own, stops = list[float](), list[float](), 0
+    wall, own, alone, stops = list[float](), list[float](), list[float](), 0
     heard, said = os.pipe()
     rng = np.random.default_rng(0)
     while len(wall) < count:
@@ -76,13 +85,17 @@ def cycles(cell: Workcell, count: int, period_s: float) -> tuple[Array, Array, i
             q_rad, finished = playback.step(state, 0.001 if tick else 0.0)
             own.append(time.thread_time() - began_own_s)
             wall.append(time.perf_counter() - began_s)
+            began_s = time.perf_counter()
+            arithmetic()
+            alone.append(time.perf_counter() - began_s)
             state.dq = [1000.0 * (new - old) for new, old in zip(q_rad, state.q, strict=True)]
             state.q, tick = q_rad, tick + 1
         gc.enable()
         stops += playback.played().braked_at >= 0
     os.close(heard)
     os.close(said)
-    return np.array(wall), np.array(own), stops
+    named = {"computer's clock": wall, "process's own time": own, "the computer alone": alone}
+    return {name: np.array(times) for name, times in named.items()}, stops
 
 
 def as_player() -> tuple[str, ...]:
@@ -111,17 +124,18 @@ def main() -> None:
         other.start()
     missing = as_player() if options.real_time else ()
     try:
-        wall, own, stops = cycles(cell, options.cycles, PERIOD_S if options.real_time else 0.0)
+        times, stops = cycles(cell, options.cycles, PERIOD_S if options.real_time else 0.0)
     finally:
         for other in others:
             other.kill()
     load = os.getloadavg()[0]
-    print(f"{len(wall)} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}")
+    count = len(next(iter(times.values())))
+    print(f"{count} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}")
     print(
         f"  {'with real-time priority, at 1 kHz' if options.real_time else 'one after the other'}", *missing, sep="; "
     )
-    for name, times in (("computer's clock", wall), ("process's own time", own)):
-        us = 1e6 * np.quantile(times, [0.5, 0.9999, 1.0])
+    for name, taken_s in times.items():
+        us = 1e6 * np.quantile(taken_s, [0.5, 0.9999, 1.0])
         print(f"  {name:<20} median {us[0]:.1f} µs, 99.99 % {us[1]:.0f} µs, worst {us[2]:.0f} µs")
 
 

@@ -13,13 +13,14 @@ from typing import Any
 import pytest
 
 WAYS = ("killed before", "killed after", "full", "broken")
-SAMPLES = {"session": 20, "calibration": 8}
+SAMPLES = {"session": 20, "calibration": 6}
 WANTED = {"full": "DiskFull: the disk is full: ", "broken": "SessionError: "}
 FURTHER = {"full": "free some space and run the same command again", "broken": "Input/output error"}
 SILENT = ("unlink", "rmdir")
 """What a failed removal leaves behind is removed by the next run: it may be passed over."""
 
 
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("what", SAMPLES)
 def test_a_disk_that_fails_at_some_calls_costs_nothing(what: str, tmp_path: Path) -> None:
     result, outcomes = fail(what, tmp_path, str(SAMPLES[what]))

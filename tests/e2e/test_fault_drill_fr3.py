@@ -43,6 +43,11 @@ def at_first(motion: str, fault: Callable[[Command], object]) -> Before:
     return before
 
 
+def own(fault: str) -> Callable[[Command], object]:
+    """A fault of the program's own camera or disk, from that motion on."""
+    return lambda command: setattr(command, "fault", fault)
+
+
 def stands(drill: Drill) -> Array:
     """(M, 7) what the arm was commanded in its last motion. Fails unless the commands end, with the arm at rest."""
     until(lambda: not drill.arm.moves())
@@ -160,3 +165,42 @@ def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_tria
     assert first.items() <= drill.completed().items()
     assert len(drill.completed()) == 2
     assert any("interrupted while the arm may have moved" in reason for reason in drill.rejected())
+
+
+def test_ctrl_c_brakes_the_arm_and_spends_the_attempt(drill: Drill) -> None:
+    ended = drill.run(at_first("approach", lambda command: drill.arm.at(AT_S, lambda: command.signal(signal.SIGINT))))
+    told(ended, 130, "interrupted; everything completed is stored")
+    assert braked(stands(drill))
+    goes_on(drill)
+    assert drill.completed() == {}
+
+
+def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill: Drill) -> None:
+    silent = drill.run(at_first("task", own("camera")))
+    told(silent, 6, "no frame within 1 s; check the camera's cable and power")
+    until(lambda: not drill.arm.moves())
+    assert drill.completed() == {}
+    goes_on(drill)
+    assert len(drill.rejected()) == 1
+
+
+def test_a_full_disk_keeps_every_completed_trial(drill: Drill) -> None:
+    def second_task(now: str, command: Command) -> None:
+        if now == "task" and drill.completed():
+            command.fault = "disk"
+
+    full = drill.run(second_task)
+    told(full, 8, "the disk is full: .* free some space and run the same command again")
+    first = drill.completed()
+    assert sorted(first) == ["trial-001-attempt-0"]
+    goes_on(drill)
+    assert drill.completed() == first
+
+
+def test_another_calibration_moves_nothing(drill: Drill) -> None:
+    goes_on(drill)
+    drill.calibrate("2026-01-02T00:00:00+00:00")
+    changed = drill.run()
+    assert changed.code == 2, changed.said
+    assert "the calibration or touch-off has changed since session 's' was begun" in changed.error
+    assert drill.arm.received() == []

@@ -5,11 +5,13 @@
 Only the makers' drivers are replaced: the arm's is the real adapter with a player that needs no real-time kernel, the
 pedal's is the real one. The camera shows the simulated room, in which table, object and tool go through every motion
 with the joints that the FR3 measured; a person who puts the object down is its bench. Before each motion its name
-(home, approach, task, back) goes to CUE_FD, and nothing moves until a line comes back: a test arms its fault there.
+(home, approach, task, back) goes to CUE_FD, and nothing moves until a line comes back: a test arms its fault there. A
+word in that line is a fault of what the program itself has: "camera" from then on gives no frame, "disk" is full.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import time
@@ -20,6 +22,7 @@ from typing import Any, Self
 from adaptsim_cli import app
 from adaptsim_cli.devices import drivers, real
 from hw.around import AroundArm
+from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
 from hw.serial import pedal_protocol
@@ -49,6 +52,7 @@ class Shown:
         self.room = Room(task, load_world(world, task), seed, home_rad)
         self.offset_s = 0.0  # arm's clock less the room's, in the last motion
         self.is_placed = False
+        self.is_blind = False  # the camera gives no frame any more
 
     def follow(self, path: JointPath, played: Execution) -> None:
         """What the FR3 did, as it measured it, happens to the tool in the room."""
@@ -74,16 +78,25 @@ class ShownArm(AroundArm[FrankaArm]):
 
     def execute(self, path: JointPath) -> Execution:
         self._cue.write(self._name(path) + b"\n")
-        self._cue.readline()
+        self._suffer(self._cue.readline())
         played = self._arm.execute(path)
         self._shown.follow(path, played)
         return played
+
+    def _suffer(self, order: bytes) -> None:
+        self._shown.is_blind = b"camera" in order
+        if b"disk" in order:
+            vars(os)["fsync"] = _no_space
 
     def _name(self, path: JointPath) -> bytes:
         if not self._shown.is_placed:
             return b"home"
         came_back, self._after_task = self._after_task, path.contact is not None
         return b"task" if self._after_task else b"back" if came_back else b"approach"
+
+
+def _no_space(_: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 class ShownCamera:
@@ -103,6 +116,7 @@ class ShownCamera:
         return self._camera.model()
 
     def snapshot(self) -> Frame:
+        self._look()
         seen = self._camera.snapshot()
         return Frame(time.monotonic(), seen.colour, seen.depth_mm)
 
@@ -111,7 +125,12 @@ class ShownCamera:
 
     def stop_recording(self) -> Sequence[Frame]:
         frames = self._camera.stop_recording()
+        self._look()
         return [Frame(f.t_s + self._shown.offset_s, f.colour, f.depth_mm) for f in frames]
+
+    def _look(self) -> None:
+        if self._shown.is_blind:
+            raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
 
 
 class Placing(LabBench):

@@ -149,6 +149,12 @@ class Drill:
         assert self.server is not None
         return self.server
 
+    def calibrate(self, created: str) -> None:
+        """A calibration of that moment is the rig's."""
+        asked = {"hw": "fr3", "task": "scooping"}
+        there = config.load(asked, {"ADAPTSIM_HOME": str(self.home)}, self.world.parent)
+        wiring_calibration.calibrations(there.config, there.places).save(calibration(created), b"")
+
     def switch_on(self) -> None:
         """The arm at home, where trials begin."""
         self.server = Fr3Process(self.host, self.home_rad, pace="hurried")
@@ -208,6 +214,7 @@ class Command:
         os.close(ours)
         theirs.close()
         self._said, self._answered, self._held = "", 0, 0
+        self.fault = ""  # of the program's own devices, from the next motion on (`fr3_program.py`)
 
     def __enter__(self) -> Command:
         return self
@@ -238,12 +245,16 @@ class Command:
         data = [json.loads(line) for line in self._process.stdout.read().decode().splitlines()]
         return Ended(self._process.wait(), self._said, data)
 
+    def _waits(self) -> bool:
+        """Whether the program reads keys: what is typed between a question and that is thrown away."""
+        return not termios.tcgetattr(self._screen)[3] & termios.ICANON
+
     def _cued(self) -> bool:
         motion = self._cue.recv(16).decode().strip()
         if not motion:
             return False
         self._before(motion, self)
-        self._cue.send(b"go\n")
+        self._cue.send(f"go {self.fault}\n".encode())
         return True
 
     def _listened(self) -> bool:
@@ -258,6 +269,7 @@ class Command:
         for question, answer in self._answers.items():
             if question in self._said[self._answered :]:
                 self._answered = len(self._said)
+                until(self._waits)
                 typed = answer if isinstance(answer, str) else answer()
                 os.write(self._screen, typed.encode() + b"\n")
         if HOLD in self._said[self._held :]:
@@ -286,8 +298,7 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
     drill.world.write_text(world)
     (folder / "adaptsim.toml").write_text("particles = 1\n")
     (folder / "rig.toml").write_text(RIG.format(host=drill.host, port=pedal.port))
-    there = config.load({"hw": "fr3", "task": "scooping"}, {"ADAPTSIM_HOME": str(drill.home)}, folder)
-    wiring_calibration.calibrations(there.config, there.places).save(calibration(), b"")
+    drill.calibrate("2026-01-01T00:00:00+00:00")
     drill.switch_on()
     try:
         yield drill

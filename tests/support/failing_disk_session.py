@@ -45,7 +45,7 @@ class ToySession:
     def is_over(self, home: Path) -> bool:
         """After it has been shown, the same command would begin the next iteration."""
         root = self._session(home)
-        return root.is_dir() and 0 in SessionStore.open(root.parent, root.name).existing().shown
+        return root.is_dir() and bool(SessionStore.open(root.parent, root.name).existing().shown)
 
     def digest(self, home: Path) -> dict[str, object]:
         return {

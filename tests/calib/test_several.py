@@ -60,7 +60,7 @@ def test_folders_that_do_not_belong_together_are_refused() -> None:
     with pytest.raises(UnusableViews, match="on the wrist"):
         solve_together([one, replace(two, setup=replace(two.setup, mounting=Mounting.WRIST))])
     moved = [replace(v, X_BF=real_views.X_BF[(int(v.name) + 1) % 20]) for v in three.views]
-    with pytest.raises(UnusableViews, match="must be of one posture"):
+    with pytest.raises(UnusableViews, match="must show the same posture of the arm"):
         solve_together([two, replace(three, views=tuple(moved))])
     renamed = tuple(replace(v, name=f"x{v.name}") for v in three.views)
     with pytest.raises(TooFewViews, match="0 postures are seen by more than one camera"):

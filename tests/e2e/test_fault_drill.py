@@ -107,7 +107,7 @@ def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
     ended, told, data = run(home, afterwards, capfd)
     assert ended == 0, told
     assert json.loads(data)["iteration"] == 1
-    assert completed(home) == [f"trial-00{n}-attempt-{int(n == 2)}" for n in range(1, 5)]
+    assert completed(home) == [f"trial-00{n}-attempt-{1 + int(n == 2)}" for n in range(1, 5)]
     assert afterwards.executions == [(2, 1), (3, 0), (4, 0)], "the completed trial is not done again"
     assert kept.items() <= stored(home).items(), "and nothing of it is touched"
     assert untouched(digest(home)) == untouched(digest(whole)), "every other trial is that of an undisturbed session"

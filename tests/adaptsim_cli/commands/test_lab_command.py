@@ -53,7 +53,7 @@ def test_show_draws_what_the_camera_sees(tmp_path: Path) -> None:
 
 def test_list_explains_the_numbers_of_a_task() -> None:
     shown = " ".join(runner.invoke(app, ["list", "--task", "pendulum"]).stdout.split())
-    assert "m1 inner mass kg" in shown
+    assert "m1 inner mass 1 to 2 kg" in shown
     assert "torque of joint" in shown
 
 

@@ -58,8 +58,8 @@ class FrankaHand:
             self._gripper = sdk.Gripper(self._host)
         except self._errors as error:
             raise DeviceUnavailable(
-                f"the hand at {self._host} does not answer ({error}): is it mounted, initialised in Desk, and not used "
-                "by another program?"
+                f"the hand at {self._host} does not answer ({error}): switch the arm on and activate FCI in Desk; "
+                "is the hand mounted, initialised there, and not used by another program?"
             ) from error
         return self
 

@@ -141,7 +141,7 @@ def test_a_network_that_is_lost_for_a_moment_and_for_good(drill: Drill) -> None:
     drill.switch_off()
     nobody = drill.run()
     assert nobody.code == 3, nobody.said
-    assert re.search("takes no connection: .*activate FCI in Desk", nobody.error)
+    assert re.search("the hand at .* does not answer .*activate FCI in Desk", nobody.error)
     drill.switch_on()
     goes_on(drill)
     assert len(drill.rejected()) == 2
@@ -199,7 +199,7 @@ def test_a_full_disk_keeps_every_completed_trial(drill: Drill) -> None:
 
 def test_another_calibration_moves_nothing(drill: Drill) -> None:
     goes_on(drill)
-    drill.calibrate("2026-01-02T00:00:00+00:00")
+    drill.calibrate(0.005)
     changed = drill.run()
     assert changed.code == 2, changed.said
     assert "the calibration or touch-off has changed since session 's' was begun" in changed.error

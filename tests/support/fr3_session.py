@@ -149,11 +149,15 @@ class Drill:
         assert self.server is not None
         return self.server
 
-    def calibrate(self, created: str) -> None:
-        """A calibration of that moment is the rig's."""
+    def calibrate(self, off_m: float = 0.0) -> None:
+        """A new calibration is the rig's, its camera so far from where the lab has it."""
         asked = {"hw": "fr3", "task": "scooping"}
         there = config.load(asked, {"ADAPTSIM_HOME": str(self.home)}, self.world.parent)
-        wiring_calibration.calibrations(there.config, there.places).save(calibration(created), b"")
+        found = calibration()
+        rows = [list(row) for row in found.X_AC]
+        rows[0][3] += off_m
+        moved = found.model_copy(update={"X_AC": tuple(map(tuple, rows))})
+        wiring_calibration.calibrations(there.config, there.places).save(moved, b"")
 
     def switch_on(self) -> None:
         """The arm at home, where trials begin."""
@@ -298,7 +302,7 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
     drill.world.write_text(world)
     (folder / "adaptsim.toml").write_text("particles = 1\n")
     (folder / "rig.toml").write_text(RIG.format(host=drill.host, port=pedal.port))
-    drill.calibrate("2026-01-01T00:00:00+00:00")
+    drill.calibrate()
     drill.switch_on()
     try:
         yield drill

@@ -29,5 +29,5 @@ def test_a_hand_that_is_not_there_is_said(error: type[Exception]) -> None:
     def refuse(host: str) -> Any:
         raise error(f"connection to {host} refused")
 
-    with pytest.raises(DeviceUnavailable, match=r"fr3\.test.*initialised in Desk"):
+    with pytest.raises(DeviceUnavailable, match=r"fr3\.test.*activate FCI in Desk"):
         FrankaHand("fr3.test", lambda: SimpleNamespace(Gripper=refuse, FrankaException=FrankaException)).__enter__()

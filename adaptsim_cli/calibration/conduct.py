@@ -39,7 +39,7 @@ Stores = Callable[[Config, Places], CalibrationStore]
 RESIDUALS = "residuals.csv"
 OVERLAY = "overlay"
 Ends = Callable[[Config, Places], Sequence[str]]
-"""Settings -> the open sessions that rest on what is in use."""
+"""Settings -> the open sessions that use the present calibration and touch-off."""
 
 CHECK_PLACES = 6
 """Planned for a check, which ends with the third that shows the board."""
@@ -135,7 +135,7 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     table = path.with_name(RESIDUALS)
     durable.replace_file(table, residuals.table(solved.residuals).encode())
     if solved.record.accepted:
-        screen.next((f"xdg-open {path}", "where every view stands, and what is left over"))
+        screen.next((f"xdg-open {path}", "the place and the residual of every view"))
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
     screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
     if as_json:
@@ -259,7 +259,7 @@ def flags(config: Config) -> str:
 def _after(config: Config) -> tuple[tuple[str, str], ...]:
     where = flags(config)
     return (
-        (f"adaptsim touch-off {where}", "finds table and tool, for a task whose tool touches the table"),
+        (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
         (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import listing
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.numbered import remark, restored_from
 from calib.saved import SavedCalibration
@@ -90,14 +90,4 @@ def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]
 
 def tell(screen: Screen, store: CalibrationStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
     """The list on the screen, with the sessions that rest on the one in use."""
-    if found:
-        screen.show(views.rows(HEAD, rows(found)))
-    else:
-        screen.plain(f"No calibrations yet in {store.folder}")
-    if resting:
-        screen.show(f"Open sessions that rest on the one in use: {', '.join(resting)}")
-    if len(found) > 1:
-        names = f"{found[-2]['name']} {found[-1]['name']}"
-        screen.next((f"adaptsim calibrate compare {names}", "with the same --task, --world or --hw"))
-    else:
-        screen.next(("adaptsim calibrate", "makes one, with the same --task, --world or --hw"))
+    listing.tell(screen, listing.Listing("calibrations", "calibrate", store.folder, HEAD), found, rows(found), resting)

@@ -79,7 +79,7 @@ def output(command: str, value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def schema(command: str) -> dict[str, Any]:
-    """The JSON schema of what `command` prints, with the unit of every field whose name ends with one."""
+    """JSON schema of the output of `command`. A field gets the unit that its name ends with."""
     found = OUTPUTS[command].model_json_schema(mode="serialization")
     found["title"] = f"adaptsim {command} --json"
     for part in (found, *found.get("$defs", {}).values()):

@@ -114,7 +114,7 @@ class Cameras(Output):
     """Several cameras around one arm."""
 
     target: str = said("what was looked at")
-    size_sigma: float | None = said("how far its size is from what was said, in standard deviations")
+    size_sigma: float | None = said("difference from the stated size, in standard deviations")
     held_out_px: float | None = said("residual of views that were left out of the solution")
     X_FM: Matrix = said("pose of the target in the flange, 4 x 4, m")
     cameras: list[Camera] = said("one each")

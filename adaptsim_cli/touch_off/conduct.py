@@ -35,7 +35,7 @@ class TouchOffRequest:
 
 
 Ends = Callable[[Config, Places], Sequence[str]]
-"""Settings -> the open sessions that rest on what is in use."""
+"""Settings -> the open sessions that use the present calibration and touch-off."""
 
 
 def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen import views
+from adaptsim_cli.screen import listing
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.numbered import remark, restored_from
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
@@ -92,17 +92,7 @@ def values(known: SavedTouchOff) -> list[tuple[str, str, str]]:
 
 def tell(screen: Screen, store: TouchOffStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
     """The list on the screen, with the sessions that rest on the one in use."""
-    if found:
-        screen.show(views.rows(HEAD, rows(found)))
-    else:
-        screen.plain(f"No touch-offs yet in {store.folder}")
-    if resting:
-        screen.show(f"Open sessions that rest on the one in use: {', '.join(resting)}")
-    if len(found) > 1:
-        names = f"{found[-2]['name']} {found[-1]['name']}"
-        screen.next((f"adaptsim touch-off compare {names}", "with the same --task, --world or --hw"))
-    else:
-        screen.next(("adaptsim touch-off", "makes one, with the same --task, --world or --hw"))
+    listing.tell(screen, listing.Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
 
 
 def _one(store: TouchOffStore, path: Path, *, in_use: bool) -> dict[str, Any]:

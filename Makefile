@@ -60,7 +60,7 @@ test-extra:
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
 	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[export,rerun]' pytest pytest-timeout
 	.venv-extra/bin/python -m pip install --quiet --target .venv-extra/lerobot 'lerobot>=0.3.2,<0.4' torch==2.13.0
-	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests
+	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras
 
 # Every package that pyproject.toml names, at the lowest version that it allows.
 test-lowest:

@@ -105,7 +105,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(arguments, standalone_mode=False, prog_name="adaptsim")
     except typer.TyperException as error:  # a wrong command line
-        _say(error.format_message())
+        if message := error.format_message():  # none where the help was the answer
+            _say(message + _example(error))
         return error.exit_code
     except documented_errors() as error:
         return _explain(error)
@@ -195,6 +196,14 @@ def _explain(error: BaseException) -> int:
         traceback.print_exception(error)
     _say("\n".join([str(error) or "interrupted", *getattr(error, "__notes__", ())]))
     return exit_code(error)
+
+
+def _example(error: typer.TyperException) -> str:
+    """The example of the help of the command whose line was wrong, as a line of its own; "" without one."""
+    context = getattr(error, "ctx", None)
+    text = (context.command.help if context is not None else None) or ""
+    _, found, example = text.partition("Example: ")
+    return f"\nExample: {example.splitlines()[0]}" if found else ""
 
 
 def _say(message: str) -> None:

@@ -365,7 +365,9 @@ def _load(path: Path) -> tuple[dict[str, Any], bool]:
         content = read_bytes(path, JSON_BYTES)
         is_sealed = sealed.is_sealed(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
-    except (FileNotFoundError, Unreadable, sealed.SealBroken) as error:
+    except FileNotFoundError as error:
+        raise corrupt(path, "it is missing") from error
+    except (Unreadable, sealed.SealBroken) as error:
         raise corrupt(path, f"it {error}") from error
     if is_sealed:
         data.pop(sealed.KEY, None)

@@ -85,7 +85,8 @@ class _Examination:
             self._files(folder, {SUMMARY: result.summary_sha256} if result.summary_sha256 else {})
 
     def _trial(self, store: SessionStore, folder: Path) -> None:
-        motion = self._record(MotionRecord, folder / MOTION)
+        has_motion = self.is_sealed or (folder / MOTION).exists()  # the first version kept none beside a finished trial
+        motion = self._record(MotionRecord, folder / MOTION) if has_motion else None
         pruned = self._look(store.pruned, folder) or {}
         if (folder / PRUNED).exists():
             self._count(is_checked=True)

@@ -316,3 +316,15 @@ def test_another_package_of_the_same_name_is_named_at_the_start(tmp_path: Path) 
     assert found.returncode == 2
     assert f"'sim' is another one, in {tmp_path / 'sim'}" in found.stderr
     assert app.foreign_packages() == ""
+
+
+def test_a_wrong_line_is_answered_with_the_commands_example(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["calibrate", "show"]) == 2
+    assert "Missing argument 'name'.\nExample: adaptsim calibrate show calibration-0001" in capfd.readouterr().err
+
+
+def test_a_group_without_a_command_shows_its_help_and_no_error(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["sessions"]) == 2
+    shown = capfd.readouterr()
+    assert "Usage: adaptsim sessions" in shown.out + shown.err
+    assert "Error" not in shown.err

@@ -48,6 +48,14 @@ def test_a_session_is_shown_with_the_numbers_that_it_had(
     assert len(shown["trials"]) == 2
 
 
+def test_sessions_of_the_first_format_are_whole(old: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["sessions", "verify", "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert [session["damage"] for session in found["sessions"]] == [[], []]
+    (old / "home/data/sessions/pendulum/iteration-00/trial-001-attempt-0/trial.json").write_text("{}")
+    assert app.run(["sessions", "verify", "pendulum"]) != 0
+
+
 @pytest.mark.parametrize(("name", "drawn"), [("pendulum", "q1 [rad]"), ("scooping", "data:image/jpeg")])
 def test_a_session_has_its_report(name: str, drawn: str, old: Path) -> None:
     assert app.run(["report", name]) == 0

@@ -22,6 +22,12 @@ pytestmark = pytest.mark.extra
 
 READ_BY_LEROBOT = """
 import json, sys
+import torch
+try:
+    import torchvision
+except RuntimeError:  # its compiled part needs CUDA and torch is the CPU's; LeRobot imports it and calls nothing of it here
+    for name in ("nms", "qnms"):
+        torch.library.define(f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 data = LeRobotDataset("local/session", root=sys.argv[1])
 last = data[len(data) - 1]

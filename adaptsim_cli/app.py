@@ -194,7 +194,12 @@ def _explain(error: BaseException) -> int:
         import traceback
 
         traceback.print_exception(error)
-    _say("\n".join([str(error) or "interrupted", *getattr(error, "__notes__", ())]))
+    from adaptsim_cli.errors import Interrupted, StoppedByOperator
+    from adaptsim_cli.screen import console
+
+    by_person = isinstance(error, StoppedByOperator | Interrupted | KeyboardInterrupt)
+    say = console.ended if by_person else console.error
+    say("\n".join([str(error) or "interrupted", *getattr(error, "__notes__", ())]))
     return exit_code(error)
 
 

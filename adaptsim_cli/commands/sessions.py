@@ -71,9 +71,11 @@ def show(name: _Name, as_json: _Json = False) -> None:
         screen.data("sessions show", shown)
     else:
         screen.show(shows.session(shown))
+        rejected = {one["trial"] for one in shown["rejected"]} - {trial["trial"] for trial in shown["trials"]}
         screen.next(
             (f"adaptsim run-iteration --session {name}", "goes on with it"),
             (f"adaptsim report {name}", "pictures, paths and parameters on one page"),
+            *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
         )
 
 

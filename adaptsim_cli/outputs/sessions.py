@@ -65,6 +65,15 @@ class ShownResult(Part):
     timing_s: dict[str, float] = said("wall time by stage; `total` is their sum")
 
 
+class ShownRejection(Part):
+    """One attempt that does not count."""
+
+    trial: int = said("number of the trial, from 1")
+    attempt: int = said("number of the attempt, from 1")
+    at: str = said("when it was rejected, ISO 8601")
+    reason: str = said("the reason that the operator gave")
+
+
 class SessionShown(Output):
     """One session with all that counts in it."""
 
@@ -72,6 +81,7 @@ class SessionShown(Output):
     folder: str = said("where it lies")
     units: dict[str, str] = said(UNITS)
     trials: list[ShownTrial] = said("its trials, in order")
+    rejected: list[ShownRejection] = said("attempts that do not count, in order")
     results: list[ShownResult] = said("its complete iterations, in order")
 
 

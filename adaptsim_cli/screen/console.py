@@ -263,11 +263,20 @@ def _left(spent_s: float, done: int, missing: int) -> str:
 
 def error(message: str) -> None:
     """One clear message on stderr, on a line of its own, and unbroken so that commands in it can be copied."""
+    _last_words("Error: ", "bold red", message)
+
+
+def ended(message: str) -> None:
+    """As `error`, where a person ended the command: that is no error."""
+    _last_words("", "", message[:1].upper() + message[1:])
+
+
+def _last_words(mark: str, style: str, message: str) -> None:
     loading.clear()
     console = Console(stderr=True, highlight=False, markup=False)
     if console.is_terminal:
         console.print()  # a ^C or a half-answered question may stand there
-    console.print(Text.assemble(("Error: ", "bold red"), message), soft_wrap=True)
+    console.print(Text.assemble((mark, style), message), soft_wrap=True)
 
 
 def require_terminal(

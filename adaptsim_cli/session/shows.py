@@ -181,8 +181,12 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
         for t in shown["trials"]
     ]
     table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
+    rejected = [
+        Text(f"Rejected: trial {r['trial']}, attempt {r['attempt']}: {r['reason']}", style="yellow")
+        for r in shown["rejected"]
+    ]
     last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
-    return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *last)
+    return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *rejected, *last)
 
 
 def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:

@@ -46,7 +46,7 @@ _CHANGES: dict[str, type[Note]] = {"restored": Note, "amended": Amendment}
 
 @dataclass(frozen=True)
 class Change:
-    """An attempt that counts again, or an outcome that was amended."""
+    """A judgement that an operator changed: an attempt that was rejected or counts again, or an amended outcome."""
 
     key: TrialKey
     note: Note
@@ -156,6 +156,15 @@ class SessionStore:
             if (match := _TRIAL.fullmatch(entry.name)) and (kind := _CHANGES.get(match[3]))
         ]
         return tuple(sorted(found, key=lambda change: change.note.at))
+
+    def rejections(self) -> tuple[Change, ...]:
+        """The attempts that do not count, in order of trials, each with the reason of its last rejection."""
+        rejected = sorted(self.existing().rejected, key=lambda key: (key.number, key.attempt))
+        told = []
+        for key in rejected:
+            iteration = (key.number - 1) // (self.facts.particles * self.facts.trials)
+            told.append(Change(key, records.read(Note, self._markers(iteration, key, "rejected")[-1])))
+        return tuple(told)
 
     def pruned(self, folder: Path) -> dict[str, int]:
         """Recordings that were removed from a trial's folder to make room, with their sizes. Raises SessionError."""

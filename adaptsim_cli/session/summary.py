@@ -121,6 +121,10 @@ def details(store: SessionStore) -> dict[str, Any]:
             }
             for t in trials
         ],
+        "rejected": [
+            {"trial": one.key.number, "attempt": one.key.attempt + 1, "at": one.note.at, "reason": one.note.text}
+            for one in store.rejections()
+        ],
         "results": [
             {
                 "iteration": r.iteration,

@@ -89,6 +89,10 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     printed(capfd, "compare", "s", "other")
     assert "s/log.jsonl" in printed(capfd, "bundle", "s")["files"]
     assert printed(capfd, "sessions redo", "s", "2")["next_attempt"] == 2
+    (rejected,) = printed(capfd, "sessions show", "s")["rejected"]
+    assert (rejected["trial"], rejected["attempt"]) == (2, 1)
+    assert app.run(["sessions", "show", "s"]) == 0
+    assert "adaptsim sessions accept s 2" in capfd.readouterr().out
     assert printed(capfd, "sessions accept", "s", "2")["attempt"] == 1
     printed(capfd, "sessions archive", "other")
     printed(capfd, "sessions restore", "other")

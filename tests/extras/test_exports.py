@@ -25,7 +25,7 @@ import json, sys
 import torch
 try:
     import torchvision
-except RuntimeError:  # its compiled part needs CUDA and torch is the CPU's; LeRobot imports it and calls nothing of it here
+except RuntimeError:  # its compiled part needs CUDA where torch is the CPU's; LeRobot imports it and calls none of it
     for name in ("nms", "qnms"):
         torch.library.define(f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
 from lerobot.datasets.lerobot_dataset import LeRobotDataset

@@ -138,7 +138,7 @@ def test_whoever_stops_half_way_leaves_nothing_behind(
 ) -> None:
     typing(monkeypatch, "fr3", "lab")
     assert app.run(["config", "init", "--project"]) == 7
-    assert "the input ended" in capfd.readouterr().err
+    assert "The input ended" in capfd.readouterr().err
     assert list(place.iterdir()) == []
 
 

@@ -21,6 +21,7 @@ from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.asking import NoAssistant
+from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
 from adaptsim_cli.touch_off.solving import Result
@@ -155,13 +156,20 @@ def main() -> None:
     arguments = parser.parse_args()
     logging.getLogger("drake").setLevel(logging.ERROR)
     scores: list[Score] = []
+    refused = 0
     for seed in range(arguments.seeds):
         started_s = time.process_time()
-        scores.append(score(*touched(world_of(seed, arguments.joint_offset_mrad), seed)))
+        try:
+            scores.append(score(*touched(world_of(seed, arguments.joint_offset_mrad), seed)))
+        except TouchOffFailed as refusal:
+            refused += 1
+            print(f"seed {seed}: refused: {refusal}", flush=True)
+            continue
         said = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
         took_s = time.process_time() - started_s
         print(f"seed {seed}: {said}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
-    summary: dict[str, Any] = {"seeds": len(scores)}
+    summary: dict[str, Any] = {"seeds": arguments.seeds, "refused": refused}
+    print(f"refused {refused} of {arguments.seeds}")
     for name in scores[0].error:
         errors = np.abs([s.error[name] for s in scores])
         held_in = float(np.mean([abs(s.error[name]) <= s.within[name] for s in scores]))

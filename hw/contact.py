@@ -32,6 +32,10 @@ WINDOW_M = 0.006
 """How much of the way before the end is used to find where the touch began: of it what is no faster than the end."""
 TORQUE_NOISE_NM = frozen_array((0.22, 0.32, 0.19, 0.31, 0.09, 0.11, 0.03), (JOINTS,), "torque noise")
 """(7,) root mean square of the high-pass joint torques of a real Panda in motion: what simulated arms report too."""
+LEAST_RISE = 0.25
+"""Share of the guard's force that has to rise with the way. The rest comes at once from the joints' damping, or was
+there before: the ripple of the gears shifts the estimate by more than 1 N between the tare and the table.
+"""
 _STEADY = 1.3
 _CANDIDATES = 121
 
@@ -152,7 +156,7 @@ def began(contact: Contact, guard: Guard) -> Touch | None:
         low, high = starts[max(best - 1, 0)], starts[min(best + 1, len(starts) - 1)]
     start, slope = float(starts[best]), float(slopes[best])
     after = way_m > start
-    if after.sum() < 20 or (~after).sum() < 20 or abs(slope) * (way_m[-1] - start) < 0.5 * guard.force_N:
+    if after.sum() < 20 or (~after).sum() < 20 or abs(slope) * (way_m[-1] - start) < LEAST_RISE * guard.force_N:
         return None
     noise_N = float(np.sqrt(cost[best] / len(way_m)))
     sigma_m = 2.0 * noise_N / abs(slope) / float(np.sqrt(min(after.sum(), (~after).sum())))

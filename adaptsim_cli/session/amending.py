@@ -7,7 +7,7 @@ what was amended.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from adaptsim_cli.session.stages import Existing, TrialKey, current_key
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 from sim.tasks.task import Task
+
+_STEP = timedelta(seconds=1)
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def restore(store: SessionStore, number: int, attempt: int | None, reason: str) 
         if key not in able:
             known = ", ".join(str(k.attempt + 1) for k in able)
             raise UsageError(f"--attempt {key.attempt + 1}: attempts of trial {number} that can be restored: {known}")
-        now = _now()
+        now = _now(store)
         for earlier in range(key.attempt):
             if (other := TrialKey(number, earlier)) not in existing.rejected:
                 store.reject(iteration, other, now, f"attempt {key.attempt + 1} counts instead")
@@ -99,7 +101,7 @@ def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward
             raise UsageError(f"trial {number} of {store.facts.name} counts as {_words(outcome)} already")
         seen = replace(record.track.track(), outcome=outcome)
         amendment = Amendment(
-            at=_now(),
+            at=_now(store),
             text=reason,
             outcome=outcome,
             outcome_before=record.outcome,
@@ -154,5 +156,9 @@ def _words(outcome: Outcome) -> str:
     return outcome.value.replace("_", " ")
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+def _now(store: SessionStore) -> str:
+    """The time of a change: after that of every change before, even where the clock went backwards."""
+    made = [change.note.at for iteration in range(store.iterations()) for change in store.changes(iteration)]
+    now = datetime.now(UTC).replace(microsecond=0)
+    earliest = max((datetime.fromisoformat(at) for at in made), default=now - _STEP) + _STEP
+    return max(now, earliest).isoformat(timespec="seconds")

@@ -21,10 +21,12 @@ _POLL_S = 0.02
 @contextmanager
 def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
     """Hold `folder`, which exists. Raises UsageError with the message `taken` where another process still holds it
-    after `wait_s`, DiskFull or SessionError where the folder cannot be written to.
+    after `wait_s`, DiskFull or SessionError where the folder cannot be written to, or was moved or deleted meanwhile.
     """
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except FileNotFoundError as error:
+        raise _gone(folder) from error
     except OSError as error:
         if error.errno in FULL:
             raise disk_full(folder / LOCK) from error
@@ -47,4 +49,17 @@ def _lock(descriptor: int, folder: Path, taken: str, until_s: float) -> None:
         except OSError as error:
             raise SessionError(f"{folder} is on a file system without locks: {error.strerror}") from error
         else:
-            return
+            break
+    if not _is_file_of(descriptor, folder / LOCK):  # it was moved between opening and locking, and is not held here
+        raise _gone(folder)
+
+
+def _is_file_of(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _gone(folder: Path) -> SessionError:
+    return SessionError(f"{folder} is not there any more: another process has just moved or deleted it")

@@ -21,6 +21,7 @@ from hw.types import Array
 pytestmark = pytest.mark.slow
 CONTINUE = "Continue with: adaptsim run-iteration --session s"
 THEN = "look at the arm and recover it, then redo the trial"
+REVIEW = "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:"
 AT_S = 0.4
 """Into the motion, as the arm counts its time."""
 
@@ -181,21 +182,60 @@ def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill: Drill)
     told(silent, 6, "no frame within 1 s; check the camera's cable and power")
     until(lambda: not drill.arm.moves())
     assert drill.completed() == {}
+    before = drill.run(at_first("home", own("camera")))
+    told(before, 6, "no frame within 1 s; check the camera's cable and power")
+    assert drill.motions[-1] == "home", "the task has not begun"
     goes_on(drill)
     assert len(drill.rejected()) == 1
 
 
-def test_a_full_disk_keeps_every_completed_trial(drill: Drill) -> None:
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("disk full", "the disk is full: .* free some space and run the same command again"),
+        ("disk broken", "could not be written: Input/output error.*check the disk and your right to write there"),
+    ],
+)
+def test_a_disk_that_fails_keeps_every_completed_trial(fault: str, words: str, drill: Drill) -> None:
     def second_task(now: str, command: Command) -> None:
         if now == "task" and drill.completed():
-            command.fault = "disk"
+            command.fault = fault
 
-    full = drill.run(second_task)
-    told(full, 8, "the disk is full: .* free some space and run the same command again")
+    failed = drill.run(second_task)
+    told(failed, 8, words)
     first = drill.completed()
     assert sorted(first) == ["trial-001-attempt-1"]
     goes_on(drill)
     assert drill.completed() == first
+
+
+def test_what_ends_the_program_after_the_motion_costs_nothing(drill: Drill) -> None:
+    """Killed, Ctrl-C and q at the review: the recording is there, and the review comes again without a motion."""
+    running: list[Command] = []
+
+    def review(now: str, command: Command) -> None:
+        running[:] = [command]
+
+    def ended_by(number: signal.Signals) -> Callable[[], str]:
+        def act() -> str:
+            running[0].signal(number)
+            return ""
+
+        return act
+
+    killed = drill.run(review, {REVIEW: ended_by(signal.SIGKILL)})
+    assert killed.code == -signal.SIGKILL, killed.said
+    assert drill.motions[-1] == "back"
+    moved, drill.motions[:] = len(drill.motions), []
+    assert moved == 3
+    left = drill.run(answers={REVIEW: "q"})
+    told(left, 7, "this trial is recorded; the same command asks for its review again")
+    assert "Trial 1 continues from its recording: the motion is over, nothing moves." in left.said
+    assert drill.motions == []
+    assert drill.completed() == {}
+    goes_on(drill)
+    assert sorted(drill.completed()) == ["trial-001-attempt-1"]
+    assert drill.rejected() == []
 
 
 def test_another_calibration_moves_nothing(drill: Drill) -> None:

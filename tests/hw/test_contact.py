@@ -62,6 +62,19 @@ def test_where_it_touched_is_found_in_the_noise(height_m: float) -> None:
     assert contact.force_N < predicted_force_N(GUARD, 0.004)
 
 
+def test_a_touch_is_found_where_the_estimate_drifted_before_it() -> None:
+    """The ripple of the gears differs between the tare and the table; here by half of the guard's force."""
+    path = down()
+    drift_N = 2.4 * np.clip(path.t_s - 0.5, 0.0, 1.0)
+    torque_Nm = drift_N[:, None] * jacobian(path.q_rad, TIP)[:, 2]
+    with arm(Table(0.0), noise(path, 0.15) + torque_Nm) as feeling:
+        contact = feeling.execute_until_contact(path, GUARD)
+    touch = began(contact, GUARD)
+    assert touch is not None
+    X = forward(touch.q_rad)
+    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(0.0, abs=2e-4)
+
+
 def test_a_spike_is_no_touch_and_a_pull_is() -> None:
     path = down()
     knocked = noise(path, 0.02)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -72,6 +74,65 @@ def test_a_released_pedal_stops_fingers_that_move(deaf: bool) -> None:
         assert server.stops_s[0] - pedal.released_s < PATIENT_S
 
 
+SOON_S, TRIES = 0.08, 8
+
+
+@pytest.mark.parametrize("event", ["pedal", signal.SIGINT, signal.SIGKILL, signal.SIGSTOP])
+def test_the_stop_arrives_at_the_hand_within_80_ms(event: str | signal.Signals) -> None:
+    """The best of some tries: other work on the computer can only make it longer."""
+    after_s: list[float] = []
+    while len(after_s) < TRIES and min(after_s, default=1.0) > SOON_S:
+        after_s.append(by_pedal() if isinstance(event, str) else by_signal(event))
+    assert min(after_s) <= SOON_S, after_s
+
+
+def by_pedal() -> float:
+    """The time from a released pedal to the stop's arrival, in s."""
+    pedal = HandPedal()
+    with gripper(slower=0.1) as server, HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
+        hand.home()
+        server.slower = 20.0
+
+        def let_go() -> None:
+            until(lambda: len(server.begun_s) > 1)
+            pedal.release()
+
+        release = threading.Thread(target=let_go)
+        release.start()
+        with pytest.raises(HandError, match="pedal was released"):
+            hand.move(0.01)
+        release.join()
+        return server.stops_s[0] - pedal.released_s
+
+
+def by_signal(number: signal.Signals) -> float:
+    """The time from a signal to the program, to the stop's arrival, in s."""
+    with gripper(slower=0.1) as server, moving_program(server) as program:
+        sent_s = time.monotonic()
+        program.send_signal(number)
+        until(lambda: len(server.stops_s) >= 1)
+        after_s = server.stops_s[0] - sent_s
+        return after_s if after_s > 0.0 else math.inf  # a busy machine made the program silent before
+
+
+@contextmanager
+def moving_program(server: GripperServer) -> Iterator[subprocess.Popen[str]]:
+    """A program of its own, in the middle of a slow motion of the hand."""
+    program = subprocess.Popen(
+        [sys.executable, str(PROGRAM), "fr3", server.host], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "homed\n"
+        server.slower = 50.0
+        until(lambda: len(server.begun_s) == 2)
+        yield program
+    finally:
+        program.send_signal(signal.SIGCONT)
+        program.kill()
+        program.communicate()
+
+
 def test_nothing_begins_without_the_pedal() -> None:
     pedal = HandPedal(held=False)
     with gripper() as server, HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
@@ -82,31 +143,18 @@ def test_nothing_begins_without_the_pedal() -> None:
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGSTOP])
 def test_a_program_that_is_killed_interrupted_or_hangs_stops_the_hand(how: signal.Signals) -> None:
-    with gripper(slower=0.1) as server:
-        program = subprocess.Popen(
-            [sys.executable, str(PROGRAM), "fr3", server.host],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        try:
-            assert program.stdout is not None
-            assert program.stdout.readline() == "homed\n"
-            server.slower = 50.0
-            until(lambda: len(server.begun_s) == 2)
-            program.send_signal(how)
-            until(lambda: len(server.stops_s) >= 1)
-            assert server.width_m > 0.02
-            until(lambda: not server.moves)
-        finally:
+    with gripper(slower=0.1) as server, moving_program(server) as program:
+        program.send_signal(how)
+        until(lambda: len(server.stops_s) >= 1)
+        assert server.width_m > 0.02
+        until(lambda: not server.moves)
+        if how is signal.SIGSTOP:
             program.send_signal(signal.SIGCONT)
-            if how is signal.SIGSTOP:
-                assert program.stdout.readline() == (
-                    "the hand was stopped: the program said nothing for a moment; look at it, then run the command "
-                    "again: it homes the hand again\n"
-                )
-            program.kill()
-            program.communicate()
+            assert program.stdout is not None
+            assert program.stdout.readline() == (
+                "the hand was stopped: the program said nothing for a moment; look at it, then run the command "
+                "again: it homes the hand again\n"
+            )
 
 
 def test_no_process_is_left_behind() -> None:

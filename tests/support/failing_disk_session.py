@@ -48,17 +48,22 @@ class ToySession:
         return root.is_dir() and bool(SessionStore.open(root.parent, root.name).existing().shown)
 
     def digest(self, home: Path) -> dict[str, object]:
-        return {
-            str(path.relative_to(home)): _content(path)
-            for path in sorted((home / "data").rglob("*"))
-            if path.is_file() and not any(part.startswith(".") for part in path.relative_to(home).parts)
-        }
+        return digest_of(home / "data")
 
     def damage(self, home: Path) -> tuple[str, ...]:
         return verify(self._session(home).parent, NAME).damage
 
     def _session(self, home: Path) -> Path:
         return home / "data" / "sessions" / NAME
+
+
+def digest_of(folder: Path) -> dict[str, object]:
+    """Every file below `folder` by its path, without times of day and durations."""
+    return {
+        str(path.relative_to(folder)): _content(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    }
 
 
 def _content(path: Path) -> object:

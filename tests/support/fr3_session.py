@@ -19,7 +19,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +143,7 @@ class Drill:
     home_rad: Array  # (7,)
     server: Fr3Process | None = None
     hand: GripperServer | None = None  # that holds the tool
+    motions: list[str] = field(default_factory=list)  # by name, of all commands
 
     @property
     def arm(self) -> Fr3Process:
@@ -257,6 +258,7 @@ class Command:
         motion = self._cue.recv(16).decode().strip()
         if not motion:
             return False
+        self._drill.motions.append(motion)
         self._before(motion, self)
         self._cue.send(f"go {self.fault}\n".encode())
         return True

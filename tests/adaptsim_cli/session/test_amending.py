@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from toy_rig import OUTCOMES, TASK, ToyLab
 from toy_session import NAME, ScriptedOperator, attended, run
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.session import amending
 from adaptsim_cli.session.amending import amend, amendable, restore
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Judged, Proposal, Redo, Review
@@ -126,3 +128,23 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Pat
     run_iteration(attended(tmp_path, ScriptedOperator(), ToyLab(0)))
     assert opened(tmp_path).trials(0)[0].attempt == 1
     assert len(list(opened(tmp_path).iteration_folder(0).glob("trial-001-attempt-1.restored*.json"))) == 2
+
+
+def test_a_clock_that_goes_backwards_mixes_up_no_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each result names the changes since the result before it, and no others."""
+    hours = iter(range(20, 0, -5))
+
+    class Backwards(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
+            return datetime(2024, 1, 1, tzinfo=UTC) + timedelta(hours=next(hours))
+
+    monkeypatch.setattr(amending, "datetime", Backwards)
+    changed(run(tmp_path), 3, Outcome.ON_TABLE)
+    run(tmp_path)
+    for number in (1, 2):
+        changed(opened(tmp_path), number, Outcome.LOST)
+    run(tmp_path)
+    result = opened(tmp_path).result(0)
+    assert result is not None
+    assert [said[: len("trial 1")] for said in result.amended] == ["trial 1", "trial 2"]

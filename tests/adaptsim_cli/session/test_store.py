@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import fcntl
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -92,6 +93,25 @@ def test_a_session_runs_in_one_process_at_a_time(store: SessionStore) -> None:
         pass
     with store.locked():
         pass
+
+
+def test_a_session_that_is_moved_while_a_command_waits_for_it_is_not_taken(
+    store: SessionStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its lock goes along with it: whoever holds the lock then would write where no session is any more."""
+    lock, root = fcntl.flock, store.folder.parent
+
+    def late(descriptor: int, operation: int) -> None:
+        if operation & fcntl.LOCK_NB and store.folder.is_dir():
+            store.folder.rename(root / "elsewhere")
+        lock(descriptor, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with pytest.raises(SessionError, match="is not there any more: another process"), store.locked():
+        pass
+    with pytest.raises(SessionError, match="is not there any more"), store.locked():
+        pass
+    assert not store.folder.exists()
 
 
 def test_whoever_takes_a_session_removes_what_was_left_behind(store: SessionStore) -> None:

@@ -229,7 +229,7 @@ def test_what_ends_the_program_after_the_motion_costs_nothing(drill: Drill) -> N
     moved, drill.motions[:] = len(drill.motions), []
     assert moved == 3
     left = drill.run(answers={REVIEW: "q"})
-    told(left, 7, "this trial is recorded; the same command asks for its review again")
+    told(left, 7, "stopped by the operator; this trial is recorded; the same command asks for its review again")
     assert "Trial 1 continues from its recording: the motion is over, nothing moves." in left.said
     assert drill.motions == []
     assert drill.completed() == {}

@@ -137,7 +137,7 @@ def full(trial: int, attempt: int) -> None:
 def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
     hook: Callable[[int, int], None], code: int, words: str, tmp_path: Path, capfd: Capture
 ) -> None:
-    """There an attempt begins from the same state; a real arm's is spent (`test_runner.py`)."""
+    """There an attempt begins from the same state; a real arm's is spent (`test_session_flow.py`)."""
     home, whole = tmp_path / "a/home", tmp_path / "b/home"
     assert run(whole, ToyLab(0), capfd)[0] == 0
     with pytest.MonkeyPatch.context() as patch:
@@ -145,7 +145,7 @@ def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
         ended, told, data = run(home, ToyLab(0, hooks={"stop_recording": hook}), capfd)
     assert (ended, data) == (code, "")
     assert told.count("Error:") == (code != 130), "a person who stops it is no error"
-    assert words in told.partition("Error:")[2]
+    assert words in told.rpartition("Error:")[2]
     assert CONTINUE in told
     assert completed(home) == ["trial-001-attempt-1"]
     afterwards = ToyLab(0)

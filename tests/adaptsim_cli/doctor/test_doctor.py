@@ -25,7 +25,9 @@ from adaptsim_cli.doctor.finding import Finding, Severity, ok
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
+from hw.camera.k4a_device import ColourSettings
 from hw.camera.probe import FoundDevice, ProbeReport
+from hw.camera.process import CameraProcess
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import Reading
 from hw.franka.inspection import Inspection
@@ -129,6 +131,26 @@ def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says:
 )
 def test_a_fix_is_a_line_to_run(finding: Finding, fix: str) -> None:
     assert fix in finding.fix
+
+
+@pytest.mark.parametrize(
+    ("wrong", "verdicts", "says"),
+    [
+        ("", (OK, ADVICE), "synchronised frames in 0.5 s"),
+        ("hangs 24", (MISSING,), "camera's driver has not answered for 3 s"),
+    ],
+)
+def test_the_camera_streams_or_its_driver_is_given_up(
+    wrong: str, verdicts: tuple[Severity, ...], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = Path(__file__).parents[3]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
+    monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
+    found = examination._stream(CameraProcess(None, ColourSettings(), maker="staged_kinect:live", step_s=60.0))
+    assert found.verdict in verdicts
+    assert says in found.detail
+    if not wrong:
+        assert int(found.detail.split()[0]) >= 10
 
 
 def test_a_device_that_does_not_answer_is_named_with_its_own_words() -> None:

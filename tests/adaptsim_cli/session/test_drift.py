@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from rich.console import Console
+from toy_rig import ToyLab, on_rig
+from toy_session import ScriptedOperator, attended
 
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.drift import brightness, drift
+from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.records import RigFacts
 
 
@@ -36,3 +45,30 @@ def test_brightness_is_the_median_grey() -> None:
     picture = np.full((4, 6, 3), 40, np.uint8)
     picture[0, 0] = 255
     assert brightness(picture) == 40.0
+
+
+class Telling:
+    """An attendant of a lab without a pedal, whose camera exposes otherwise from the third trial on."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def recover(self) -> None: ...
+
+    def prepare(self, what: str) -> None: ...
+
+    def facts(self) -> RigFacts:
+        self.asked += 1
+        return facts(None, 8330 if self.asked < 3 else 2500).model_copy(update={"pedal": "waived"})
+
+
+def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path: Path) -> None:
+    said = io.StringIO()
+    session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
+    rig = replace(on_rig(session.parts).rig, attendant=Telling())
+    parts = replace(session.parts, target=replace(on_rig(session.parts), rig=rig))
+    run_iteration(replace(session, parts=parts, screen=Screen(console=Console(file=said, width=300))))
+    assert said.getvalue().count("The camera sees otherwise: exposure and white balance are 2500 µs") == 2
+    kept = list(session.store.rigs())
+    assert [rig.pedal for rig in kept] == ["waived"] * 4
+    assert [rig.brightness for rig in kept] == [40.0] * 4

@@ -7,12 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.session.amending import amend, amendable
+from adaptsim_cli.session.keeping import annotate, prune
+from adaptsim_cli.session.redoing import redo
 from adaptsim_cli.session.store import SessionStore, names
 from adaptsim_cli.session.summary import overview_or_damage
 from adaptsim_cli.session.verifying import verify
+from perception.types import Outcome
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +38,20 @@ def files_of(root: Path) -> list[Path]:
     return sorted(path for path in files if path.name not in ("report.html", "log.jsonl"))
 
 
+@pytest.fixture(scope="module")
+def corrected(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+    """Every kind of file: a trial was redone and its rejected recording pruned, an outcome amended, a note written."""
+    home = tmp_path_factory.mktemp("corrected")
+    redo(run(home), 2, "it was pushed by hand")
+    store = run(home)
+    _, choices = amendable(store, TASK, OUTCOMES, 3)
+    amend(store, TASK, 3, Outcome.LOST, choices[Outcome.LOST], "seen on the recording")
+    store = run(home)
+    assert prune(store, rejected_only=True).files > 0
+    annotate(store.folder, note="the lamp was moved", add=("paper",))
+    return store
+
+
 def test_a_session_as_it_was_written(root: Path) -> None:
     verified = verify(root, NAME)
     assert not verified.damage
@@ -41,9 +60,13 @@ def test_a_session_as_it_was_written(root: Path) -> None:
 
 
 @pytest.mark.parametrize("each", [1, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_changed_bit_in_any_file_is_noticed(root: Path, each: int) -> None:
-    rng = np.random.default_rng(each)
+def test_a_changed_bit_in_any_file_is_noticed(corrected: SessionStore, tmp_path: Path, each: int) -> None:
+    rng, root = np.random.default_rng(each), tmp_path
+    shutil.copytree(corrected.folder, root / NAME)
     files = files_of(root)
+    for kind in ("rejected", "amended", "shown", "started", "about", "pruned", "result-3", ".mcap"):
+        assert any(kind in str(path.relative_to(root)) for path in files), kind
+    assert not verify(root, NAME).damage
     flips = [
         (path, int(rng.integers(path.stat().st_size)), int(rng.integers(8))) for path in files for _ in range(each)
     ]

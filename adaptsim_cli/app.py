@@ -45,7 +45,7 @@ EXIT_CODES = (
 
 app = typer.Typer(
     name="adaptsim",
-    help="Adapt simulation parameters to a real robot task with some twenty trials.",
+    help="Adapt simulation parameters to a real robot task in about twenty trials.",
     epilog=EXIT_CODES,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -131,8 +131,8 @@ def foreign_packages() -> str:
         origin = Path(found.origin).parent if found is not None and found.origin else None
         if origin is None or origin.resolve() != (own / name).resolve():
             return (
-                f"the package {name!r} is {'missing' if origin is None else f'another one, in {origin}'}; that of "
-                f"adaptsim lies in {own / name}. Run from another folder, take that one out of PYTHONPATH, or install "
+                f"the package {name!r} is {'missing' if origin is None else f'another one, in {origin}'}; adaptsim's "
+                f"own is in {own / name}. Run from another folder, remove the other one from PYTHONPATH, or install "
                 "adaptsim in an environment of its own"
             )
     return ""

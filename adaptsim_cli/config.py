@@ -38,23 +38,25 @@ class _Values(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    hw: Annotated[Hardware, Field(description="which hardware moves: fake, panda or fr3")] = "fake"
+    hw: Annotated[Hardware, Field(description="hardware: fake, panda or fr3")] = "fake"
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
-    task: Annotated[str, Field(description="which task, where a command has no --task")] = "scooping"
+    task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
-    method: Annotated[str, Field(description="how to adapt: adaptsim, random, udr, ...")] = "adaptsim"
+    method: Annotated[str, Field(description="method: adaptsim, random, udr, ...")] = "adaptsim"
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""
-    solver: Annotated[str, Field(description="how policies are found: emulator, naf; empty: as pretrained")] = ""
+    solver: Annotated[str, Field(description="solver of task policies: emulator, naf; empty: as pretrained")] = ""
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
-    seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="of all random numbers")] = 0
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="seed of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
     min_free_mb: Annotated[int, Field(ge=0, description="free disk space that a session needs, MB")] = 500
-    calibration_days: Annotated[int, Field(ge=1, description="age from which a calibration is warned of, days")] = 30
+    calibration_days: Annotated[
+        int, Field(ge=1, description="age at which the program warns about a calibration, days")
+    ] = 30
 
 
 @dataclass(frozen=True)

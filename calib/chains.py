@@ -65,7 +65,7 @@ def urdf(path: Path, base: str | None, tip: str | None) -> tuple[Forward, int]:
     if tip is None:
         ends = sorted(set(parents) - set(parents.values()))
         if len(ends) != 1:
-            raise ViewFolderError(f"{path} has {len(ends)} ends ({', '.join(ends[:8])}): name one as tip")
+            raise ViewFolderError(f"{path} has {len(ends)} end links ({', '.join(ends[:8])}): name one as tip")
         tip = ends[0]
     chain, link = [], tip
     while link != base and link in joints:
@@ -83,9 +83,7 @@ def _link(joint: ElementTree.Element, path: Path) -> Link:
     direction = _numbers(axis, "xyz", "1 0 0")
     kind = joint.get("type", "")
     if joint.find("mimic") is not None or kind not in (*_TURNING, *_SLIDING, *_RIGID):
-        raise ViewFolderError(
-            f"{path}: joint {joint.get('name')} is of a kind that is not supported ({kind}, or mimic)"
-        )
+        raise ViewFolderError(f"{path}: joint {joint.get('name')} is of an unsupported kind ({kind}, or mimic)")
     name: Literal["turning", "sliding", "rigid"] = (
         "turning" if kind in _TURNING else "sliding" if kind in _SLIDING else "rigid"
     )

@@ -41,9 +41,9 @@ def square_size(solution: Solution) -> Check:
     off, sigma = solution.square_scale - 1.0, solution.square_scale_sigma
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
     if not solution.size_known:
-        found = f"not stated; by the arm's motion it is a {solution.target}, to ± {100 * sigma:.2f} %"
+        found = f"not stated; the arm's motion makes it a {solution.target}, to ± {100 * sigma:.2f} %"
         return Check("square size", Grade.GOOD, found)
-    message = f"the arm's motion asks for squares {100 * off:+.2f} % (± {100 * sigma:.2f}) of their stated size"
+    message = f"by the arm's motion the squares are {100 * off:+.2f} % (± {100 * sigma:.2f}) off their stated size"
     if abs(off) <= limit:
         return Check("square size", Grade.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
     advice = "measure the print and state its true square size; if it is right, the focal length is wrong"
@@ -77,7 +77,7 @@ def joint_offsets(solution: Solution) -> Check:
 def variety(solution: Solution) -> Check:
     """Do the views differ enough?"""
     value, limit = solution.tilt_spread_deg, TILT_SPREAD_LIMIT_DEG
-    message = f"the board's tilts spread by {value:.1f}° (root mean square), at least {limit:.0f}° is wanted"
+    message = f"the board's tilts spread by {value:.1f}° (root mean square), at least {limit:.0f}° is recommended"
     if value >= limit:
         return Check("variety of views", Grade.GOOD, message, value, limit, "°")
     return Check(
@@ -93,15 +93,15 @@ def mirror_poses(solution: Solution) -> Check:
     return Check(
         "mirror poses",
         Grade.GOOD,
-        f"in view {', '.join(names)} the mirrored tilt fits the picture better; the arm's motion says the other, which"
-        " was taken: hold the board nearer or tilt it more",
+        f"in view {', '.join(names)} the mirrored tilt fits the picture better, but the arm's motion rules it out. For "
+        "clearer pictures, hold the board nearer or tilt it more",
     )
 
 
 def warm_up(readings_C: Sequence[float]) -> Check:
     """The camera's temperature from view to view: one that still warms up drifts while it is being calibrated."""
     if len(readings_C) < 3:
-        return Check("camera temperature", Grade.NOT_MEASURED, "the camera does not tell its temperature")
+        return Check("camera temperature", Grade.NOT_MEASURED, "the camera does not report its temperature")
     third = max(1, len(readings_C) // 3)
     value = float(np.mean(readings_C[-third:]) - np.mean(readings_C[:third]))
     message = f"{np.median(readings_C):.1f} °C, {value:+.1f} °C from the first views to the last"
@@ -146,8 +146,8 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     if abs(height) <= TABLE_LIMIT_MM and tilt <= TABLE_LIMIT_DEG:
         return Check("table plane", Grade.GOOD, message, height, TABLE_LIMIT_MM, "mm")
     advice = (
-        f" (limits {TABLE_LIMIT_MM:.0f} mm, {TABLE_LIMIT_DEG}°): if depth bias and touched point are good, the table is"
-        " not where the settings say; else recalibrate"
+        f" (limits {TABLE_LIMIT_MM:.0f} mm, {TABLE_LIMIT_DEG}°): if depth bias and touched point are good, the rig "
+        "file has the wrong table; if not, recalibrate"
     )
     return Check("table plane", Grade.SUSPECT, message + advice, height, TABLE_LIMIT_MM, "mm")
 
@@ -190,7 +190,7 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     )
     if abs(value) <= DEPTH_LIMIT_MM:
         return Check("depth bias", Grade.GOOD, message, value, DEPTH_LIMIT_MM, "mm")
-    advice = ": let the camera warm up, look for a second light source or a shiny board; or correct it"
+    advice = ": let the camera warm up, and look for a second light source or a shiny board; or correct it"
     return Check("depth bias", Grade.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
 
 
@@ -251,5 +251,5 @@ def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> C
     message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
     if value <= limit:
         return Check("touched point", Grade.GOOD, message, value, limit, "mm")
-    advice = ": touch it again with the calibrated tip; if it stays, check the tool's length and recalibrate"
+    advice = ": touch it again with the calibrated tip; if the distance stays, check the tool's length and recalibrate"
     return Check("touched point", Grade.BAD, message + advice, value, limit, "mm")

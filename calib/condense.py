@@ -53,7 +53,8 @@ def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
     """Why a view with these corners cannot be condensed; "" where it can."""
     if len(corners) and corners.ids[-1] >= target.corners:
         return (
-            f"corner {corners.ids[-1]}, but a {target.name} has corners 0 to {target.corners - 1}: state the right one"
+            f"corner {corners.ids[-1]}, but a {target.name} has corners 0 to {target.corners - 1}: state the right "
+            "target"
         )
     points = target.p_MK_m[corners.ids]
     if len(corners) < target.least or in_a_row(points, target.spacing_m):

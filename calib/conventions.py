@@ -76,8 +76,8 @@ def recognise(
     names = ", ".join(f"{key} ({' or '.join(values)})" for key, values in undecided.items())
     if not fits or not np.isfinite(fits[0][0]):
         raise UnusableViews(
-            f"no reading of the poses fits the pictures: state in [poses] of setup.toml {names}; if it is stated"
-            " rightly, pictures and poses do not belong together"
+            f"no reading of the poses fits the pictures: state in [poses] of setup.toml {names}; if that is already "
+            "right, pictures and poses do not belong together"
         )
     best = readings[fits[0][1]]
     if len(fits) > 1 and fits[1][0] < _CLEAR * fits[0][0]:

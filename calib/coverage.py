@@ -63,7 +63,7 @@ def _tilts(tilts_deg: Array) -> list[str]:
 
 def _distances(distances_m: Array) -> list[str]:
     if len(distances_m) < 2:
-        return ["hold the board nearer to the camera, and farther"]
+        return ["hold the board nearer to the camera, and farther away"]
     if distances_m.max() / distances_m.min() >= DISTANCE_RATIO:
         return []
     return [f"all views are {distances_m.mean():.2f} m away: hold the board nearer to the camera, or farther"]
@@ -74,4 +74,4 @@ def _cells(cells: NDArray[np.int64]) -> list[str]:
         return []
     rows, columns = ("top", "middle", "bottom"), ("left", "left of the middle", "right of the middle", "right")
     empty = [f"{rows[r]} {columns[c]}" for r, c in np.argwhere(cells == 0)]
-    return [f"show the board in more of the image: nothing yet at {', '.join(empty[:3])}"]
+    return [f"show the board in more of the image: it has not been at {', '.join(empty[:3])}"]

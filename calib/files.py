@@ -204,13 +204,13 @@ def _read_view(path: Path, setup: SetupRecord, joints: int) -> StoredView:
     q = record.joints or record.q_rad or record.q_deg
     if q is not None and not joints:
         raise ViewFolderError(
-            f"{path} gives joints of an unknown arm: give poses, or name the arm or its [kinematics] in {SETUP}"
+            f"{path} gives joints of an unknown arm: give poses, or state the arm or its [kinematics] in {SETUP}"
         )
     if q is not None and len(q) != joints:
         raise ViewFolderError(f"{path} gives {len(q)} joints; this arm has {joints}")
     if isinstance(setup.board, PointsRecord) != (record.corners_px is not None):
         raise ViewFolderError(
-            f'{path}: corners_px goes with kind = "points" under [board] of {SETUP}, and only with it'
+            f'{path}: corners_px needs kind = "points" under [board] of {SETUP}, and that needs corners_px'
         )
     return StoredView(
         name=path.stem.removeprefix(PREFIX),
@@ -230,7 +230,8 @@ def _colour(path: Path, record: ViewRecord, setup: SetupRecord) -> NDArray[np.ui
     if colour.shape[:2] != (height, width):
         raise ViewFolderError(
             f"{path.parent / record.image} is {colour.shape[1]} x {colour.shape[0]}, the intrinsics in {SETUP} are for "
-            f"{width} x {height}: give those of this resolution{_by_factor(colour.shape[1], colour.shape[0], setup)}"
+            f"{width} x {height}: give the intrinsics for this "
+            f"resolution{_by_factor(colour.shape[1], colour.shape[0], setup)}"
         )
     return np.ascontiguousarray(colour[..., ::-1], dtype=np.uint8)
 
@@ -267,7 +268,7 @@ def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDAr
         raise ViewFolderError(f"{file}, named by {path.name}, {error}") from error
     wanted = sha256.get(name)
     if wanted is not None and hashlib.sha256(data).hexdigest() != wanted:
-        raise ViewFolderError(f"{file} is not what {path.name} says: truncated or changed since it was taken")
+        raise ViewFolderError(f"{file} does not match {path.name}: it was truncated or changed after it was taken")
     try:
         return decode_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)
     except Unreadable as error:

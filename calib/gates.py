@@ -27,10 +27,11 @@ def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acc
 def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
     rejected = 100 * len(solution.rejected) / len(solution.views)
     intrinsics = (
-        f"are these the intrinsics for {setup.colour.width} x {setup.colour.height}? Focus, light, a flat board?"
+        f"check the intrinsics (for {setup.colour.width} x {setup.colour.height}), focus, light, and that the board is "
+        "flat"
     )
-    unseen = "views that were not fitted are predicted badly: add views, tilted to all sides"
-    where = "95 % at the worst corner of the work volume; add views there, and more tilted ones"
+    unseen = "held-out views are predicted badly: add views, tilted to all sides"
+    where = "95 % at the worst corner of the work volume: add views there, and more tilted ones"
     return (
         _at_least("views used", len(solution.used), MIN_USED, "", "record more views"),
         _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", _why_rejected(solution)),

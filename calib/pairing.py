@@ -124,12 +124,12 @@ class _Crossed:
             X, X_before = self.looks.X_AH[i], self.looks.X_AH[i - 1]
             if distance_mm(X, X_before) < _SAME_MM and angle_deg(X, X_before) < _SAME_DEG:
                 said = (
-                    f"the pose of view {name} is that of {before} once more while the picture has changed:"
-                    " joints that were read too early; the view is left out"
+                    f"the pose of view {name} repeats that of {before} although the picture has changed: the joints "
+                    "were read too early; the view is left out"
                 )
                 found.append(Fault("stale", said, "", (name,)))
             elif self._same_picture(i, i - 1):
-                said = f"the picture of view {name} is that of {before} once more: an old frame; the view is left out"
+                said = f"the picture of view {name} repeats that of {before}: an old frame; the view is left out"
                 found.append(Fault("repeated picture", said, "", (name,)))
         return tuple(found)
 

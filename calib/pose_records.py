@@ -123,13 +123,15 @@ class PoseKeys(Record):
         rows = self.X_BF if self.X_BF is not None else self.matrix
         if rows is not None:
             if np.shape(rows) != (4, 4) or rows[3] != (0.0, 0.0, 0.0, 1.0):
-                raise ValueError("X_BF is four rows of four, the last one 0 0 0 1")
+                raise ValueError("X_BF must have four rows of four numbers, the last one 0 0 0 1")
             X = np.array(rows, dtype=np.float64)
             X[:3, 3] *= 1.0 if self.matrix is None else LENGTHS_M[how.length]
         else:
             X[:3, :3], X[:3, 3] = self._turn(how), self._place(how)
         if np.abs(X[:3, :3] @ X[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(X[:3, :3]) < 0:
-            raise ValueError("the rotation is not one: its axes are not of length 1, at right angles, right-handed")
+            raise ValueError(
+                "the rotation is not valid: its axes must have length 1, be at right angles and right-handed"
+            )
         if np.linalg.norm(X[:3, 3]) > 10.0:
             raise ValueError(
                 f"the flange is {np.linalg.norm(X[:3, 3]):g} m from the base: positions are in metres, not mm"
@@ -144,14 +146,14 @@ class PoseKeys(Record):
         key = next(name for name in given if getattr(self, name) is not None)
         values = getattr(self, key)
         if len(values) != 3:
-            raise ValueError(f"{key} has three numbers")
+            raise ValueError(f"{key} must have three numbers")
         return given[key] * np.array(values, dtype=np.float64)
 
     def _turn(self, how: Convention) -> Array:
         if self.rotation_vector is not None or self.euler is not None:
             values = np.array(self.rotation_vector if self.euler is None else self.euler)
             if len(values) != 3:
-                raise ValueError("rotation_vector and euler have three numbers")
+                raise ValueError("rotation_vector and euler must have three numbers")
             values = ANGLES_RAD[how.angle] * values
             turn = Rotation.from_rotvec(values) if self.euler is None else Rotation.from_euler(how.euler, values)
             return np.asarray(turn.as_matrix())
@@ -159,7 +161,9 @@ class PoseKeys(Record):
         key = next(name for name in orders if getattr(self, name) is not None)
         values = np.array(getattr(self, key))
         if len(values) != 4 or abs(np.linalg.norm(values) - 1) > 1e-2:
-            raise ValueError(f"{key} has four numbers, of length 1 together, w first or last as the name says")
+            raise ValueError(
+                f"{key} must have four numbers, of length 1 together, with w first or last as the name says"
+            )
         xyzw = values if orders[key] == "xyzw" else np.roll(values, -1)
         return np.asarray(Rotation.from_quat(xyzw).as_matrix())
 

@@ -40,9 +40,9 @@ class IntrinsicsRecord(Record):
         if np.shape(self.K) != (3, 3) or self.K[2] != (0.0, 0.0, 1.0) or min(self.K[0][0], self.K[1][1]) <= 0:
             raise ValueError("K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
         if len(self.distortion) not in (0, 4, 5, 8):
-            raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV's are 0, 4, 5 or 8")
+            raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 0, 4, 5 or 8")
         if not (0 < self.K[0][2] < self.width and 0 < self.K[1][2] < self.height):
-            raise ValueError("the principal point lies outside of the image: K is of another resolution")
+            raise ValueError("the principal point lies outside of the image: K is for another resolution")
         return self
 
     def intrinsics(self) -> Intrinsics:
@@ -79,7 +79,7 @@ class KinematicsRecord(Record):
                     f"dh holds an angle of {max(abs(row[1]), abs(row[3])):g}: angles are in rad, not in degrees"
                 )
         if self.urdf is not None and ("/" in self.urdf or self.urdf.startswith(".")):
-            raise ValueError("the URDF is named without a folder: it lies beside setup.toml")
+            raise ValueError("name the URDF without a folder: it must lie beside setup.toml")
         return self
 
 
@@ -126,18 +126,19 @@ class ViewRecord(PoseKeys):
         if any(
             "/" in name or name.startswith(".") for name in (self.image or "", self.infrared or "", self.depth or "")
         ):
-            raise ValueError("images are named without a folder: they lie beside the view")
+            raise ValueError("name images without a folder: they must lie beside the view")
         if self.image is None and self.corners_px is None:
             raise ValueError("give an image, or corners_px with points_m")
         if self.corners_px is not None:
             places = self.points_m if self.points_mm is None else self.points_mm
             if (self.points_m is None) == (self.points_mm is None) or places is None:
-                raise ValueError("corners_px goes with exactly one of points_m and points_mm")
+                raise ValueError("corners_px needs exactly one of points_m and points_mm")
             if {len(row) for row in self.corners_px} != {2} or {len(row) for row in places} != {3}:
-                raise ValueError("corners_px has rows of two, points_m rows of three")
+                raise ValueError("corners_px must have rows of two numbers, points_m rows of three")
             if len(places) != len(self.corners_px) or len(set(places)) < len(places):
                 raise ValueError(
-                    f"{len(self.corners_px)} corners_px and {len(places)} points: as many, each point once"
+                    f"{len(self.corners_px)} corners_px and {len(places)} points: there must be as many, each point "
+                    "once"
                 )
         return self
 
@@ -163,7 +164,7 @@ class TouchRecord(Record):
         if (self.q_rad is None) == (self.X_BF is None):
             raise ValueError("give exactly one of q_rad and X_BF, one entry a touch")
         if "/" in self.image or self.image.startswith("."):
-            raise ValueError("the image is named without a folder: it lies beside this file")
+            raise ValueError("name the image without a folder: it must lie beside this file")
         for q in self.q_rad or ():
             ViewRecord(image=self.image, q_rad=q)  # its own checks: rad, metres, a rotation
         for X in self.X_BF or ():

@@ -125,7 +125,9 @@ def solve_together(cameras: Sequence[Camera]) -> Together:
 
 def _possible(cameras: Sequence[Camera]) -> None:
     if len(cameras) < 2:
-        raise UnusableViews("one camera alone: adaptsim calibrate solve does that; name the folders of at least two")
+        raise UnusableViews(
+            "only one camera: name the folders of two or more; for one camera use adaptsim calibrate solve"
+        )
     for camera in cameras:
         if camera.setup.mounting is not Mounting.FIXED:
             raise UnusableViews(
@@ -134,7 +136,7 @@ def _possible(cameras: Sequence[Camera]) -> None:
     shapes = {camera.setup.board.scaled(1 / camera.setup.board.spacing_m).name for camera in cameras}
     if len(shapes) > 1 or len({camera.setup.size_known for camera in cameras}) > 1:
         raise UnusableViews(
-            f"the folders state different targets ({', '.join(sorted(shapes))}): it must be the same one"
+            f"the folders state different targets ({', '.join(sorted(shapes))}): all cameras must see the same one"
         )
 
 

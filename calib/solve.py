@@ -87,12 +87,10 @@ def _sorted(views: Sequence[View]) -> list[View]:
     names = [view.name for view in views]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise UnusableViews(f"more than one view is called {', '.join(twice)}: give each its own name")
+        raise UnusableViews(f"more than one view is called {', '.join(twice)}: give each view its own name")
     kinds = {None if view.q_rad is None else len(view.q_rad) for view in views}
     if len(kinds) > 1:
-        raise UnusableViews(
-            "some views have joints and others do not, or another number of them: record all views alike"
-        )
+        raise UnusableViews("views differ in whether they have joints, or in how many: record all views alike")
     return sorted(views, key=lambda view: view.name)
 
 
@@ -146,8 +144,8 @@ def _agreeing(data: _Data, setup: Setup) -> tuple[_Data, State]:
     rows = chosen.kept
     if len(rows) < max(MIN_VIEWS - 1, (len(kept) + 1) // 2):
         raise TooFewViews(
-            f"only {len(rows)} of {len(kept)} views agree with one another: is the board tight on its holder, the"
-            " camera on its stand, does the arm rest before each picture, do images and joints belong together?"
+            f"only {len(rows)} of {len(kept)} views agree with one another: check that board and camera are tight, "
+            "that the arm rests before each picture, and that images and joints belong together"
         )
     _demand_variety(chosen.X_CM[rows])
     return chosen, now.state
@@ -207,7 +205,8 @@ def _demand_variety(X_CM: Array) -> None:
     spread = _spread_deg(X_CM)
     if spread[1] < MIN_TURN_DEG:
         raise DegenerateViews(
-            f"the board is turned alike in all views ({spread[0]:.1f}° about one axis, {spread[1]:.1f}° about any"
+            f"the board has nearly the same tilt in all views ({spread[0]:.1f}° about one axis, {spread[1]:.1f}° about "
+            "any"
             f" other, at least {MIN_TURN_DEG}° is needed and 10° is good): tilt it left, right, up and down"
         )
 
@@ -219,7 +218,7 @@ def _with_offsets_where_supported(data: _Data, plain: Fit) -> tuple[Fit, JointOf
         return plain, None, held
     none = np.zeros(n)
     if len(data.kept) < MIN_TO_FREE:
-        reason = f"{len(data.kept)} views are too few to tell joint offsets, {MIN_TO_FREE} are needed"
+        reason = f"{len(data.kept)} views are too few to estimate joint offsets, {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
         return plain, JointOffsets(none, unknown, False, none, np.nan, reason), held
     free = data.fit(data.kept, plain.state, Model(observable_joints(n), plain.model.scale))
@@ -317,8 +316,9 @@ def _view_fits(
 def _reason(off_mm: float, off_deg: float, distance2: float) -> str:
     times = np.sqrt(distance2 / (MARGIN * LIMIT))
     return (
-        f"the board is {off_mm:.1f} mm and {off_deg:.2f}° from where the other views and the joints put it,"
-        f" {times:.1f} times the limit: the arm still moved, the image belongs to other joints, or the board slipped"
+        f"the board is {off_mm:.1f} mm and {off_deg:.2f}° from where the other views and the joints put it, "
+        f"{times:.1f} times the limit: the arm was still moving, the image belongs to other joints, or the board "
+        "slipped"
     )
 
 

@@ -70,8 +70,8 @@ def time_offset(
     found = TimeOffset(best, sigma)
     value = 1e3 * best
     message = (
-        f"the camera's time stamps are {value:+.1f} ms (± {1e3 * sigma:.1f}) late against the arm's,"
-        f" limit {LIMIT_MS:g} ms"
+        f"the camera's time stamps are {value:+.1f} ms (± {1e3 * sigma:.1f}) later than the arm's, limit {LIMIT_MS:g} "
+        "ms"
     )
     if abs(value) <= LIMIT_MS:
         return found, Check(NAME, Grade.GOOD, message, value, LIMIT_MS, "ms")

@@ -71,10 +71,12 @@ def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Ar
             " or the board moved; remove touch.json and touch again"
         )
     if touched.sigma_m > LIMIT_SIGMA_M:
-        return _untold("the tip was leaned too little between the touches: lean it by 20 to 40° to four sides")
+        return _untold("the tip leaned too little between the touches: lean it by 20 to 40° to four sides")
     pose = locate(seen, setup.board, setup.colour)
     if pose.ambiguous:
-        return _untold("the board lies too far away or too square to the camera to tell its tilt; lay it nearer")
+        return _untold(
+            "the board lies too far away or too square to the camera for its tilt to be measured; lay it nearer"
+        )
     p_M = setup.board.p_MK_m[corner]
     p_A_m = solution.X_AC @ pose.X_VM @ np.array([*p_M, 1.0])
     stated_mm = solution.uncertainty.arm_worst_95_mm / 2

@@ -79,26 +79,26 @@ def adopted(setup: Setup, found: Trial) -> Setup:
 def check(found: Trial | None, *, refined: bool) -> Check:
     """What the trial says, as a check."""
     if found is None:
-        reason = "the views agree to the noise of their corners, or are too few: no trial was held"
+        reason = "not tried: the views agree within the noise of their corners, or are too few"
         return Check(NAME, Grade.NOT_MEASURED, reason)
     share = 100 * (1 - found.refined_px / found.stated_px)
     if refined:
         return Check(NAME, Grade.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
     if not found.better:
         return Check(NAME, Grade.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
-    advice = "add --refine-intrinsics to use them, or state the right ones"
+    advice = "add --refine-intrinsics to use these, or state the right ones"
     return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
 
 
 def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, after: float) -> str:
     held = f"held out {before:.2f} → {after:.2f} px"
     if after >= _BETTER * before:
-        return f"with focal length, centre and distortion free the views are predicted no better ({held})"
+        return f"with free focal length, centre and distortion the views are predicted no better ({held})"
     factor = float(np.exp(lens[0]))
     centre = (stated.K[:2, 2] + lens[1:3]) / stated.K[:2, 2]
     if abs(factor - 1) > _OTHER_RESOLUTION and np.abs(centre / factor - 1).max() < _ALIKE:
         return (
-            f"the stated intrinsics are of another resolution: focal length and centre ask to be scaled by {factor:.3f}"
+            f"the stated intrinsics are of another resolution: focal length and centre fit when scaled by {factor:.3f}"
             f" ({held})"
         )
     off = 100 * np.expm1(lens[0]), 100 * sigma[0]
@@ -110,7 +110,7 @@ def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, afte
     if not (np.abs(lens) > _SIGNIFICANT * sigma).any():
         return f"the intrinsics may be off, but these views cannot tell by how much ({k1}, {', '.join(found)}; {held})"
     lacks = not stated.distortion.any() and abs(lens[3]) > _SIGNIFICANT * sigma[3]
-    head = f"the stated intrinsics lack distortion: {k1}" if lacks else f"the stated intrinsics do not fit: {k1}"
+    head = f"the stated intrinsics have no distortion: {k1}" if lacks else f"the stated intrinsics do not fit: {k1}"
     return f"{head}, {', '.join(found)}; {held}"
 
 

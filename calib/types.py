@@ -207,7 +207,7 @@ class Worth:
         most = ", ".join(f"{name} (+{100 * share:.0f} %)" for name, share in self.without[:3])
         said = [f"The views that help most: {most} error without them"]
         if self.idle:
-            said.append(f"Views that change next to nothing: {', '.join(self.idle)}")
+            said.append(f"Views that hardly matter: {', '.join(self.idle)}")
         halve = "" if self.to_halve is None else f"; {self.to_halve} such views would halve it"
         said.append(
             f"Three more views like {', '.join(self.more)} would lower the error that views can lower by "

@@ -62,9 +62,9 @@ def parse_table(content: bytes, *, is_toml: bool, finite: bool = True) -> dict[s
     except RecursionError as error:
         raise Unreadable(_too_deep()) from error
     except ValueError as error:  # Python reads no integer of more than 4,300 digits
-        raise Unreadable("holds an integer of thousands of digits") from error
+        raise Unreadable("contains an integer with thousands of digits") from error
     if not isinstance(data, dict):
-        raise Unreadable("does not hold a table")
+        raise Unreadable("is not a table of keys and values")
     _require_bounds(data, finite=finite)
     return data
 
@@ -109,13 +109,13 @@ def require_tensors(path: Path) -> None:
     with path.open("rb") as file:
         head = file.read(8)
         if len(head) < 8 or (length := int.from_bytes(head, "little")) > min(TENSOR_HEADER_BYTES, size - 8):
-            raise Unreadable("is no whole safetensors file: its header is cut short, or claims too much")
+            raise Unreadable("is not a complete safetensors file: its header is cut short, or claims too much")
         table = parse_table(file.read(length), is_toml=False)
     ends = [entry["data_offsets"][-1] for entry in table.values() if _has_offsets(entry)]
     if len(ends) + ("__metadata__" in table) != len(table):
-        raise Unreadable("is no safetensors file: a tensor has no place in it")
+        raise Unreadable("is not a safetensors file: a tensor has no offsets")
     if max(ends, default=0) != size - 8 - length:
-        raise Unreadable("is cut short or damaged: its tensors end elsewhere than the file")
+        raise Unreadable("is cut short or damaged: its tensors do not end where the file ends")
 
 
 def _has_offsets(entry: object) -> bool:
@@ -156,9 +156,9 @@ def _require_bounds(data: dict[str, Any], *, finite: bool) -> None:
             elif isinstance(value, list):
                 inner += value
             elif isinstance(value, int) and abs(value) >= _LARGEST:
-                raise Unreadable("holds an integer of more than 63 bits")
+                raise Unreadable("contains an integer of more than 63 bits")
             elif finite and isinstance(value, float) and not math.isfinite(value):
-                raise Unreadable(f"holds {value}, which is not a finite number")
+                raise Unreadable(f"contains {value}, which is not a finite number")
         if not inner:
             return
         level = inner

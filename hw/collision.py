@@ -63,7 +63,7 @@ class Table:
     def __post_init__(self) -> None:
         values = (self.height_m, self.slope_x, self.slope_y)
         if not all(math.isfinite(v) for v in values) or max(abs(self.slope_x), abs(self.slope_y)) > MOST_SLOPE:
-            raise ValueError(f"table {values}: height and slopes are finite, and slopes at most {MOST_SLOPE:g}")
+            raise ValueError(f"table {values}: height and slopes must be finite, and slopes at most {MOST_SLOPE:g}")
 
     def height_at(self, p_m: Array) -> Array:
         """Points (..., 3) or (..., 2) in m -> height (...) of the table top there."""

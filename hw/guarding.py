@@ -52,7 +52,7 @@ def require_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: Ar
     report = check_guarded(path, guard, cell, q_now_rad)
     refuse_beyond(report)
     if not check_braking(path, cell.motion).ok:
-        raise MotionRefused(f"{model}: this guarded motion has moments without a stop along it; slow it down")
+        raise MotionRefused(f"{model}: at some moments this guarded motion cannot stop within the limits; slow it down")
     return report
 
 

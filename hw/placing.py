@@ -18,4 +18,4 @@ class Placing:
     def __post_init__(self) -> None:
         object.__setattr__(self, "xy_m", frozen_array(self.xy_m, (2,), "xy_m"))
         if self.trial < 1 or self.attempt < 0:
-            raise ValueError(f"trial {self.trial}, attempt {self.attempt}: trials count from 1 and attempts from 0")
+            raise ValueError(f"trial {self.trial}, attempt {self.attempt}: trials are numbered from 1, attempts from 0")

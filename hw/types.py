@@ -93,7 +93,7 @@ class JointPath:
         t_s = frozen_array(self.t_s, (None,), "t_s")
         q_rad = frozen_array(self.q_rad, (len(t_s), 7), "q_rad")
         if len(t_s) < 2 or abs(t_s[0]) > 1e-12 or not np.allclose(np.diff(t_s), 1.0 / PATH_RATE_HZ, atol=1e-9):
-            raise ValueError("a joint path starts at t = 0 and has a sample every millisecond")
+            raise ValueError("a joint path must start at t = 0 and have a sample every millisecond")
         object.__setattr__(self, "t_s", t_s)
         object.__setattr__(self, "q_rad", q_rad)
 

@@ -95,7 +95,7 @@ class Workcell:
     def __post_init__(self) -> None:
         object.__setattr__(self, "stops_at_Nm", frozen_array(self.stops_at_Nm, (JOINTS,), "stopping torques"))
         if not self.stops_at_N > 0.0:
-            raise ValueError(f"the arm stops by itself at {self.stops_at_N:g} N: this must be above 0")
+            raise ValueError(f"the force at which the arm stops by itself is {self.stops_at_N:g} N: it must be above 0")
 
     @property
     def motion(self) -> MotionLimits:

@@ -51,7 +51,10 @@ class ArmPictures:
         """The measure in words."""
         found = self.fit
         if found is None:
-            return "How well the hand's outline fits was not measured: it stands out from the room in too few pictures"
+            return (
+                "The fit of the hand's outline was not measured: "
+                "the hand stands out from the background in too few pictures"
+            )
         verdict = "fits" if self.fits else "does not fit"
         return (
             f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px "
@@ -86,10 +89,10 @@ def draw(solved: Solved) -> ArmPictures:
     """Raises UnusableViews where the arm cannot be drawn."""
     record, camera = solved.record, solved.setup.colour
     if record.mounting != "fixed":
-        raise UnusableViews("the camera is on the wrist and sees no arm: nothing can be drawn")
+        raise UnusableViews("the camera is on the wrist and does not see the arm: there is nothing to draw")
     if record.arm not in ("panda", "fr3"):
         raise UnusableViews(
-            'only the shapes of a Panda and an FR3 are known here: write arm = "panda" or arm = "fr3" at the top of '
+            'the program knows the shapes of a Panda and an FR3 only: write arm = "panda" or arm = "fr3" at the top of '
             "setup.toml if it is one of them"
         )
     X_CB, offsets_rad = inverse(np.array(record.X_AC)), record.offsets_rad()
@@ -107,7 +110,7 @@ def draw(solved: Solved) -> ArmPictures:
         wrist = tuple(transform(X_CF, part) for part in (*LINK7, *FINGERS))
         pictures[view.name] = _drawn(picture, camera, (*hand, *wrist), _links(view, offsets_rad, X_CB))
     if not pictures:
-        raise UnusableViews("the views have no pictures, so nothing can be drawn into them")
+        raise UnusableViews("the views have no pictures to draw into")
     return ArmPictures(fit(seen, camera), pictures)
 
 

@@ -25,7 +25,7 @@ def warm(real: bool, temperature_C: float | None) -> Readiness:
     """Cameras do not tell since when they are on, so this reminds and never fails."""
     if not real:
         return Readiness("warm-up", True, "a simulated camera needs none")
-    now = "it does not tell its temperature" if temperature_C is None else f"{temperature_C:.1f} °C now"
+    now = "it does not report its temperature" if temperature_C is None else f"{temperature_C:.1f} °C now"
     return Readiness("warm-up", True, f"{now}; its depth is stable {WARM_UP_MIN} minutes after switching on")
 
 
@@ -60,11 +60,11 @@ def _intrinsics(frame: Frame, camera: Intrinsics) -> Readiness:
             "intrinsics",
             False,
             f"pictures are {size[0]} × {size[1]}, the intrinsics are for {camera.width} × {camera.height}: "
-            "read those of this resolution from the camera",
+            "read the intrinsics for this resolution from the camera",
         )
     view_deg = float(2 * np.rad2deg(np.arctan(camera.width / 2 / fx)))
     if not (20 < view_deg < 130 and 0.9 < fx / fy < 1.1):
-        return Readiness("intrinsics", False, f"fx = {fx:.1f}, fy = {fy:.1f} px: not those of a camera of this size")
+        return Readiness("intrinsics", False, f"fx = {fx:.1f}, fy = {fy:.1f} px: implausible for pictures of this size")
     return Readiness(
         "intrinsics", True, f"fx = {fx:.1f}, fy = {fy:.1f} px, {view_deg:.0f}° wide, lens distortion known"
     )
@@ -75,11 +75,11 @@ def _exposure(frame: Frame) -> Readiness:
     bright, dark = float((grey >= SATURATED).mean()), float((grey <= DARK).mean())
     if bright > MOST_SATURATED:
         return Readiness(
-            "exposure", False, f"{100 * bright:.0f} % of the picture is white: shorten the exposure, less light"
+            "exposure", False, f"{100 * bright:.0f} % of the picture is white: shorten the exposure or reduce the light"
         )
     if dark > MOST_DARK:
         return Readiness(
-            "exposure", False, f"{100 * dark:.0f} % of the picture is black: more light, a longer exposure"
+            "exposure", False, f"{100 * dark:.0f} % of the picture is black: add light or lengthen the exposure"
         )
     return Readiness("exposure", True, f"mean grey {grey.mean():.0f} of 255")
 

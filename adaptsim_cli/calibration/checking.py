@@ -93,7 +93,7 @@ def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
 def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
     stored = files.read_touch(folder)
     if stored is None or setup.mounting is not Mounting.FIXED:
-        return Check(touch.NAME, Grade.NOT_MEASURED, "no point was touched: it needs a person, or the simulated lab")
+        return Check(touch.NAME, Grade.NOT_MEASURED, "no point was touched: that needs a person, or the simulated lab")
     record, colour = stored
     if record.corner >= setup.board.corners:
         raise ViewFolderError(
@@ -122,6 +122,6 @@ def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | N
         arm_t_s, q_rad = np.array(data["arm_t_s"]), np.array(data["q_rad"]).reshape(-1, 7)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ViewFolderError(
-            f"{path} is damaged ({error}); remove it: the time offset is then not measured"
+            f"{path} is damaged ({error}); remove it; the time offset is then not measured"
         ) from error
     return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)[1]

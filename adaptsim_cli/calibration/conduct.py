@@ -95,7 +95,9 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
     board = known.board.board()
     if not isinstance(board, Board):
-        raise UsageError(f"this rig was calibrated with a {board.name}; a check needs our board: adaptsim calibrate")
+        raise UsageError(
+            f"this rig was calibrated with a {board.name}; a check needs adaptsim's own board: adaptsim calibrate"
+        )
     with (
         store.locked(),
         _continued("adaptsim calibrate check"),
@@ -107,8 +109,8 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
         found = drift.check(rig, known, visits, screen)
     screen.show(Text(found.message, style="bold red" if found.moved else "green"))
     where = flags(config)
-    again = (f"adaptsim calibrate {where}", "the camera's pose has to be found again")
-    screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration holds"))
+    again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
+    screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
     if request.as_json:
         screen.data("calibrate check", drift.as_json(found))
 
@@ -259,7 +261,7 @@ def flags(config: Config) -> str:
 def _after(config: Config) -> tuple[tuple[str, str], ...]:
     where = flags(config)
     return (
-        (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
+        (f"adaptsim touch-off {where}", "finds table and tool, for tasks whose tool touches the table"),
         (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
     )
 

@@ -76,7 +76,9 @@ def calibrate(
     _ready(rig, screen)
     sights = visit_all(rig, series, visits, screen, sights)
     if not sights.names:
-        raise TooFewViews("no view shows the board: is it in the gripper, its print towards the camera, well lit?")
+        raise TooFewViews(
+            "no view shows the board: check that it is in the gripper, with its print towards the camera, and well lit"
+        )
     touching.offer(rig, series, screen, unattended=options.unattended)
     with screen.busy("Solving"):
         solved = solve_folder(series.folder, hw=rig.name, created=options.created, versions=options.versions)
@@ -199,7 +201,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
         advice = "The previous calibration stays in use. --fresh starts a new series of views"
         if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
-            advice += "; without it the same views are used, and the corner is touched again"
+            advice += "; without it, the same views are used again and you touch the corner again"
         raise rejected(solved, views / REPORT, advice)
     folder = store.save(solved.record, page)
     screen.plain(f"Report: {folder / REPORT}")

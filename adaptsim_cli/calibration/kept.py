@@ -61,7 +61,8 @@ def compared(store: CalibrationStore, first: str, second: str) -> dict[str, Any]
 def sentence(found: dict[str, Any]) -> str:
     """The comparison in words: more than three standard deviations apart is a camera that was moved."""
     apart = found["distance_mm"] > 3.0 * found["known_to_mm"] or found["turned_deg"] > 3.0 * found["known_to_deg"]
-    said = "the camera was moved in between" if apart else "as far as both are known the camera stands where it stood"
+    same = "the difference lies within their uncertainty, so the camera has not moved"
+    said = "the camera has moved" if apart else same
     return (
         f"{found['second']} has the camera {found['distance_mm']:.2f} mm and {found['turned_deg']:.3f}° from "
         f"{found['first']}; the two together are known to {found['known_to_mm']:.2f} mm and "

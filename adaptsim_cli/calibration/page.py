@@ -53,7 +53,7 @@ def _verdict(record: SavedCalibration) -> str:
         return "It is not used: " + "; ".join(bad)
     suspect = [check.name for check in (*record.checks, *record.gates) if check.verdict == "suspect"]
     if suspect:
-        return f"{good}. Look at what is suspect: " + ", ".join(suspect) + "."
+        return f"{good}. Check the suspect points: " + ", ".join(suspect) + "."
     return f"{good}, and no check speaks against it."
 
 

@@ -70,7 +70,8 @@ def page(board: Board, paper: str, kind: str) -> bytes:
     what = f"{board.squares_across} × {board.squares_down} squares of {square:g} mm, markers {marker:g} mm"
     told = (
         f"adaptsim board: {what}, {board.dictionary}. Print at 100 %, not fitted to the page.",
-        f"The {board.squares_across} squares of a row must be {across:g} mm wide together: measure, and tell adaptsim.",
+        f"The {board.squares_across} squares of a row must be {across:g} mm wide together: measure, and enter the "
+        "width in adaptsim.",
     )
     for line, text in enumerate(told):
         axes.text(left + across, bottom - 3.0 - 4.0 * line, text, fontsize=7, ha="right", va="top")

@@ -20,12 +20,12 @@ def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:
     """What is about to happen."""
     board = rig.board
     lines = (
-        "Finds where the camera stands in the arm's base frame, and how well that is known.",
+        "Finds the camera's pose in the arm's base frame, and its uncertainty.",
         f"The board ({board.squares_across} × {board.squares_down} squares of {1e3 * board.square_m:.2f} mm) is in the "
         "gripper; the camera stays where it is.",
         (f"The arm visits {places} places" if places else "You guide the arm to about 20 places")
-        + ", rests at each and takes a picture; every view is stored at once. A run that is stopped goes on later.",
-        "A camera that was just switched on drifts: let it warm up for 40 minutes." if rig.is_real else "",
+        + ", rests at each and takes a picture; every view is stored at once. A stopped run continues later.",
+        "A camera that has just been switched on drifts: let it warm up for 40 minutes." if rig.is_real else "",
     )
     return Group(
         views.badge(rig.name, rig.title),
@@ -63,7 +63,7 @@ def calibration(record: SavedCalibration) -> RenderableType:
             f", known to {u.sigma_mm:.2f} mm and {u.sigma_deg:.3f}° (one standard deviation)",
         ),
         Text(f"At the worst corner of the work volume it is off by less than {u.worst_95_mm:.2f} mm (95 %)"),
-        Text(f"Views that took no part are predicted to {held_out}; {counted}"),
+        Text(f"Held-out views are predicted to {held_out}; {counted}"),
         *(Text(f"  view {v.name} not used: {v.reason}", style="yellow") for v in record.views if not v.used),
     ]
     if record.joint_offsets:

@@ -114,7 +114,7 @@ def _convention(
     good = [(v, c) for v, c in found if not unusable(c, setup.board, setup.colour)]
     if len(good) < MIN_TO_RECOGNISE:
         raise TooFewViews(
-            f"{len(good)} usable views are too few to recognise how poses are to be read: state in [poses] of"
+            f"{len(good)} usable views are too few to recognise the convention of the poses: state in [poses] of"
             f" {files.SETUP} {', '.join(sorted(asked - set(told)))}"
         )
     names = [(view.name, corners) for view, corners in good]

@@ -72,7 +72,7 @@ def at_rest(rig: CalibrationRig) -> ArmState:
         raise ViewRefused(f"after {WAIT_S:g} s still: {last.fault}")
     raise ViewRefused(
         f"the arm does not come to rest: {1e3 * float(np.abs(last.dq_rad_s).max()):.1f} mrad/s after {WAIT_S:g} s "
-        f"(limit {1e3 * REST_RAD_S:g}); hold nothing against it and try again"
+        f"(limit {1e3 * REST_RAD_S:g}); take hands and objects away from it and try again"
     )
 
 

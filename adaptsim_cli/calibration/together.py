@@ -51,7 +51,7 @@ def show(found: Together) -> RenderableType:
     size = f", its size found to ± {100 * found.size_sigma:.2f} %" if found.size_sigma else ""
     return Group(
         Text(f"{len(found.cameras)} cameras, one {found.target}{size}", style="bold"),
-        Text(f"Views that took no part are predicted to {found.held_out_px:.2f} px"),
+        Text(f"Held-out views are predicted to {found.held_out_px:.2f} px"),
         views.rows(head, rows),
         Text("work volume: 95 % of calibrations are better than this at its worst corner"),
     )

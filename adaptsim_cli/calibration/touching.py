@@ -94,7 +94,7 @@ class _Asking:
                 seen = look(self.rig)
                 return seen.frame.colour, detect(seen.frame.colour, self.rig.board, self.rig.camera.model().colour)
             except (ViewRefused, BoardNotFound) as error:
-                self.screen.note(f"  once more: {error}")
+                self.screen.note(f"  try again: {error}")
         return None
 
     def touches(self, corner: int) -> Array | None:
@@ -128,14 +128,14 @@ class _Asking:
             try:
                 return at_rest(self.rig).q_rad
             except ViewRefused as error:
-                self.screen.note(f"  once more: {error}")
+                self.screen.note(f"  try again: {error}")
         return None
 
     def _go_on(self, question: str) -> bool:
         """Enter is yes, n no. Raises StoppedByOperator at q."""
         if self.unattended:
             return True
-        go_on = enter("to go on", "What you were asked for is done: the camera looks, or the joints are read.")
+        go_on = enter("to go on", "You have done it: the program takes the picture, or reads the joints.")
         leave_out = Key("n", "to leave this out", "The calibration is solved without the touched corner.")
         way_out = stop("The command ends; the views so far are stored, and the same command goes on with them.")
         answer = self.screen.choose(question, go_on, leave_out, way_out)

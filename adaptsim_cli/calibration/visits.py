@@ -150,7 +150,8 @@ def plan(rig: CalibrationRig, count: int) -> Array:
     if len(able) < FEWEST:
         raise PreflightFailed(
             f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, {FEWEST} are needed: "
-            "is the camera where it was, and the board mounted as docs/guide/calibrate.md shows? Else add --guide"
+            "check that the camera has not moved and that the board is mounted as docs/guide/calibrate.md shows; or "
+            "add --guide"
         )
     chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
     q_rad = np.array([found[i] for i in chosen])

@@ -48,4 +48,4 @@ def bundle(
     screen.plain(f"{made.path} ({listing.size(made.path.stat().st_size)}, {len(made.files)} files)")
     if made.left_out:
         screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
-    screen.next((f"unzip -l {made.path}", "what is in it; look before you send it"))
+    screen.next((f"unzip -l {made.path}", "its contents; check them before you send it"))

@@ -52,7 +52,9 @@ def calibrate(
 def board(
     out: Annotated[Path, typer.Option("--out", help="File to write: .pdf or .png.")] = Path("board.pdf"),
     paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
-    square_mm: Annotated[float | None, typer.Option("--square-mm", help="Edge of a square; else as fits.")] = None,
+    square_mm: Annotated[
+        float | None, typer.Option("--square-mm", help="Edge of a square; default: the largest that fits.")
+    ] = None,
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
     ] = None,
@@ -97,16 +99,20 @@ def check(
 @app.command()
 def solve(
     folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Where to write the report; else into the folder.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Where to write the report; default: in the folder.")
+    ] = None,
     refine_intrinsics: Annotated[
         bool,
-        typer.Option("--refine-intrinsics", help="Use the focal length, centre and distortion that the views show."),
+        typer.Option(
+            "--refine-intrinsics", help="Use the focal length, centre and distortion estimated from the views."
+        ),
     ] = False,
     exchange: Annotated[
         list[str] | None, typer.Option("--exchange", help="Two views with exchanged poses, as 25:26; repeatable.")
     ] = None,
     shift: Annotated[
-        int, typer.Option("--shift", min=-5, max=5, help="Each picture belongs to the pose so many views later.")
+        int, typer.Option("--shift", min=-5, max=5, help="Each picture belongs to the pose this many views later.")
     ] = 0,
     first: Annotated[str, typer.Option("--from", help="Leave out the views before this one.")] = "",
     last: Annotated[str, typer.Option("--until", help="Leave out the views after this one.")] = "",
@@ -148,7 +154,7 @@ def together(
 def overlay(
     folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the pictures; else `overlay` in the folder of views.")
+        Path | None, typer.Option("--out", help="Folder for the pictures; default: `overlay` in the folder of views.")
     ] = None,
     as_json: _Json = False,
 ) -> None:
@@ -254,7 +260,7 @@ def restore_calibration(
         screen.data("calibrate restore", {"in_use": path.name, "restored_from": source, "folder": str(path)})
         return
     screen.plain(f"In use from now on: {path}")
-    screen.next((f"adaptsim calibrate check {conduct.flags(resolved.config)}", "does the camera still stand there?"))
+    screen.next((f"adaptsim calibrate check {conduct.flags(resolved.config)}", "has the camera moved?"))
 
 
 @app.command("compare")

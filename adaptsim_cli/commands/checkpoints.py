@@ -28,14 +28,14 @@ def list_checkpoints(as_json: _Json = False) -> None:
     else:
         body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
         screen.show(views.rows(("task", "name", "created", "folder"), body))
-        screen.next(("adaptsim checkpoints verify FOLDER", "does what its card says still hold?"))
+        screen.next(("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?"))
 
 
 @app.command()
 def verify(
     checkpoint: Annotated[str, typer.Argument(help="Folder; default: the shipped one, or the one for --object.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
     rollouts: Annotated[
         int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
     ] = None,
@@ -80,16 +80,17 @@ def verify(
         ]
         screen.show(views.rows(columns, body))
     elif wanted:
-        screen.note("Every session trains its own task policies: there is no figure to compare with rollouts.")
+        screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
     if as_json:
         screen.data("checkpoints verify", found)
     if found["holds"]:
-        screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, where the settings name it"))
+        screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, if the settings name it"))
     else:
         worse = ", ".join(f["name"] for f in found["figures"] if not f["holds"])
         raise CheckpointError(
-            f"the card of {found['folder']} does not hold: {worse}. The simulation has changed since it was made, or "
-            "it was not made as it says: try another --seed with more --rollouts, then `adaptsim pretrain` again"
+            f"fresh rollouts are worse than the card of {found['folder']} says: {worse}. The simulation has changed "
+            "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
+            "`adaptsim pretrain` again"
         )
 
 
@@ -97,7 +98,7 @@ def verify(
 def parameters(
     checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    own: Annotated[str | None, typer.Option("--object", help="File of the own object that it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the simulated targets.")] = None,
     as_json: _Json = False,
 ) -> None:
@@ -118,8 +119,12 @@ def parameters(
         return
     body = [(p["title"], values.number(p["left"]), p["words"]) for p in found["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
-    screen.plain(f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials tell nothing.")
-    screen.next((f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials told"))
+    screen.plain(
+        f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials say nothing about it."
+    )
+    screen.next(
+        (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")
+    )
 
 
 @app.command()
@@ -128,7 +133,9 @@ def repair(
     task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
     steps: Annotated[int, typer.Option("--steps", min=64, help="Adaptation steps to learn from.")] = 10_000,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of the training.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the copy; default: a place of its own.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of the copy; default: beside the other checkpoints.")
+    ] = None,
     as_json: _Json = False,
 ) -> None:
     """Copy a checkpoint and add the paper's adaptation policy with a threshold that can be reached.

@@ -36,10 +36,10 @@ def show(as_json: _Json = False) -> None:
     elif rig is not None:
         screen.plain("")
         screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
-        screen.next(("adaptsim doctor", "is everything there?"))
+        screen.next(("adaptsim doctor", "checks that everything is ready"))
     else:
         screen.plain("No rig file, so no real arm.")
-        screen.next(("adaptsim config init", "asks about the lab, and writes the rig file"))
+        screen.next(("adaptsim config init", "asks about the lab and writes the rig file"))
 
 
 @app.command()
@@ -60,12 +60,12 @@ def path(as_json: _Json = False) -> None:
     else:
         for name, place in where.items():
             screen.plain(f"{name.replace('_', ' '):<13} {place}")
-        screen.next(("adaptsim config show", "what the settings are, and where each comes from"))
+        screen.next(("adaptsim config show", "all settings, and where each comes from"))
 
 
 @app.command()
 def init(
-    project: Annotated[bool, typer.Option("--project", help="Write into this folder, not for the user.")] = False,
+    project: Annotated[bool, typer.Option("--project", help="Write into this folder instead of the user's.")] = False,
     arm: Annotated[str | None, typer.Option("--arm", help="fr3, panda, or none for the simulated lab alone.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a rig file without asking.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Take every default, ask nothing.")] = False,

@@ -18,7 +18,8 @@ def export(
         str, typer.Option("--format", autocompletion=completing.formats, help="csv, parquet, mcap, lerobot or rerun.")
     ] = "csv",
     out: Annotated[
-        Path | None, typer.Option("--out", help="File of a table, else folder; default: in the current folder.")
+        Path | None,
+        typer.Option("--out", help="File (tables) or folder (others) to write; default: in the current folder."),
     ] = None,
     as_json: _Json = False,
 ) -> None:
@@ -84,7 +85,7 @@ def replay(
         screen.data("replay", told)
     else:
         screen.plain(str(path))
-        other = (f"adaptsim sessions amend {session} {trial}", "if it ended otherwise than tracking says")
+        other = (f"adaptsim sessions amend {session} {trial}", "if tracking has the wrong outcome")
         screen.next((f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"), other)
     if rerun and out is None and sys.stdout.isatty():
         subprocess.run([sys.executable, "-m", "rerun", str(path)], check=False)

@@ -89,7 +89,7 @@ def restore(name: _Archived, as_json: _Json = False) -> None:
     if as_json:
         screen.data("sessions restore", {"session": name, "folder": str(folder)})
     screen.plain(f"Restored: {folder}")
-    screen.next((f"adaptsim sessions show {name}", "every trial of it"))
+    screen.next((f"adaptsim sessions show {name}", "all its trials"))
 
 
 def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
@@ -108,13 +108,13 @@ def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
     if folder.is_dir() and not yes:
         console.require_terminal("deleting asks for the name of the session: run in a terminal, or add --yes")
         screen.plain(f"{folder} takes {listing.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
-        if screen.ask_text("Type the name of the session to delete it, Enter to keep it:") != name:
-            raise StoppedByOperator(f"kept: session {name} is as it was")
+        if screen.ask_text("Type the name of the session to delete it, or Enter to keep it:") != name:
+            raise StoppedByOperator(f"kept: session {name} is unchanged")
     keeping.delete(root, name)
     if as_json:
         screen.data("sessions delete", {"session": name, "deleted": True})
     screen.plain(f"Deleted: {name}")
-    screen.next(("adaptsim sessions list", "those that are left"))
+    screen.next(("adaptsim sessions list", "the remaining sessions"))
 
 
 def prune(
@@ -142,15 +142,15 @@ def prune(
     if room.files and not yes:
         console.require_terminal("pruning asks first: run in a terminal, or add --yes")
         screen.plain(f"This removes {what}. It cannot be undone.")
-        if screen.ask("Type yes to remove them, Enter to keep them:") != "yes":
-            raise StoppedByOperator(f"kept: the recordings of {name} are as they were")
+        if screen.ask("Type yes to remove them, or Enter to keep them:") != "yes":
+            raise StoppedByOperator(f"kept: the recordings of {name} are unchanged")
     if room.files:
         room = keeping.prune(opened, rejected_only=rejected)
     if as_json:
         told = {"session": name, "files": room.files, "trials": room.trials, "size_bytes": room.bytes}
         screen.data("sessions prune", told)
     screen.plain(f"Removed: {what}" if room.files else f"Nothing to remove in {name}")
-    screen.next((f"adaptsim sessions verify {name}", "every other file is whole"))
+    screen.next((f"adaptsim sessions verify {name}", "checks that every other file is intact"))
 
 
 def policy(

@@ -42,7 +42,7 @@ def show(
     if the_task.hardware is None:
         target = load_world(chosen.world, the_task)
         raise UsageError(
-            f"the task {the_task.name} has no lab to look into: it runs in simulation only. World {target.name} has "
+            f"the task {the_task.name} has no lab scene: it runs in simulation only. World {target.name} has "
             f"{views.values(the_task.parameters, target.parameters)}"
         )
     the_world = load_world(chosen.world, the_task)

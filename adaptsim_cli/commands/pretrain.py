@@ -18,14 +18,17 @@ def pretrain(
     steps: Annotated[
         int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
     ] = None,
-    judged: Annotated[int | None, typer.Option("--judged", min=4, help="Unseen targets that judge the result.")] = None,
+    judged: Annotated[
+        int | None, typer.Option("--judged", min=4, help="Unseen targets on which the result is evaluated.")
+    ] = None,
     solver: Annotated[
-        str | None, typer.Option("--solver", help="emulator (default), or naf: the paper's, on true rollouts alone.")
+        str | None,
+        typer.Option("--solver", help="emulator (default), or naf: the paper's solver, on true rollouts alone."),
     ] = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
     ] = "paper",
-    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
     executor: Annotated[
@@ -70,11 +73,11 @@ def pretrain(
     from sim.pretraining.pipeline import Wanted
 
     if docs is not None and not report:
-        raise UsageError("--docs says where the report goes: add --report")
+        raise UsageError("--docs sets where the report goes: add --report")
     if steps is not None and not (methods or report):
-        raise UsageError("--steps says how much the adaptation policies learn from: add --methods")
+        raise UsageError("--steps sets how much the adaptation policies learn from: add --methods")
     if judged is not None and not (evaluate or report):
-        raise UsageError("--judged says on how many targets the methods are judged: add --evaluate")
+        raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
@@ -94,7 +97,9 @@ def pretrain(
     if document is not None:
         screen.plain(f"Report: {document}")
     use = f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{whose}"
-    screen.next((use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "does its card hold?"))
+    screen.next(
+        (use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?")
+    )
     if as_json:
         told = {"report": str(document)} if document else {}
         card = checkpoints.checkpoint_card(resolved.config.task, folder)

@@ -18,8 +18,10 @@ def preview(
     action: Annotated[
         list[str] | None, typer.Option("--action", help="Action as name=value, repeatable; names: adaptsim lab list.")
     ] = None,
-    html: Annotated[Path | None, typer.Option("--html", help="Write the page here and serve nothing.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; serves nothing.")] = False,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Write the page to this file instead of serving it.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; no page is served.")] = False,
 ) -> None:
     """Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.
 
@@ -39,7 +41,7 @@ def preview(
     if as_json:
         screen.data("preview", planned.as_json())
     else:
-        screen.show(views.badge(SIMULATED, "a plan on the screen"))
+        screen.show(views.badge(SIMULATED, "a preview"))
         screen.show(planned.table())
     if html is not None:
         from adaptsim_cli.storage import durable

@@ -16,7 +16,7 @@ def report(
         typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Where the page lies, as JSON on stdout.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Path of the page, as JSON on stdout.")] = False,
 ) -> None:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
 
@@ -39,6 +39,6 @@ def report(
     else:
         screen.plain(f"Report: {path}")
         screen.next(
-            (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is one file that can be sent"),
+            (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
             (f"adaptsim run-iteration --session {opened.facts.name}", "goes on with the session"),
         )

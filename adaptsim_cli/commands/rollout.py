@@ -40,11 +40,13 @@ def rollout(
     session: Annotated[
         str | None,
         typer.Option(
-            "--session", autocompletion=completing.sessions, help="With --best: whose policy, task and world."
+            "--session",
+            autocompletion=completing.sessions,
+            help="With --best: the session that gives policy, task and world.",
         ),
     ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", help="New folder for record and recording.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="New folder for the record and the recording.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
     view_port: Annotated[
         int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
@@ -82,7 +84,7 @@ def rollout(
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
     if session is not None:
         if param or task:
-            raise UsageError("--best takes task and parameters from the session: leave --task and --param out")
+            raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
@@ -107,7 +109,7 @@ def rollout(
     place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
     page = ((f"adaptsim rollouts report {name}", "the path, on a page"),)
     on = f"--session {session}" if session else f"--task {settings.task} {place}"
-    adapt = (f"adaptsim run-iteration {on}", "goes on with it" if session else "adapts in some twenty such trials")
+    adapt = (f"adaptsim run-iteration {on}", "goes on with it" if session else "adapts in about twenty such trials")
     screen.next(*(() if out else page), adapt)
 
 

@@ -9,7 +9,7 @@ import typer
 
 from adaptsim_cli.commands import completing
 
-app = typer.Typer(help="Look at stored rollouts: single trials that belong to no session.", no_args_is_help=True)
+app = typer.Typer(help="Look at stored rollouts: single trials outside any session.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 

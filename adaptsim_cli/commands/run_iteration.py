@@ -34,7 +34,7 @@ def run_iteration(
     solver: Annotated[
         str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")
     ] = None,
-    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of an own object.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     own_calibration: Annotated[

@@ -9,7 +9,7 @@ import typer
 
 def schema(
     command: Annotated[
-        list[str] | None, typer.Argument(help="Command, e.g. sessions list; all of them where it is left out.")
+        list[str] | None, typer.Argument(help="Command, e.g. sessions list; default: all of them.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="All schemas as one JSON object on stdout.")] = False,
 ) -> None:
@@ -39,5 +39,5 @@ def schema(
         screen.plain(json.dumps(catalogue.schema(name), indent=2, ensure_ascii=False))
     else:
         rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.OUTPUTS.items()]
-        screen.show(views.rows(("command", "what it prints with --json"), rows))
+        screen.show(views.rows(("command", "its output with --json"), rows))
         screen.next(("adaptsim schema run-iteration", "every key with its type, unit and meaning"))

@@ -8,7 +8,7 @@ import typer
 
 from adaptsim_cli.commands import completing, exporting, keeping
 
-app = typer.Typer(help="Look at stored sessions, check, correct, keep, prune and export them.", no_args_is_help=True)
+app = typer.Typer(help="List, check, correct, archive, prune and export stored sessions.", no_args_is_help=True)
 
 _Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)]
@@ -51,7 +51,7 @@ def list_sessions(
                 (f"adaptsim run-iteration --session {name}", "goes on with it"),
             )
     else:
-        chosen = " that were asked for" if task is not None or tag is not None else ""
+        chosen = " that match" if task is not None or tag is not None else ""
         screen.plain(f"No sessions{chosen} in {root}. Begin one: adaptsim run-iteration --task scooping")
 
 
@@ -109,7 +109,7 @@ def verify(
     elif checked:
         screen.show(shows.verified(checked))
         if not any(one.damage for one in checked):
-            screen.next(("adaptsim sessions list", "all files are whole"))
+            screen.next(("adaptsim sessions list", "all files are intact"))
     else:
         screen.plain(f"No sessions yet in {root}. Begin one: adaptsim run-iteration --task scooping")
     if damage := [message for one in checked for message in one.damage]:
@@ -121,7 +121,8 @@ def verify(
 def redo(
     name: _Name,
     trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
-    reason: Annotated[str, typer.Option("--reason", help="Why it does not count.")] = "the operator had it redone",
+    reason: Annotated[str, typer.Option("--reason", help="Why it does not count.")] = "the operator asked for a "
+    "repetition",
     as_json: _Json = False,
 ) -> None:
     """Mark a trial as bad: the next run-iteration repeats it and adapts again.
@@ -141,7 +142,7 @@ def redo(
         screen.plain(f"Trial {trial} of {name} will be done again.")
         screen.next(
             (f"adaptsim run-iteration --session {name}", "repeats it and adapts again"),
-            (f"adaptsim sessions accept {name} {trial}", "if it was right after all"),
+            (f"adaptsim sessions accept {name} {trial}", "if it should count after all"),
         )
 
 
@@ -192,7 +193,7 @@ def amend(
     from adaptsim_cli.wiring.amending import seen_by_camera
 
     if outcome is None:
-        console.require_terminal("there is no terminal to answer at: name the outcome with --outcome")
+        console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")
     resolved = config.load()
     opened = store.SessionStore.open(resolved.places.sessions, name)
     task, outcomes = seen_by_camera(resolved.config, opened.facts)

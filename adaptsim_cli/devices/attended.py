@@ -46,8 +46,8 @@ class Scales:
     def weigh(self, what: str) -> None:
         """Ask for the object on the balance. Raises StoppedByOperator, DeviceUnavailable."""
         while not self._asked:
-            weigh = enter("to weigh it", "The balance is read; the mass is stored with every trial of this command.")
-            skip = Key("n", "to skip", "The trials are stored without a mass.")
+            weigh = enter("to weigh it", "Reads the balance; the mass is stored with every trial of this command.")
+            skip = Key("n", "to skip", "Stores the trials without a mass.")
             answer = self._screen.choose(f"Put the {what} on the balance.", weigh, skip, stop(_WAY_OUT))
             if answer == "q":
                 raise StoppedByOperator("stopped by the operator; everything completed is stored")
@@ -76,13 +76,13 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
     while (state := arm.state()).fault is not None:
         screen.note(f"The arm reports: {state.fault}")
         if state.by_hand:
-            then = "The arm is asked again how it is. Nothing moves."
+            then = "Reads the arm's state again. Nothing moves."
             stopped = "stopped by the operator; nothing has moved"
-            screen.go_on("Wait until that is over (nothing moves).", "once that is done", then=then, stopped=stopped)
+            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, stopped=stopped)
             continue
-        clear = Key("recover", "to clear it", "The arm's fault is cleared. Nothing moves.")
-        leave = enter("to leave it", "The fault stays, and the command ends before anything moves.")
-        answer = screen.choose("Nothing moves by either.", clear, leave, stop("The command ends; the fault stays."))
+        clear = Key("recover", "to clear it", "Clears the arm's fault. Nothing moves.")
+        leave = enter("to leave it", "Keeps the fault; the command ends before anything moves.")
+        answer = screen.choose("Neither key moves anything.", clear, leave, stop("The command ends; the fault stays."))
         if answer == "q":
             raise StoppedByOperator("stopped by the operator; nothing has moved")
         if answer == "recover":

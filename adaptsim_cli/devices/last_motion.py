@@ -14,10 +14,10 @@ from hw.bounded import Unreadable, read_table
 from hw.errors import MotionRefused
 
 CHECK = (
-    "Check before anything moves: does the arm stand still and touch nothing, does the hand hold the tool as before, "
-    "are object, table and camera where they were?"
+    "Check before anything moves: the arm stands still and touches nothing, the hand holds the tool as before, and "
+    "object, table and camera have not moved"
 )
-_KILLED = "the program ended in the middle of it: it was killed, or the computer was switched off"
+_KILLED = "the program ended during the motion: it was killed, or the computer was switched off"
 
 
 @dataclass(frozen=True)

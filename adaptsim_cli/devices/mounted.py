@@ -42,8 +42,9 @@ class MountedTask:
         if not self.area.covers(p_m):
             (x0, y0), (x1, y1) = p_m.min(axis=0), p_m.max(axis=0)
             raise NotExecutable(
-                f"the tool would work over x {x0:.3f} to {x1:.3f} m, y {y0:+.3f} to {y1:+.3f} m, which leaves the work "
-                f"area, x {self.area.x_m}, y {self.area.y_m}: choose another place, or widen [table] of the rig file"
+                f"the tool would work over x {x0:.3f} to {x1:.3f} m, y {y0:+.3f} to {y1:+.3f} m, which is outside the "
+                f"work area, x {self.area.x_m}, y {self.area.y_m}: choose another place, or widen [table] of the rig "
+                "file"
             )
         in_base, hardware = self.correction.in_base(motion), self.hardware
         return trial_paths(in_base, hardware.X_FT, self.cell, self.home_rad, carries=hardware.carries)

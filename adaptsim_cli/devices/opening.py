@@ -42,7 +42,8 @@ def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack)
     if rig.pedal is None and not rig.without_pedal:
         raise UsageError(
             f"{config.rig} names no enabling pedal, so nothing has moved. Name its port in [pedal] "
-            "(docs/guide/enable-pedal.md), or decide to go without: without_pedal = true, which every trial records"
+            "(docs/guide/enable-pedal.md), or decide to work without one: without_pedal = true, which every trial "
+            "records"
         )
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     return RealLab(task, rig, drivers or makers_drivers(), stack)

@@ -81,8 +81,8 @@ class RealLab:
         """See `Lab`."""
         if self.rig.without_hand:
             raise UsageError(
-                "the rig file says without_hand, and a touch-off has the hand close on the table and take the tool: "
-                "remove it, or write height, pitch and roll of the tool into [tools] of the rig file"
+                "the rig file says without_hand, but in a touch-off the closed hand touches the table and grasps the "
+                "tool: remove without_hand, or write height, pitch and roll of the tool into [tools] of the rig file"
             )
         arm = self._arm(cell, self._task.name, "nothing on the table")
         hand = ConfirmedHand(self._hand(), arm)

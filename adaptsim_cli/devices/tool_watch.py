@@ -28,22 +28,22 @@ class ToolWatch:
         except (HandError, DeviceUnavailable) as error:
             return Readiness("tool", False, str(error))
         assert self.width_m is not None
-        return Readiness("tool", True, f"held, the fingers stand {1e3 * self.width_m:.1f} mm apart")
+        return Readiness("tool", True, f"held, the fingers are {1e3 * self.width_m:.1f} mm apart")
 
     def require(self) -> None:
         """Raises HandError where the tool is lost or has slipped, DeviceUnavailable where the hand does not answer."""
         now = self.hand.state()
-        stands = f"the fingers stand {1e3 * now.width_m:.1f} mm apart"
+        stands = f"the fingers are {1e3 * now.width_m:.1f} mm apart"
         if not now.holds:
             raise HandError(
-                f"the hand does not hold the {self.tool} ({stands}). Look where it lies and clear it away, then have "
-                f"the hand take it again: {self.remedy}"
+                f"the hand does not hold the {self.tool} ({stands}). Find the tool and clear it away, then have the "
+                f"hand grasp it again: {self.remedy}"
             )
         if self.width_m is None:
             self.width_m = now.width_m
         if abs(now.width_m - self.width_m) > SLIPPED_M:
             raise HandError(
                 f"the {self.tool} has slipped: {stands}, {1e3 * self.width_m:.1f} mm at first (at most "
-                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is no longer known; have the hand take it again: "
+                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is no longer known; have the hand grasp it again: "
                 f"{self.remedy}"
             )

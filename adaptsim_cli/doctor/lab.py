@@ -62,10 +62,10 @@ def arm(seen: Inspection, model: str) -> Finding:
         f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
-        fix = "do what the message asks for; every command that moves the arm leads you through it, too"
+        fix = "follow the message; every command that moves the arm also leads you through it"
         return missing(DEVICES, "arm", f"{told}; it would not move: {reading.unwilling}", fix)
     if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
-        fix = "one cable without a switch, a real-time kernel, governor performance, and nothing else running"
+        fix = "use one cable without a switch, a real-time kernel, governor performance, and end other programs"
         return advice(DEVICES, "arm", f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
     if seen.notes:
         return advice(DEVICES, "arm", told, "; ".join(seen.notes))

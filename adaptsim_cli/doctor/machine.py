@@ -43,7 +43,7 @@ def realtime_kernel(release: str, is_real_time: bool) -> Finding:
     """`release` of the running kernel, as uname tells it."""
     if is_real_time:
         return ok(GROUP, "real-time kernel", release)
-    detail = f"{release} is not real-time: the arm stops with communication_constraints_violation when a cycle is late"
+    detail = f"{release} is not real-time: the arm stops with communication_constraints_violation when cycles are late"
     fix = "sudo apt-get install -y linux-image-rt-amd64, then boot it (Ubuntu: sudo pro enable realtime-kernel)"
     return missing(GROUP, "real-time kernel", detail, fix)
 
@@ -63,7 +63,7 @@ def priorities(user: Limits) -> Finding:
 def governor(governors: Sequence[str]) -> Finding:
     """Of every core; none where the machine does not change its clock, or does not tell."""
     if not governors:
-        return ok(GROUP, "clock frequency", "this machine has no governor that could slow it down")
+        return ok(GROUP, "clock frequency", "this machine has no frequency governor")
     slow = [name for name in governors if name != "performance"]
     if slow:
         detail = f"governor {slow[0]} on {len(slow)} of {len(governors)} cores: cycles come late while it speeds up"
@@ -74,7 +74,10 @@ def governor(governors: Sequence[str]) -> Finding:
 def network(address: str, trips: RoundTrips) -> Finding:
     """Round trips to the arm: how long, how steady, how many lost."""
     if not trips.times_ms:
-        fix = f"is the arm on, the cable in its control box, this machine's address in the same net? ping {address}"
+        fix = (
+            "check that the arm is on, the cable in its control box, and this machine's address in the same network: "
+            f"ping {address}"
+        )
         return missing(DEVICES, "network", f"{address} does not answer: {trips.problem}", fix)
     worst, usual = max(trips.times_ms), median(trips.times_ms)
     told = f"{address} answers in {usual:.2f} ms, {worst:.2f} ms at worst"
@@ -94,5 +97,5 @@ def serial_port(what: str, path: str, port: Port, others: Sequence[str]) -> Find
         return missing(DEVICES, f"{what} port", f"{path} is not there", fix)
     if not port.may:
         fix = f"sudo usermod -aG {port.group} $USER, then log in again"
-        return missing(DEVICES, f"{what} port", f"{path} belongs to the group {port.group}, and you do not", fix)
+        return missing(DEVICES, f"{what} port", f"{path} belongs to the group {port.group}, and you are not in it", fix)
     return ok(DEVICES, f"{what} port", f"{path} may be used")

@@ -24,7 +24,7 @@ def python(version: str, wanted: str) -> Finding:
     """`version` of the interpreter against `wanted`, the package's Requires-Python."""
     if SpecifierSet(wanted).contains(version):
         return ok(GROUP, "python", version)
-    return missing(GROUP, "python", f"{version}, needed {wanted}", "make PYTHON=python3.11, in a fresh checkout")
+    return missing(GROUP, "python", f"{version}, needed {wanted}", "make PYTHON=python3.11, in a new checkout")
 
 
 def packages(requirements: Sequence[str], installed: Callable[[str], str | None]) -> Finding:
@@ -39,7 +39,7 @@ def packages(requirements: Sequence[str], installed: Callable[[str], str | None]
             wrong.append(f"{requirement.name} {version}, needed {requirement.specifier}")
     if wrong:
         return missing(GROUP, "packages", "; ".join(wrong), "make setup (or pip install -r requirements.lock)")
-    return ok(GROUP, "packages", f"{len(needed)} with the versions that are needed")
+    return ok(GROUP, "packages", f"{len(needed)} with the required versions")
 
 
 def libraries(loads: Callable[[str], bool]) -> Finding:

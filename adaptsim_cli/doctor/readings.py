@@ -98,7 +98,7 @@ def round_trips(
             except ConnectionRefusedError:
                 pass
             except OSError as error:
-                lost, problem = lost + 1, error.strerror or "nothing came back"
+                lost, problem = lost + 1, error.strerror or "no answer"
                 if lost == 2 and not times_ms:
                     break
                 continue

@@ -38,7 +38,9 @@ class Part(BaseModel):
 class Output(Part):
     """What one command prints."""
 
-    version: int = Field(VERSION, description="of this output; it counts up when a key goes, or means something else")
+    version: int = Field(
+        VERSION, description="of this output; it increases when a key is removed or changes its meaning"
+    )
 
 
 def unit_of(name: str) -> str:

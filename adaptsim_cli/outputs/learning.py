@@ -21,7 +21,7 @@ class Described(Part):
     """One parameter, context, action or nuisance of a task."""
 
     name: str = said("its name")
-    plain_name: str = said("its name as people say it")
+    plain_name: str = said("its plain name")
     unit: str = said("its unit; empty for a plain number")
     meaning: str = said("what it is, in one line")
     low: float = said("lower end of its range")
@@ -44,25 +44,25 @@ class World(Output):
     physics: str = said("drake or mujoco")
     units: dict[str, str] = said(UNITS)
     parameters: Quantities = said("true parameters, in `units`")
-    nuisance: Quantities = said("what differs from trial to trial, in `units`")
+    nuisance: Quantities = said("values that differ from trial to trial, in `units`")
     unmodelled: dict[str, Any] = said("effects that no parameter expresses")
-    seed: int | None = maybe("of errors and noise; null for a world without an arm")
+    seed: int | None = maybe("seed of errors and noise; null for a world without an arm")
     sensing: dict[str, Any] | None = maybe("errors of camera and joints")
     mount: dict[str, Any] | None = maybe("errors of table and tool")
     faults: dict[str, Any] | None = maybe("faults, by trial")
     X_BC: list[list[float]] | None = maybe("true pose of the camera in the arm's base, 4 x 4, m")
     joint_zeros_rad: list[float] | None = maybe("true zeros of the joints")
     X_FT: list[list[float]] | None = maybe("true pose of the tool in the flange, 4 x 4, m")
-    trials: list[dict[str, Any]] | None = maybe("where the object was placed and how it moved, in every trial so far")
+    trials: list[dict[str, Any]] | None = maybe("place and motion of the object in every trial so far")
 
 
 class CheckpointRow(Part):
     """One checkpoint."""
 
-    task: str = said("which task; ? where its card cannot be read")
+    task: str = said("its task; ? if its card cannot be read")
     name: str = said("its name")
     created: str = said("when it was made")
-    folder: str = said("where it lies")
+    folder: str = said("its folder")
 
 
 class Checkpoints(Output):
@@ -75,20 +75,20 @@ class Figure(Part):
     """One figure of a card."""
 
     name: str = said("what it is")
-    card: float = said("what the card says")
-    found: float = said("what fresh rollouts say")
+    card: float = said("value on the card")
+    found: float = said("value by fresh rollouts")
     tolerance: float = said("by how much it may be worse")
-    better: str = said("whether more or less is better")
-    holds: bool = said("whether it holds")
+    better: str = said("whether a larger or smaller value is better")
+    holds: bool = said("whether the card is right about it")
 
 
 class CheckpointVerified(Output):
     """A checkpoint against its card."""
 
     task: str = said("which task")
-    folder: str = said("where it lies")
+    folder: str = said("its folder")
     sha256: str = said("hash of its weights")
-    holds: bool = said("whether every figure holds")
+    holds: bool = said("whether the card is right about every figure")
     figures: list[Figure] = said("one each")
 
 
@@ -96,8 +96,8 @@ class Identifiable(Part):
     """How well sessions can tell one parameter."""
 
     name: str = said("its name")
-    title: str = said("its name as people say it, with the unit")
-    left: float = said("share of the error that is left after the trials; 1: they tell nothing")
+    title: str = said("its plain name, with the unit")
+    left: float = said("share of the error that remains after the trials; 1: they say nothing about it")
     words: str = said("the same in words")
 
 
@@ -116,9 +116,9 @@ class CheckpointRepaired(Output):
 
     checkpoint: str = said("folder of the copy")
     task: str = said("which task")
-    threshold: float = said("reward from which a step counts as reached")
-    gate: dict[str, Any] = said("what the policy earns beside staying and drifting, and whether that passes")
-    training: dict[str, Any] = said("what it was trained with")
+    threshold: float = said("reward from which a step counts as a success")
+    gate: dict[str, Any] = said("reward of the policy beside staying and drifting, and whether it passes")
+    training: dict[str, Any] = said("its training settings")
 
 
 class Pretrained(Output):
@@ -134,8 +134,8 @@ class BenchmarkOutput(Output):
 
     format: int = said("version of the results' files")
     task: str = said("which task")
-    conditions: dict[str, Any] = said("how much each session could try, and how policies were judged")
-    checkpoints: Any = said("which checkpoints the methods rest on")
+    conditions: dict[str, Any] = said("trials of each session, and how policies were judged")
+    checkpoints: Any = said("checkpoints of the methods")
     targets: list[str] = said("worlds")
     seeds: int = said("sessions a world and method")
     left_out: dict[str, str] = said("methods that these checkpoints do not hold, and why")

@@ -13,17 +13,17 @@ class SessionRow(Part):
 
     session: str = said("its name")
     task: str = said("which task")
-    hw: str = said("which hardware moved: fake, panda or fr3")
+    hw: str = said("hardware: fake, panda or fr3")
     world: str = said("world of the simulated lab; empty on a real arm")
-    method: str = said("how it adapts")
+    method: str = said("method of adaptation")
     seed: int = said("seed of all random numbers")
     created: str = said("when it was begun")
     iterations: int = said("complete iterations")
     trials: int = said("completed trials that count")
     mean_reward: float | None = said("of these trials; null without one")
     verdict: str = said("sentence of its last iteration; empty before the first")
-    size_bytes: int = said("what it takes on the disk")
-    note: str = said("what a person wrote to it")
+    size_bytes: int = said("its size on the disk")
+    note: str = said("the operator's note")
     tags: list[str] = said("its tags")
 
 
@@ -48,11 +48,11 @@ class ShownTrial(Part):
     iteration: int = said("number of its iteration, from 1")
     particle: int = said("number of its particle, from 1")
     reward: float = said("between 0 and 1")
-    predicted_reward: float = said("what the simulator expected")
+    predicted_reward: float = said("reward that the simulator predicted")
     outcome: str = said("how it ended")
-    overruled_from: str | None = said("outcome that tracking had found, if the operator set another")
+    overruled_from: str | None = said("tracked outcome, if the operator set another")
     context: Quantities = said("context as measured, in `units`")
-    action: Quantities = said("action that was commanded, in `units`")
+    action: Quantities = said("commanded action, in `units`")
     timing_s: dict[str, float] = said("wall time by stage")
 
 
@@ -60,7 +60,7 @@ class ShownResult(Part):
     """One complete iteration."""
 
     iteration: int = said("its number, from 1")
-    best: Best = said("the parameters that the session would go with")
+    best: Best = said("the best parameters so far")
     verdict: str = said("one sentence on the session")
     timing_s: dict[str, float] = said("wall time by stage; `total` is their sum")
 
@@ -77,8 +77,8 @@ class ShownRejection(Part):
 class SessionShown(Output):
     """One session with all that counts in it."""
 
-    facts: dict[str, Any] = said("what it was begun with, as in session.toml")
-    folder: str = said("where it lies")
+    facts: dict[str, Any] = said("its settings, as in session.toml")
+    folder: str = said("its folder")
     units: dict[str, str] = said(UNITS)
     trials: list[ShownTrial] = said("its trials, in order")
     rejected: list[ShownRejection] = said("attempts that do not count, in order")
@@ -90,7 +90,7 @@ class Verified(Part):
 
     session: str = said("its name")
     files: int = said("files that were read")
-    without_checksum: int = said("files of an earlier version: only their sizes were compared")
+    without_checksum: int = said("files of an earlier version; only their sizes were compared")
     damage: list[str] = said("one message a damaged file")
 
 
@@ -113,7 +113,7 @@ class Amended(Output):
 
     session: str = said("which session")
     trial: int = said("number of the trial, from 1")
-    attempt: int = said("which attempt, from 1")
+    attempt: int = said("number of the attempt, from 1")
     changed: str = said("what changed, in one sentence")
 
 
@@ -121,7 +121,7 @@ class Annotated(Output):
     """Note and tags of a session."""
 
     session: str = said("which session")
-    note: str = said("what a person wrote to it")
+    note: str = said("the operator's note")
     tags: list[str] = said("its tags")
 
 
@@ -129,7 +129,7 @@ class Moved(Output):
     """A session that lies elsewhere now."""
 
     session: str = said("which session")
-    folder: str = said("where it lies now")
+    folder: str = said("its new folder")
 
 
 class Deleted(Output):
@@ -145,7 +145,7 @@ class Pruned(Output):
     session: str = said("which session")
     files: int = said("recordings that were removed")
     trials: int = said("trials that they belonged to")
-    size_bytes: int = said("room that was made")
+    size_bytes: int = said("disk space freed")
 
 
 class Quantity(Part):
@@ -156,7 +156,7 @@ class Quantity(Part):
     low: float = said("lower end of its range")
     high: float = said("upper end of its range")
     scale: str = said("how it is normalised: linear, log or integer")
-    plain_name: str = said("its name as people say it")
+    plain_name: str = said("its plain name")
     meaning: str = said("what it is, in one line")
 
 
@@ -166,10 +166,10 @@ class Policy(Output):
     format: int = said("version of the table")
     session: str = said("which session")
     task: str = said("which task")
-    checkpoint: str = said("which checkpoint it was trained with")
+    checkpoint: str = said("checkpoint that it was trained with")
     checkpoint_sha256: str = said("hash of the checkpoint's weights")
     parameters: Quantities = said("parameters that it was trained for, in the units of `quantities`")
-    quantities: dict[str, list[Quantity]] = said("what stands in `parameters`, `context` and `action`, in order")
+    quantities: dict[str, list[Quantity]] = said("the quantities in `parameters`, `context` and `action`, in order")
     contexts: list[list[float]] = said("contexts over the whole area, in units")
     actions: list[list[float]] = said("the policy's action at each, in units")
 
@@ -196,7 +196,7 @@ class Bundled(Output):
 
     session: str = said("which session")
     bundle: str = said("archive that was written")
-    files: list[str] = said("what it holds")
+    files: list[str] = said("its contents")
 
 
 class Reported(Output):
@@ -235,16 +235,16 @@ class Stored(Part):
     tracked_outcome: str = said("outcome that tracking found")
     reward: float = said("reward that counts")
     context: Quantities = said("context as measured, in `units`")
-    flags: list[str] = said("what tracking warned of")
+    flags: list[str] = said("warnings of the tracking")
 
 
 class Now(Part):
     """The same trial as it is tracked now."""
 
-    outcome: str = said("outcome that tracking finds")
-    reward: float | None = said("its reward; null where there is none")
+    outcome: str = said("tracked outcome")
+    reward: float | None = said("its reward; null if there is none")
     context: Quantities | None = said("context as measured, in `units`; null where the object was not found")
-    flags: list[str] = said("what tracking warns of")
+    flags: list[str] = said("warnings of the tracking")
 
 
 class RetrackedTrial(Part):
@@ -252,12 +252,12 @@ class RetrackedTrial(Part):
 
     trial: int = said("number of the trial in the session, from 1")
     iteration: int = said("number of its iteration, from 1")
-    attempt: int = said("which attempt, from 1")
+    attempt: int = said("number of the attempt, from 1")
     stored: Stored = said("as it was tracked then")
     now: Now | None = said("as it is tracked now; null where tracking failed")
-    same_outcome: bool = said("whether tracking finds the same outcome")
-    end_apart_mm: float | None = said("distance of the two ends")
-    most_apart_mm: float | None = said("largest distance of the two tracks")
+    same_outcome: bool = said("whether both have the same outcome")
+    end_apart_mm: float | None = said("distance between the two ends")
+    most_apart_mm: float | None = said("largest distance between the two tracks")
     failure: str | None = said("why tracking failed")
 
 
@@ -274,15 +274,15 @@ class RolloutRow(Part):
 
     rollout: str = said("its name")
     task: str = said("which task")
-    hw: str = said("which hardware moved: fake, panda or fr3")
+    hw: str = said("hardware: fake, panda or fr3")
     world: str = said("world of the simulated lab; empty on a real arm")
     outcome: str = said("how it ended")
     reward: float = said("between 0 and 1")
     context: Quantities = said("context as measured, in the task's units")
-    action: Quantities = said("action that was commanded, in the task's units")
+    action: Quantities = said("commanded action, in the task's units")
     when: str = said("when it was made")
-    size_bytes: int = said("what it takes on the disk")
-    folder: str = said("where it lies")
+    size_bytes: int = said("its size on the disk")
+    folder: str = said("its folder")
 
 
 class DamagedRollout(Part):

@@ -12,7 +12,7 @@ class Trial(Part):
 
     trial: int = said("number of the trial in the session, from 1")
     context: Quantities = said("context as measured, in `units`")
-    action: Quantities = said("action that was commanded, in `units`")
+    action: Quantities = said("commanded action, in `units`")
     reward: float = said("between 0 and 1")
     outcome: str = said("how it ended, a value of `perception.types.Outcome`")
     observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
@@ -43,7 +43,9 @@ class Outlook(Part):
     likely: float = said("chance that more than 0.05 is left to gain")
     done: bool = said("another iteration is not worth its trials")
     hopeless: bool = said("nothing in the ranges of the action is expected to work")
-    correction: list[float] = said("what the trials add to the simulator's action, in the order of the action")
+    correction: list[float] = said(
+        "the correction that the trials add to the simulator's action, in the order of the action"
+    )
     correction_std: list[float] = said("its standard deviation over contexts")
 
 
@@ -53,14 +55,14 @@ class Iteration(Output):
     task: str = said("which task")
     session: str = said("which session")
     iteration: int = said("number of the iteration, from 1")
-    hw: str = said("which hardware moved: fake, panda or fr3")
+    hw: str = said("hardware: fake, panda or fr3")
     world: str = said("world of the simulated lab; empty on a real arm")
     seed: int = said("seed of all random numbers")
     units: dict[str, str] = said(UNITS)
     particles: list[Particle] = said("particles, side by side")
-    best: Best = said("the parameters that the session would go with")
+    best: Best = said("the best parameters so far")
     verdict: str = said("one sentence on the session")
-    outlook: Outlook | None = said("null where the method does not look ahead")
+    outlook: Outlook | None = said("null if the method does not look ahead")
     timing_s: dict[str, float] = said("wall time by stage, `other` where it has no name; `total` is their sum")
 
 
@@ -71,26 +73,26 @@ class Track(Part):
     state: list[list[float]] = said("a row for each time: position in m, or the states of a task without an arm")
     confidence: list[float] = said("between 0 and 1, for each time")
     outcome: str = said("how it ended")
-    end_in_tool_m: list[float] | None = said("where the object ended in the tool's frame; null where that is not known")
-    flags: list[str] = said("what tracking or the end of the motion warned of")
+    end_in_tool_m: list[float] | None = said("the object's last position in the tool's frame; null if unknown")
+    flags: list[str] = said("warnings of the tracking and of the end of the motion")
 
 
 class Rollout(Output):
     """One trial by itself."""
 
     task: str = said("which task")
-    hw: str = said("which hardware moved: fake, panda or fr3")
+    hw: str = said("hardware: fake, panda or fr3")
     world: str = said("world of the simulated lab; empty on a real arm")
     seed: int = said("seed of all random numbers")
     units: dict[str, str] = said(UNITS)
-    params: Quantities | None = said("parameters of the policy; null where the action was chosen by hand")
+    params: Quantities | None = said("parameters of the policy; null if the action was chosen by hand")
     context: Quantities = said("context as measured, in `units`")
-    goal_m: list[float] | None = said("(x, y) where the object was wanted, for a task with such goals")
-    action: Quantities = said("action that was commanded, in `units`")
-    camera_late_s: float = said("calibrated delay of the camera's time stamps, which was subtracted")
+    goal_m: list[float] | None = said("(x, y) of the goal, for a task with a goal on the table")
+    action: Quantities = said("commanded action, in `units`")
+    camera_late_s: float = said("calibrated delay of the camera's time stamps, already subtracted")
     outcome: str = said("how it ended")
     reward: float = said("between 0 and 1")
-    flags: list[str] = said("what tracking or the end of the motion warned of")
+    flags: list[str] = said("warnings of the tracking and of the end of the motion")
     observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
     track: Track = said("the tracked object")
     when: str = said("when it was made")
@@ -99,10 +101,10 @@ class Rollout(Output):
 class Limit(Part):
     """One limit of one path."""
 
-    path: str = said("approach, motion or way back")
-    quantity: str = said("what is limited")
-    where: str = said("which joint or part")
-    t_s: float = said("when it comes closest to its limit, from the start of the path")
+    path: str = said("approach, motion or return")
+    quantity: str = said("the limited quantity")
+    where: str = said("joint or part")
+    t_s: float = said("time at which it comes closest to its limit, from the start of the path")
     value: float = said("the value then, in `unit`")
     limit: float = said("the limit, in `unit`")
     unit: str = said("unit of both")
@@ -116,6 +118,6 @@ class Preview(Output):
     arm: str = said("for which arm")
     units: dict[str, str] = said(UNITS)
     context: Quantities = said("context that it was planned for, in `units`")
-    action: Quantities = said("action that it carries out, in `units`")
-    duration_s: list[float] = said("of approach, motion and way back")
+    action: Quantities = said("its action, in `units`")
+    duration_s: list[float] = said("of approach, motion and return")
     limits: list[Limit] = said("every limit of every path")

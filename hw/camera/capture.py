@@ -52,8 +52,8 @@ def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *,
             return None
         if (kind := library.k4a_image_get_format(colour)) != COLOR_MJPG:
             raise CameraError(
-                f"the camera sends colour in format {kind} instead of MJPG ({COLOR_MJPG}): plug it in again and start "
-                "over"
+                f"the camera sends colour in format {kind} instead of MJPG ({COLOR_MJPG}): unplug it, plug it in again "
+                "and run the command again"
             )
         device_s = 1e-6 * library.k4a_image_get_device_timestamp_usec(colour)
         stamped_s = 1e-9 * library.k4a_image_get_system_timestamp_nsec(colour)
@@ -98,8 +98,8 @@ def _content(library: K4aLibrary, image: ctypes.c_void_p) -> bytes:
 def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
     if (found := library.k4a_image_get_format(image)) != kind:
         raise CameraError(
-            f"the camera sends an image of format {found} instead of {kind}, 16-bit grey: plug it in again and start "
-            "over"
+            f"the camera sends an image of format {found} instead of {kind}, 16-bit grey: unplug it, plug it in again "
+            "and run the command again"
         )
     width, height = library.k4a_image_get_width_pixels(image), library.k4a_image_get_height_pixels(image)
     stride = library.k4a_image_get_stride_bytes(image)

@@ -40,7 +40,9 @@ class DeviceClock:
 
     def __init__(self, delay_s: float = 0.0, window_s: float = WINDOW_S) -> None:
         if delay_s < 0.0 or window_s <= 0.0:
-            raise ValueError(f"delay {delay_s:g} s and window {window_s:g} s: the delay is at least 0, the window more")
+            raise ValueError(
+                f"delay {delay_s:g} s and window {window_s:g} s: the delay must be 0 or more, the window more than 0"
+            )
         self._delay_s, self._window_s = delay_s, window_s
         self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
 
@@ -63,7 +65,7 @@ class DeviceClock:
     def map(self) -> ClockMap:
         """Raises CameraError while no image has come."""
         if not self._pairs:
-            raise CameraError("the camera's clock is not known yet: no image has arrived; wait for the first one")
+            raise CameraError("the camera's clock is not known before the first image: wait for one")
         differences_s = sorted(difference_s for _, difference_s in self._pairs)
         least_s, median_s = differences_s[0], differences_s[len(differences_s) // 2]
         return ClockMap(least_s - self._delay_s, median_s - least_s, len(differences_s))

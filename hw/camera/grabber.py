@@ -94,8 +94,7 @@ class Grabber:
             clock = self._clock.map()
         if t_s - self._since_s > LONGEST_S:
             raise CameraError(
-                f"the recording took {t_s - self._since_s:.0f} s, and only {LONGEST_S:g} s are kept: record a shorter "
-                "motion"
+                f"the recording took {t_s - self._since_s:.0f} s, limit {LONGEST_S:g} s: record a shorter motion"
             )
         shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in kept]
         within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)

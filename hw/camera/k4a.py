@@ -48,7 +48,7 @@ class KinectCamera:
     ) -> None:
         """`now_s` is the arm's clock: the monotonic one, which libk4a stamps with too. Raises ValueError."""
         if latency_s < 0.0:
-            raise ValueError(f"a camera's latency of {latency_s:g} s: it is at least 0")
+            raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
         self._serial, self._wanted, self._infrared = serial, settings, infrared
         self._latency_s, self._library, self._now_s = latency_s, library, now_s
         self._device: K4aDevice | None = None
@@ -64,16 +64,16 @@ class KinectCamera:
 
     def connect(self, progress: Callable[[str], None]) -> None:
         """What entering does. `progress` is called with each step before it begins. Raises as entering does."""
-        progress("it looks for libk4a and its cameras")
+        progress("looking for libk4a and its cameras")
         device = self._device = K4aDevice(self._library(), self._now_s)
         try:
-            progress("it opens the camera and reads its calibration")
+            progress("opening the camera and reading its calibration")
             device.open(self._serial)
             self._model = device.model()
             self._settings = device.set_colour(self._wanted)
-            progress("it starts the depth engine")
+            progress("starting the depth engine")
             device.start(infrared=self._infrared)
-            progress("it waits for the first images")
+            progress("waiting for the first images")
             clock = DeviceClock(delay_s=0.5e-6 * self._settings.exposure_us + self._latency_s)
             self._grabber = Grabber(device.next_capture, clock, RATE_HZ)
             self._grabber.start()
@@ -176,9 +176,9 @@ def require_whole(film: Film, serial: str) -> None:
         _log.warning("camera %s dropped %d of %d frames", serial, film.dropped, every)
     if not film.shots or film.lost > MOST_LOST:
         raise CameraError(
-            f"the recording lacks {film.dropped} of {every} frames ({film.lost:.0%}, at most {MOST_LOST:.0%} may be "
-            f"missing; longest gap {film.longest_gap_s:.2f} s): give the camera a USB controller of its own, close "
-            "other programs, and do the trial again"
+            f"{film.dropped} of {every} frames of the recording are missing ({film.lost:.0%}, limit {MOST_LOST:.0%}; "
+            f"longest gap {film.longest_gap_s:.2f} s): give the camera a USB controller of its own, close "
+            "other programs, and repeat the trial"
         )
 
 

@@ -33,13 +33,13 @@ class ColourSettings:
 
     def __post_init__(self) -> None:
         if not 500 <= self.exposure_us <= 33330:
-            raise ValueError(f"exposure {self.exposure_us} us lies outside of [500, 33330], which 30 FPS allow")
+            raise ValueError(f"exposure {self.exposure_us} us lies outside of 500 to 33330 us, the range at 30 FPS")
         if not 2500 <= self.white_balance_K <= 12500 or self.white_balance_K % 10:
-            raise ValueError(f"white balance {self.white_balance_K} K is no multiple of 10 within [2500, 12500]")
+            raise ValueError(f"white balance {self.white_balance_K} K: it must be a multiple of 10 from 2500 to 12500")
         if self.gain is not None and not 0 <= self.gain <= 255:
-            raise ValueError(f"gain {self.gain} lies outside of [0, 255]")
+            raise ValueError(f"gain {self.gain} lies outside of 0 to 255")
         if self.mains_hz not in _MAINS:
-            raise ValueError(f"mains {self.mains_hz} Hz: it is 50 or 60")
+            raise ValueError(f"mains {self.mains_hz} Hz: it must be 50 or 60")
 
     def as_json(self) -> dict[str, Any]:
         """Its fields, for JSON."""
@@ -66,7 +66,7 @@ class K4aDevice:
         for index in range(library.k4a_device_get_installed_count()):
             device = ctypes.c_void_p()
             if library.k4a_device_open(index, ctypes.byref(device)) != k4a.SUCCEEDED:
-                seen.append("one that cannot be opened: another program uses it, or permission is missing")
+                seen.append("one that cannot be opened (another program uses it, or permission is missing)")
                 continue
             found = serial_of(library, device)
             seen.append(found)
@@ -123,7 +123,7 @@ class K4aDevice:
         )
         self._need(
             self._library.k4a_device_start_cameras(self._handle, ctypes.byref(configuration)),
-            "its images cannot be started (without a display the depth engine fails: docs/guide/cameras.md)",
+            "it does not start to send images (without a display the depth engine fails: docs/guide/cameras.md)",
         )
         self._running = True
 
@@ -143,7 +143,7 @@ class K4aDevice:
         if result == k4a.TIMEOUT:
             self._said = ""
             return None
-        self._need(result, "it stopped answering, as when it is unplugged or its USB port is overloaded")
+        self._need(result, "it stopped answering: it was unplugged, or its USB port is overloaded")
         try:
             return read_capture(self._library, capture, self._now_s(), infrared=self.infrared)
         finally:
@@ -167,7 +167,8 @@ class K4aDevice:
         self._need(done, f"its {what} cannot be read")
         if mode.value != k4a.MODE_MANUAL:
             raise CameraError(
-                f"camera {self.serial}: its {what} stayed automatic; unplug it for ten seconds, try again"
+                f"camera {self.serial}: its {what} stayed automatic; unplug it for ten seconds and run the command "
+                "again"
             )
         return value.value
 
@@ -176,7 +177,7 @@ class K4aDevice:
         if result != k4a.SUCCEEDED:
             raise CameraError(
                 f"camera {self.serial}: {problem}{said}. Plug it into a USB 3 port of its own, wait for its light, and "
-                "run the command again; docs/guide/cameras.md tells more"
+                "run the command again; for more see docs/guide/cameras.md"
             )
 
     def _hear(self, _context: int, _level: int, file: bytes, line: int, message: bytes) -> None:
@@ -197,8 +198,8 @@ def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:
 def _intrinsics(camera: k4a.CalibrationCamera, what: str) -> Intrinsics:
     if camera.intrinsics.type not in (k4a.BROWN_CONRADY, k4a.RATIONAL_6KT):
         raise CameraError(
-            f"the {what} camera has lens model {camera.intrinsics.type}, and only Brown-Conrady is known: "
-            "use an Azure Kinect or a Femto Bolt"
+            f"the {what} camera has lens model {camera.intrinsics.type}, and only Brown-Conrady is supported: use an "
+            "Azure Kinect or a Femto Bolt"
         )
     cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1, _ = camera.intrinsics.parameters
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -210,5 +211,5 @@ def _not_there(serial: str | None, seen: list[str]) -> str:
     found = ", ".join(seen) or "none"
     if serial is None and len(seen) > 1:
         return f"several cameras are plugged in ({found}): name the serial number of the one to use"
-    wanted = f"no camera with serial number {serial}" if serial else "no camera that can be used"
+    wanted = f"no camera with serial number {serial}" if serial else "no usable camera"
     return f"{wanted}; plugged in: {found}. Check cable, power supply and USB 3 port, and see docs/guide/cameras.md"

@@ -26,7 +26,8 @@ _FOLDERS = (
     "/opt/OrbbecSDK_K4A_Wrapper/lib",
 )
 INSTALL = (
-    "install the maker's library, for the Azure Kinect `sudo apt-get install libk4a1.4` from packages.microsoft.com, "
+    "install the manufacturer's library, for the Azure Kinect `sudo apt-get install libk4a1.4` from "
+    "packages.microsoft.com, "
     "for the Femto Bolt Orbbec's OrbbecSDK-K4A-Wrapper, and name its file in ADAPTSIM_K4A_LIBRARY if the loader does "
     "not find it; docs/guide/cameras.md has the lines"
 )
@@ -94,7 +95,7 @@ def load(file: str) -> K4aLibrary:
         try:
             function = getattr(library, name)
         except AttributeError as error:
-            raise DeviceUnavailable(f"{file} lacks {name}, so it is not libk4a 1.4") from error
+            raise DeviceUnavailable(f"{file} has no function {name}, so it is not libk4a 1.4") from error
         function.restype, function.argtypes = result, arguments
     return cast(K4aLibrary, library)
 

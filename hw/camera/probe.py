@@ -86,7 +86,7 @@ def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: S
         return _nothing(chosen, why, "Unplug the camera, wait ten seconds, plug it in again")
     answer = next((line for line in reversed(ended.stdout.splitlines()) if line.startswith(_MARK)), None)
     if answer is None:
-        why = f"{chosen} ended its process ({_how(ended.returncode)}) when it was asked for cameras"
+        why = f"{chosen} ended its process ({_how(ended.returncode)}) while it listed the cameras"
         return _nothing(chosen, why, f"The installation is damaged or does not fit this machine: {INSTALL}")
     return _report(json.loads(answer.removeprefix(_MARK)))
 
@@ -96,7 +96,7 @@ def look(library: K4aLibrary, file: str, maps: str) -> ProbeReport:
     maker = "Orbbec" if "OrbbecSDK" in maps else "Microsoft"
     devices = tuple(_device(library, index) for index in range(library.k4a_device_get_installed_count()))
     usable = any(device.error is None for device in devices)
-    error, fix = f"{file} sees no camera", _sentence(_PLUG)
+    error, fix = f"{file} finds no camera", _sentence(_PLUG)
     if devices:
         error, fix = devices[0].error or "", "Close the other program, or see docs/guide/cameras.md on permissions"
     return ProbeReport(

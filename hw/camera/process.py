@@ -54,7 +54,7 @@ class CameraProcess:
     ) -> None:
         """As `hw.camera.k4a.KinectCamera`; `maker` (module:function) makes that in the process. Raises ValueError."""
         if latency_s < 0.0:
-            raise ValueError(f"a camera's latency of {latency_s:g} s: it is at least 0")
+            raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
         self._asked, self._maker = Open(serial, settings, infrared, latency_s), maker
         self._answer_s, self._step_s = answer_s, step_s
         self._child: Child | None = None
@@ -191,7 +191,7 @@ def open_kinect(
 
 def _known(answer: Answer, kind: type[_Kind]) -> _Kind:
     if not isinstance(answer, kind):
-        raise CameraError(f"the camera's process answered {type(answer).__name__} where {kind.__name__} was due")
+        raise CameraError(f"the camera's process answered {type(answer).__name__} instead of {kind.__name__}")
     return answer
 
 

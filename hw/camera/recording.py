@@ -84,7 +84,10 @@ class KinectRecording:
             for image in images:
                 waiting[index].append((start_s + float(image.time or 0.0), image))
                 if len(waiting[index]) > MOST_ALONE:
-                    raise CameraError(f"{self._path}: {MOST_ALONE} images of one track in a row have no partner")
+                    raise CameraError(
+                        f"{self._path}: {MOST_ALONE} images of one track in a row have no partner in the "
+                        "other; record colour and depth together"
+                    )
             while all(queues):
                 stamps_s = [queue[0][0] for queue in queues]
                 if max(stamps_s) - min(stamps_s) < _TOGETHER_S:
@@ -109,7 +112,9 @@ class KinectRecording:
 
     def _offset_ns(self, text: str) -> int:
         if not re.fullmatch(r"-?[0-9]{1,18}", text):
-            raise CameraError(f"{self._path}: its tag K4A_START_OFFSET_NS is {text[:40]!r}, which is no whole number")
+            raise CameraError(
+                f"{self._path}: its tag K4A_START_OFFSET_NS is {text[:40]!r}, which is not a whole number"
+            )
         return int(text)
 
     @property
@@ -127,14 +132,14 @@ class KinectRecording:
     def _tag(self, title: str, key: str) -> str:
         tags = self._track(title).metadata
         if key not in tags:
-            raise CameraError(f"track {title} of {self._path} lacks {key}: it is not a recording of an Azure Kinect")
+            raise CameraError(f"track {title} of {self._path} has no {key}: it is not a recording of an Azure Kinect")
         return str(tags[key])
 
     def _attached(self, name: str) -> bytes:
         for stream in self._open.streams:
             if stream.type == "attachment" and stream.metadata.get("filename") == name:
                 return bytes(stream.data)  # type: ignore[attr-defined]
-        raise CameraError(f"{self._path} lacks its {name}: it is not a recording of an Azure Kinect")
+        raise CameraError(f"{self._path} has no {name}: it is not a recording of an Azure Kinect")
 
 
 def _rgb(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -145,7 +150,7 @@ def grey16(image: av.video.VideoFrame) -> np.ndarray[Any, np.dtype[np.uint16]]:
     """(H, W) of a 16-bit grey image, in the byte order of this machine. Raises CameraError for any other."""
     if image.format.name not in _PIXELS:
         raise CameraError(
-            f"a depth or infrared track holds {image.format.name} instead of 16-bit grey: record with k4arecorder"
+            f"a depth or infrared track contains {image.format.name} instead of 16-bit grey: record with k4arecorder"
         )
     plane = image.planes[0]
     rows = np.frombuffer(plane, dtype=_PIXELS[image.format.name]).reshape(image.height, -1)  # type: ignore[call-overload]

@@ -20,7 +20,7 @@ class Take:
 
     def __post_init__(self) -> None:
         if any(later.t_s <= earlier.t_s for earlier, later in pairwise(self.film)):
-            raise ValueError("the frames of a film are in order of time")
+            raise ValueError("the frames of a film must be in order of time")
 
 
 class RecordedCamera:

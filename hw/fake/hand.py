@@ -38,7 +38,9 @@ class FakeHand:
         """See `hw.ports.Hand`."""
         self._need_connection()
         if self.between_m is not None:
-            raise HandError("the hand could not be homed: something is between its fingers; take it out")
+            raise HandError(
+                "the hand could not be homed: something is between its fingers; take it out and home it again"
+            )
         self.commands.append("home")
         self._homed, self._width_m, self._holds = True, WIDEST_M, False
 
@@ -46,7 +48,9 @@ class FakeHand:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 <= width_m <= WIDEST_M:
-            raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * WIDEST_M:.0f} mm")
+            raise HandError(
+                f"the fingers cannot open to {1e3 * width_m:.1f} mm: the range is 0 to {1e3 * WIDEST_M:.0f} mm"
+            )
         if self.between_m is not None and width_m < self.between_m:
             raise HandError(f"the fingers met something {1e3 * self.between_m:.1f} mm wide; grasp it instead")
         self.commands.append("move")
@@ -56,11 +60,11 @@ class FakeHand:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
-            raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
+            raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
         found_m = self.between_m or 0.0
         if not fits(found_m, width_m):
             raise HandError(
-                f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected: hold the tool's "
+                f"the fingers closed to {1e3 * found_m:.1f} mm instead of {1e3 * width_m:.1f} mm: hold the tool's "
                 "handle between them, or correct the width"
             )
         self.commands.append("grasp")
@@ -69,7 +73,7 @@ class FakeHand:
     def _need_homing(self) -> None:
         self._need_connection()
         if not self._homed:
-            raise HandError("the hand was not homed since it was switched on; empty it and home it first")
+            raise HandError("the hand has not been homed since it was switched on; empty it and home it first")
 
     def _need_connection(self) -> None:
         if not self._connected:

@@ -194,7 +194,7 @@ class FrankaArm:
         except Failure as failure:
             raise self._error(failure, moving=True) from failure
         except MotionRefused as error:
-            raise self._stopped(ArmFault, f"no way back from where it touched ({error})") from error
+            raise self._stopped(ArmFault, f"it cannot go back from the contact ({error})") from error
         if self._pedal is not None and not self._pedal.enabled():
             raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
         if self._stop.is_set():

@@ -112,12 +112,10 @@ class Failure(Exception):
 _MODE = re.compile(r'not possible in the current mode \("([A-Za-z ]+)"\)')
 _WORDS = {
     "User Stop pressed": "the stop button was pressed: release it, then recover",
-    "activated safety function": (
-        "a safety function of the arm is active: look at its Desk page under Safety, end what is active there"
-    ),
+    "activated safety function": ("a safety function of the arm is active: open Safety in Desk and end it there"),
     "manual error recovery required": (
-        "the arm does not recover by itself: a joint stands outside of its range. Unlock the joints in Desk, let Desk "
-        "lead you through the recovery of joint limits, guide the arm to the middle of its range, then recover"
+        "the arm does not recover by itself: a joint is outside its range. Unlock the joints in Desk, follow the "
+        "recovery of joint limits there, guide the arm to the middle of its range, then recover"
     ),
 }
 _FCI_OFF = "Connection to FCI refused"
@@ -141,7 +139,7 @@ def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = 
 def _unreachable(who: str, said: str) -> str:
     if _FCI_OFF in said:
         return (
-            f"{who} is there and takes no connection: unlock the joints and activate FCI in Desk (on a new arm: "
+            f"{who} answers but refuses the connection: unlock the joints and activate FCI in Desk (on a new arm: "
             f"install the FCI feature) ({said})"
         )
     return f"{who} does not answer ({said}): check cable, address and power, unlock the joints and activate FCI in Desk"

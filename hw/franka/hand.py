@@ -24,7 +24,7 @@ def fr3_sdk() -> Any:
     try:
         import pylibfranka  # noqa: PLC0415
     except ImportError as error:
-        raise DeviceUnavailable(f"the FR3's SDK does not load ({error}); pip install pylibfranka") from error
+        raise DeviceUnavailable(f"the FR3's SDK does not load ({error}); run: pip install pylibfranka") from error
     return pylibfranka
 
 
@@ -33,7 +33,7 @@ def panda_sdk() -> Any:
     try:
         from panda_py import libfranka  # noqa: PLC0415
     except ImportError as error:
-        raise DeviceUnavailable(f"the Panda's SDK does not load ({error}); pip install panda-python") from error
+        raise DeviceUnavailable(f"the Panda's SDK does not load ({error}); run: pip install panda-python") from error
     return libfranka
 
 
@@ -81,13 +81,15 @@ class FrankaHand:
         self._need_homing()
         widest_m = float(self._read().max_width)
         if not 0.0 <= width_m <= widest_m:
-            raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * widest_m:.1f} mm")
+            raise HandError(
+                f"the fingers cannot open to {1e3 * width_m:.1f} mm: the range is 0 to {1e3 * widest_m:.1f} mm"
+            )
         gripper = self._connected()
         self._did(lambda: gripper.move(width_m, SPEED_M_S), f"did not reach {1e3 * width_m:.1f} mm")
         stands_m = float(self._read().width)
         if abs(stands_m - width_m) > STEPS_OF_WIDTH_M:
             raise HandError(
-                f"the fingers stand {1e3 * stands_m:.1f} mm apart, {1e3 * width_m:.1f} mm were asked for: something is "
+                f"the fingers are {1e3 * stands_m:.1f} mm apart instead of {1e3 * width_m:.1f} mm: something is "
                 "between them; take it out, or grasp it"
             )
 
@@ -95,7 +97,7 @@ class FrankaHand:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
-            raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
+            raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
         gripper = self._connected()
         why = (
             f"did not find anything {1e3 * width_m:.1f} mm wide (it closed to {{width}} mm): hold the tool's handle "
@@ -124,7 +126,7 @@ class FrankaHand:
     def _need_homing(self) -> None:
         self._connected()
         if not self._homed:
-            raise HandError("the hand was not homed since the program connected; empty it and home it first")
+            raise HandError("the hand has not been homed since the program connected; empty it and home it first")
 
     def _connected(self) -> Any:
         if self._gripper is None:

@@ -138,7 +138,7 @@ def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
     except (RuntimeError, getattr(sdk, "FrankaException", RuntimeError)) as error:
         worker.kill()
         return None, NotDone(
-            f"the hand at {request.host} takes no second connection ({error}), and without one nothing could stop it: "
+            f"the hand at {request.host} refuses a second connection ({error}), without which nothing could stop it: "
             "end other programs that use it",
             lost=True,
         )

@@ -20,8 +20,8 @@ _STOPPED_S = 2.0
 _WHY = {
     "pedal": "the enabling pedal was released",
     "request": "a stop was requested",
-    "silence": "the program said nothing for a moment",
-    "orphaned": "the program was gone",
+    "silence": "the program was silent for too long",
+    "orphaned": "the program ended",
 }
 _THEN = "look at it, then run the command again: it homes the hand again"
 
@@ -95,7 +95,9 @@ class HandProcess:
                 late = time.monotonic() > until_s
                 child.tell(REQUESTED if late else self._word())
                 if late and not child.answers(_STOPPED_S):
-                    raise self._lost(f"the hand did not end its command within {LONGEST_S:g} s, nor answer a stop")
+                    raise self._lost(
+                        f"the hand did not finish its command within {LONGEST_S:g} s and did not answer a stop"
+                    )
             self._told(child.receive())
         except ChildGone as how:
             raise self._gone(how) from how
@@ -129,7 +131,7 @@ class HandProcess:
         return DeviceUnavailable(text)
 
     def _gone(self, how: ChildGone) -> DeviceUnavailable:
-        return self._lost(f"the process that keeps watch over the hand was {how}; look at the hand, then run again")
+        return self._lost(f"the process that watches the hand was {how}; look at the hand, then run the command again")
 
     def _connected(self) -> Child:
         if self._child is None:

@@ -52,7 +52,7 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
     at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
     if not known[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
         raise MotionRefused(
-            f"{limits.model}: there are moments from which no stop along the path keeps the limits within "
+            f"{limits.model}: at some moments no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
     return PlayableMotion(path, at, stops.duration_s[known])

@@ -123,10 +123,10 @@ class PlayerProcess:
 
 
 def _gone(how: ChildGone) -> Failure:
-    return Failure(LOST, f"the process that plays motions was {how}; the arm has stopped by itself")
+    return Failure(LOST, f"the process that plays motions was {how}; the arm's controller has stopped the arm")
 
 
 def _known(answer: Any, kind: type[_T]) -> _T:
     if not isinstance(answer, kind):
-        raise Failure(UNAVAILABLE, f"the player answered {type(answer).__name__} where {kind.__name__} was due")
+        raise Failure(UNAVAILABLE, f"the player answered {type(answer).__name__} instead of {kind.__name__}")
     return answer

@@ -21,92 +21,92 @@ class Reason:
 
 
 _RECOVER = "then recover; the next motion is planned from where the arm is"
-_REPORT = "recover; if it comes again, keep the session's record and report it"
-_ELSEWHERE = "this program commands joints alone: look for another program, or a task in Desk, that moves the arm"
+_REPORT = "recover; if it happens again, keep the session's record and report it"
+_ELSEWHERE = "this program commands only joints: look for another program, or a task in Desk, that moves the arm"
 _END_IT = "end it, then recover"
 _FREE = "recover, guide the arm by hand away from there, and run the same command again"
 
 _REAL_TIME = (
-    "check real-time kernel, rtprio, CPU governor and cable (docs/guide/arms.md), let nothing else run, then recover"
+    "check real-time kernel, rtprio, CPU governor and cable (docs/guide/arms.md), end other programs, then recover"
 )
 
 REASONS: dict[str, Reason] = {
     "joint_position_limits_violation": Reason(
         "a joint reached the end of its range",
-        "look which joint stands at its stop, and whether somebody pushed the arm there",
-        "recover (where Desk asks for it, by its recovery of joint limits), guide that joint towards its middle, and "
-        "run the same command again",
+        "check which joint is at its stop, and whether somebody pushed the arm there",
+        "recover (through the joint limit recovery in Desk, if Desk asks for it), guide that joint towards "
+        "its middle, and run the same command again",
     ),
     "cartesian_position_limits_violation": Reason(
         "the tool left the workspace that is set in Desk",
-        "look at the workspace limits in Desk: they must hold the whole table and the home posture",
+        "check the workspace limits in Desk: they must contain the whole table and the home posture",
         _FREE,
     ),
     "self_collision_avoidance_violation": Reason(
         "the arm came too close to itself",
-        "look whether the tool is longer, or mounted otherwise, than the rig file says",
+        "check whether the tool is longer than the rig file says, or mounted differently",
         _FREE,
     ),
     "joint_velocity_violation": Reason(
         "a joint moved faster than it may",
-        "look whether somebody or something pushed the arm; the commanded speeds were within the limits",
+        "check whether somebody or something pushed the arm; the commanded speeds were within the limits",
         f"clear the way, {_RECOVER}",
     ),
     "cartesian_velocity_violation": Reason(
         "the tool moved faster than it may",
-        "look in Desk at the end effector: a centre far from the flange moves faster than the flange, whose speed is "
+        "check the end effector in Desk: a centre far from the flange moves faster than the flange, whose speed is "
         "checked",
         f"correct it there, {_RECOVER}",
     ),
     "force_control_safety_violation": Reason("the arm's force control left its safe range", _ELSEWHERE, _END_IT),
     "joint_reflex": Reason(
         "a joint felt more torque than the collision threshold",
-        "look what it touched; where that was nothing, compare the payload in the rig file with what the hand holds",
+        "check what it touched; if nothing, compare the payload in the rig file with what the hand holds",
         f"clear it, or correct payload and collision thresholds in the rig file, {_RECOVER}",
     ),
     "cartesian_reflex": Reason(
         "the tool felt more force than the collision threshold",
-        "look what the tool touched, and whether the table lies where the touch-off found it",
-        f"clear it, repeat the touch-off where table or tool have moved, {_RECOVER}",
+        "check what the tool touched, and whether the table is where the touch-off found it",
+        f"clear it, repeat the touch-off if table or tool moved, {_RECOVER}",
     ),
     "max_goal_pose_deviation_violation": Reason(
         "the arm did not come close enough to the end of its motion",
-        "look whether something held it back, and compare payload and impedance in the rig file with the arm",
+        "check whether something held it back, and compare payload and impedance in the rig file with the arm",
         f"clear the way, {_RECOVER}",
     ),
     "max_path_pose_deviation_violation": Reason(
         "the arm was pushed off its path",
-        "look what stood in the way, or who pushed",
+        "check what was in the way, or who pushed",
         f"clear the way, {_RECOVER}",
     ),
     "cartesian_velocity_profile_safety_violation": Reason(
-        "the tool was faster than the arm's safety controller allows at that place",
-        "look in Desk at the safety settings: a reduced speed of the tool makes every motion a fault",
+        "the tool was faster than the arm's safety controller allows there",
+        "check the safety settings in Desk: with a reduced tool speed, every motion is a fault",
         f"set a speed that the motions need, or run slower ones, {_RECOVER}",
     ),
     "joint_position_motion_generator_start_pose_invalid": Reason(
         "the motion did not begin where the arm was",
-        "look whether somebody moved the arm between the check and the motion",
+        "check whether somebody moved the arm between the check and the motion",
         f"hands off the arm, {_RECOVER}",
     ),
     "joint_motion_generator_position_limits_violation": Reason(
         "a commanded joint lay beyond the end of its range",
-        "look whether the rig file names the right model: panda and fr3 have different ranges",
+        "check whether the rig file names the right model: panda and fr3 have different ranges",
         f"correct arm.model; otherwise {_REPORT}",
     ),
     "joint_motion_generator_velocity_limits_violation": Reason(
         "a joint was commanded faster than it may move",
-        "look whether the rig file names the right model: panda and fr3 have different limits",
+        "check whether the rig file names the right model: panda and fr3 have different limits",
         f"correct arm.model; otherwise {_REPORT}",
     ),
     "joint_motion_generator_velocity_discontinuity": Reason(
         "the commanded speed jumped, as after lost cycles",
-        "look at the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
+        "check the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
         _REAL_TIME,
     ),
     "joint_motion_generator_acceleration_discontinuity": Reason(
         "the commanded acceleration jumped, as after lost cycles",
-        "look at the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
+        "check the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
         _REAL_TIME,
     ),
     "cartesian_position_motion_generator_start_pose_invalid": Reason(
@@ -125,25 +125,23 @@ REASONS: dict[str, Reason] = {
         "the commanded acceleration of a Cartesian motion jumped", _ELSEWHERE, _END_IT
     ),
     "cartesian_motion_generator_elbow_sign_inconsistent": Reason(
-        "a Cartesian motion asked for the elbow on its other side", _ELSEWHERE, _END_IT
+        "a Cartesian motion required the elbow on its other side", _ELSEWHERE, _END_IT
     ),
     "cartesian_motion_generator_start_elbow_invalid": Reason(
-        "a Cartesian motion began with another elbow than the arm's", _ELSEWHERE, _END_IT
+        "a Cartesian motion began with a different elbow position from the arm's", _ELSEWHERE, _END_IT
     ),
     "force_controller_desired_force_tolerance_violation": Reason(
-        "the arm's force control could not hold the force that it was asked for", _ELSEWHERE, _END_IT
+        "the arm's force control could not hold the commanded force", _ELSEWHERE, _END_IT
     ),
-    "start_elbow_sign_inconsistent": Reason(
-        "a motion began with the elbow on another side than the arm's", _ELSEWHERE, _END_IT
-    ),
+    "start_elbow_sign_inconsistent": Reason("a motion began with the elbow on the wrong side", _ELSEWHERE, _END_IT),
     "communication_constraints_violation": Reason(
         "too many control cycles came late, twenty in a row or too many in all",
-        "look at the success rate of earlier trials, and at what else the computer does: the computer did not keep up",
+        "check the success rate of earlier trials, and what else the computer is doing: it did not keep up",
         _REAL_TIME,
     ),
     "power_limit_violation": Reason(
-        "the arm needed more power than it may",
-        "look whether the payload in the rig file is what the hand holds, and what held the arm back",
+        "the arm needed more power than allowed",
+        "check whether the payload in the rig file is what the hand holds, and whether something held the arm back",
         f"correct it, or take a slower action, {_RECOVER}",
     ),
     "cartesian_motion_generator_joint_position_limits_violation": Reason(
@@ -159,48 +157,48 @@ REASONS: dict[str, Reason] = {
         "a Cartesian motion made the acceleration of a joint jump", _ELSEWHERE, _END_IT
     ),
     "cartesian_position_motion_generator_invalid_frame": Reason(
-        "a Cartesian motion was commanded with a pose that is none", _ELSEWHERE, _END_IT
+        "a Cartesian motion was commanded with an invalid pose", _ELSEWHERE, _END_IT
     ),
     "controller_torque_discontinuity": Reason(
         "the torque of the arm's controller jumped",
-        "look at the joint impedance in the rig file and at the success rate: a stiff arm does this, lost cycles too",
+        "check the joint impedance in the rig file and the success rate: a stiff arm or lost cycles cause this",
         f"return to the default impedance, {_RECOVER}",
     ),
     "joint_p2p_insufficient_torque_for_planning": Reason(
-        "the arm has not enough torque for a movement that it planned by itself",
-        f"look at the payload in Desk and in the rig file; {_ELSEWHERE}",
+        "the arm does not have enough torque for a movement that it planned by itself",
+        f"check the payload in Desk and in the rig file; {_ELSEWHERE}",
         _END_IT,
     ),
     "tau_j_range_violation": Reason(
         "a joint's torque left the range of its sensor",
-        "look what the arm pushed against, and whether the hand holds more than the payload in the rig file says",
+        "check what the arm pushed against, and whether the hand holds more than the payload in the rig file",
         f"clear it, correct the payload, {_RECOVER}",
     ),
     "instability_detected": Reason(
         "the arm began to oscillate",
-        "look at the joint impedance and the payload in the rig file, and at how firmly arm and table stand",
+        "check joint impedance and payload in the rig file, and whether arm and table stand firmly",
         f"return to the default impedance, fasten what is loose, {_RECOVER}",
     ),
     "joint_move_in_wrong_direction": Reason(
-        "a joint beyond its range was moved further out",
-        "look which joint stands beyond its range (Desk shows it)",
+        "a joint beyond its range moved further out",
+        "check which joint is beyond its range (Desk shows it)",
         _FREE,
     ),
     "cartesian_spline_motion_generator_violation": Reason(
-        "a movement of the arm's own along a curve of the tool could not be made", _ELSEWHERE, _END_IT
+        "the arm could not plan its own movement along a tool curve", _ELSEWHERE, _END_IT
     ),
     "joint_via_motion_generator_planning_joint_limit_violation": Reason(
-        "a movement of the arm's own through given joints would have left their range", _ELSEWHERE, _END_IT
+        "the arm's own movement through given joint positions would have left their range", _ELSEWHERE, _END_IT
     ),
     "base_acceleration_initialization_timeout": Reason(
         "the sensor of the base's acceleration did not start in time",
-        "look at the arm's light and at its page in Desk for an error of the hardware",
-        "switch the arm off and on, unlock it and activate FCI; if it comes again, ask the maker's support",
+        "check the arm's light and its page in Desk for a hardware error",
+        "switch the arm off and on, unlock it and activate FCI; if it happens again, ask the maker's support",
     ),
     "base_acceleration_invalid_reading": Reason(
-        "the sensor of the base's acceleration gave no valid value",
-        "look whether the base stands firmly: a knock or a table that shakes is felt there",
-        "fasten the base; if it comes again, switch the arm off and on, and ask the maker's support",
+        "the sensor of the base's acceleration gave an invalid value",
+        "check whether the base stands firmly: the sensor feels a knock or a shaking table",
+        "fasten the base; if it happens again, switch the arm off and on, and ask the maker's support",
     ),
 }
 
@@ -210,7 +208,7 @@ def reason(name: str) -> Reason:
     return REASONS.get(name) or Reason(
         name.replace("_", " "),
         "this error is unknown to the program: look at the arm's page in Desk",
-        "do what is said there, then recover",
+        "do what Desk says, then recover",
     )
 
 
@@ -233,7 +231,9 @@ def of_mode(mode: str, *, busy: bool = False) -> str | None:
     `busy`: also for the mode Move, which is a fault only where it lasts.
     """
     if mode == "Move" and busy:
-        return "the arm makes a motion that this program has not asked for: end the other program, or the task in Desk"
+        return (
+            "the arm is making a motion that this program has not asked for: end the other program, or the task in Desk"
+        )
     return {
         "UserStopped": "the stop button is pressed or the arm is not activated: release it, activate FCI in Desk",
         "Guiding": "somebody guides the arm by hand: let go of its buttons",

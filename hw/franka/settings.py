@@ -35,7 +35,7 @@ class Payload:
     def __post_init__(self) -> None:
         """Raises ValueError: too heavy, or no inertia of a body."""
         if not 0.0 <= self.mass_kg <= HIGHEST_PAYLOAD_KG:
-            raise ValueError(f"payload of {self.mass_kg:g} kg: the arms carry 0 to {HIGHEST_PAYLOAD_KG:g} kg")
+            raise ValueError(f"payload of {self.mass_kg:g} kg: it must be 0 to {HIGHEST_PAYLOAD_KG:g} kg")
         object.__setattr__(self, "com_F_m", frozen_array(self.com_F_m, (3,), "centre of mass of the payload"))
         inertia = frozen_array(self.inertia_F_kg_m2, (3, 3), "inertia of the payload")
         if np.abs(inertia - inertia.T).max() > 1e-9 or np.linalg.eigvalsh(inertia).min() < -1e-12:
@@ -74,7 +74,7 @@ class CollisionThresholds:
             if (contact > collision).any():
                 raise ValueError(
                     f"{kind} thresholds: contact {contact.tolist()} is above collision {collision.tolist()} {unit}; "
-                    "a contact is reported before a collision stops the arm"
+                    "the contact threshold must not be above the collision threshold"
                 )
 
     @property

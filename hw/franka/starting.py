@@ -28,7 +28,7 @@ def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, 
     if np.abs(off).max() > START_TOLERANCE_RAD:
         joint = int(np.abs(off).argmax())
         raise MotionRefused(
-            f"{model}: distance from the arm of joint {joint + 1}, as its controller holds it, is "
+            f"{model}: distance from the arm's commanded position of joint {joint + 1} is "
             f"{abs(off[joint]):.4g} rad, limit {START_TOLERANCE_RAD:g} rad; nothing has moved, plan from there"
         )
     u = np.minimum(path.t_s / min(fade_s, path.duration_s), 1.0)

@@ -30,7 +30,7 @@ def sbi_mass_kg(answer: bytes) -> float:
     text = answer.decode("ascii", "replace").rstrip("\r\n")
     if len(text) != 14 or text[0] not in "+- ":
         raise BalanceError(
-            f"the balance answered {text!r}, which is not 16 characters of SBI: set it to SBI, 16 characters"
+            f"the balance answered {text!r}, which is not SBI with 16 characters: set its interface to that"
         )
     value, unit = text[1:10].replace(" ", ""), text[11:14].strip()
     if "H" in value or "L" in value:
@@ -50,7 +50,7 @@ def sics_mass_kg(answer: bytes) -> float:
     status = parts[1] if len(parts) > 1 and parts[0] == "S" else ""
     refusals = {
         "D": "the balance is not at rest: keep draughts and hands away and weigh again",
-        "I": "the balance is busy: end what its display asks for and weigh again",
+        "I": "the balance is busy: finish what its display asks for and weigh again",
         "+": "the balance is overloaded: take the load off and tare it",
         "-": "the balance is underloaded: put the pan on and tare it",
     }
@@ -68,7 +68,7 @@ def _kg(value: str, unit: str) -> float:
         return float(value) * _KG[unit]
     except ValueError:
         raise BalanceError(
-            f"the balance answered {value!r} where a number belongs: check its display and weigh again"
+            f"the balance answered {value!r} instead of a number: check its display and weigh again"
         ) from None
 
 
@@ -127,7 +127,7 @@ class SerialBalance:
             with suppress(*_LOST):
                 self._line.close()
             raise BalanceError(
-                f"the balance at {self._port} cannot be asked ({error}): plug it in again, switch it on, weigh again"
+                f"the balance at {self._port} cannot be read ({error}): plug it in again, switch it on, weigh again"
             ) from error
         if not answer.endswith(b"\n"):
             raise DeviceUnavailable(

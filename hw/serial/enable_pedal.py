@@ -64,7 +64,7 @@ class EnablePedal:
     def why_not(self) -> str:
         """What to tell the operator when it is not."""
         if self._closing.is_set():
-            return "the pedal is not connected any more"
+            return "the pedal is no longer connected"
         return self._lost or self._state.why_not(time.monotonic())
 
     def _listen(self) -> None:

@@ -60,7 +60,7 @@ class PedalState:
         if self.last is None:
             if self.other_version:
                 return f"the pedal speaks version {self.other_version}, this program {VERSION}: flash the sketch again"
-            return "the pedal has not said anything"
+            return "the pedal has not sent anything"
         if t_s - self.heard_s > SILENCE_S:
             return f"the pedal has been silent for {1000.0 * (t_s - self.heard_s):.0f} ms: check its cable"
         if not self.last.pressed:

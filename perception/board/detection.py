@@ -39,8 +39,8 @@ def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: 
     """
     if image.shape[:2] != (camera.height, camera.width):
         raise WrongBoard(
-            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x"
-            f" {camera.height}: take those of this resolution"
+            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x "
+            f"{camera.height}: use the intrinsics for this resolution"
         )
     grey = in_grey(image)
     points, px = _markers(grey, board)
@@ -167,7 +167,7 @@ def _markers(grey: Grey, board: Board) -> tuple[Array, Array]:
     if len(strange) >= 2 or len(strange) > len(ids) / 2:
         raise WrongBoard(
             f"the board has markers 0 to {board.markers - 1}, the image shows {', '.join(map(str, strange[:6]))}:"
-            " another board, or another size than stated"
+            " it is another board, or its stated size is wrong"
         )
     known = (ids < board.markers) & (np.bincount(ids, minlength=1)[ids] == 1 if len(ids) else ids < 0)
     places = np.array(_charuco(board).getObjPoints(), dtype=np.float64)  # (markers, 4, 3)
@@ -194,7 +194,7 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
             if read >= max(_MIN_MARKERS + 2, 2 * markers):
                 raise WrongBoard(
                     f"{read} markers of the family {other.split('_')[0]} are in the image, the board should have"
-                    f" {board.dictionary}: use that board, or state the one you have"
+                    f" {board.dictionary}: use that board, or state the one that you have"
                 )
     raise BoardNotFound(
         f"{markers} of the board's {board.markers} markers can be read, {_MIN_MARKERS} are needed:"
@@ -216,7 +216,7 @@ def _predict(points: Array, px: Array, board: Board, camera: Intrinsics) -> Arra
         raise WrongBoard(
             f"only {100 * share:.0f} % of the marker corners lie as on a board of {board.squares_across} x"
             f" {board.squares_down} squares, markers {board.marker_m / board.square_m:.2f} of a square:"
-            " another board, or another size than stated"
+            " it is another board, or its stated size is wrong"
         )
     grid = np.column_stack([board.p_MK_m[:, :2], np.ones(board.corners)]) @ H.T
     rays = np.column_stack([grid[:, :2] / grid[:, 2:] / focal, np.ones(board.corners)])
@@ -245,8 +245,8 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
         ids, px = _without_strays(ids, px, board, camera)
     if len(ids) < board.least:
         raise BoardNotFound(
-            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, {board.least} are needed:"
-            " show more of the board, closer, and keep it still"
+            f"{len(ids)} of the board's {board.corners} corners are sharp and visible, {board.least} are needed: show "
+            "more of the board, bring it closer, and keep it still"
         )
     return Corners(ids, px)
 

@@ -30,15 +30,17 @@ def find(image: Image, target: Target, camera: Intrinsics) -> Corners:
     """
     if image.shape[:2] != (camera.height, camera.width):
         raise WrongBoard(
-            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x"
-            f" {camera.height}: take those of this resolution"
+            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x "
+            f"{camera.height}: use the intrinsics for this resolution"
         )
     return _find(target, image, camera)
 
 
 @singledispatch
 def _find(target: Target, image: Image, camera: Intrinsics) -> Corners:
-    raise BoardNotFound(f"nothing here finds {target.name} in a picture: give corners_px and points_m with each view")
+    raise BoardNotFound(
+        f"the program cannot find {target.name} in a picture: give corners_px and points_m with each view"
+    )
 
 
 @_find.register

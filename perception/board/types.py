@@ -92,7 +92,7 @@ class Board:
         if not 0.0 < self.marker_m < self.square_m:
             raise ValueError(f"marker {self.marker_m} m, square {self.square_m} m: 0 < marker < square")
         if self.markers > DICTIONARIES[self.dictionary]:
-            raise ValueError(f"{self.markers} markers, but dictionary {self.dictionary} has fewer")
+            raise ValueError(f"{self.markers} markers, but dictionary {self.dictionary} has fewer: choose a larger one")
 
     @property
     def markers(self) -> int:

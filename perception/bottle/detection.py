@@ -86,8 +86,8 @@ def refine_scan(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> tu
     table = refine(first, first.depth(first.raw(frame)))
     if table.off_m > _TABLE_OFF_M:
         raise TableNotFound(
-            f"the table appears up to {1e3 * table.off_m:.0f} mm from where the calibration puts it, "
-            f"{1e3 * _TABLE_OFF_M:.0f} mm are allowed: check that nothing moved the camera, and calibrate it again"
+            f"the table appears up to {1e3 * table.off_m:.0f} mm from where the calibration puts it, limit "
+            f"{1e3 * _TABLE_OFF_M:.0f} mm: check that nothing moved the camera, and calibrate it again"
         )
     scan = scan_of(model, table.X_BV @ inverse(model.X_CD), area, HEIGHT_M, table.error)
     return scan, scan.raw(frame), table
@@ -128,7 +128,7 @@ def _require_whole(candidate: _Candidate) -> Place:
     if candidate.thing.at_edge or best.in_picture < 1:
         raise ObjectNotFound(f"{at} reaches beyond the edge of the depth image; move it, or the camera")
     if candidate.share < _FREE_SHARE or best.visible < _FREE_VISIBLE:
-        raise ObjectNotFound(f"something touches or hides {at}; take hands and other things away from it")
+        raise ObjectNotFound(f"something touches or hides {at}; keep hands and other things away from it")
     return best
 
 

@@ -180,9 +180,9 @@ def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str,
         (~sure, "the bottle is not located"),
         (sure & ~inside, "the bottle is at the edge of the image"),
         (sure & inside & ~visible, "much of the bottle is hidden"),
-        (sure & ~fits, "what is tracked does not have the bottle's shape"),
-        (clutter == _Clutter.NEAR, "a hand or another thing touches or nears the bottle"),
-        (clutter == _Clutter.APART, "a hand or another thing is in the picture"),
+        (sure & ~fits, "the tracked object does not have the bottle's shape"),
+        (clutter == _Clutter.NEAR, "a hand or another object touches or comes near the bottle"),
+        (clutter == _Clutter.APART, "a hand or another object is in the picture"),
     )
     return tuple(
         f"{what} in {which.sum()} of {len(t_s)} frames ({t_s[which][0]:.2f} to {t_s[which][-1]:.2f} s)"
@@ -203,7 +203,9 @@ def _end_flags(
     if len(t_s) >= 3:
         speed_m_s = float(np.linalg.norm(state[-1] - state[-3])) / max(float(t_s[-1] - t_s[-3]), 1e-3)
         if speed_m_s > _MOVING_M_S and outcome is not Outcome.TIPPED:  # a fallen one may roll
-            flags.append(f"the bottle still moves at the end ({1e3 * speed_m_s:.0f} mm/s): where it rests is not seen")
+            flags.append(
+                f"the bottle is still moving at the end ({1e3 * speed_m_s:.0f} mm/s): its resting place is unknown"
+            )
     end_deg = tilt_deg[sure][-1]
     if abs(end_deg - TIPPED_DEG) < 10:
         flags.append(f"outcome uncertain: the bottle leans by {end_deg:.0f}°, {TIPPED_DEG:.0f}° count as tipped")

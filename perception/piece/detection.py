@@ -130,10 +130,10 @@ def _complaint(inside: list[_Spot], spots: list[_Spot], area: Area) -> str:
         return f"{len(inside)} objects lie in {where}: at {places} m; leave one and take the others away"
     if spots:
         near = spots[0].xy_m
-        return f"nothing lies in {where}, but something at ({near[0]:.3f}, {near[1]:.3f}) m; move it into the area"
+        return f"nothing lies in {where}, but something lies at ({near[0]:.3f}, {near[1]:.3f}) m; move it into the area"
     return (
-        f"nothing lies in {where}: no spot of another colour than the table; put the piece there, and see that "
-        f"its colour differs from the table's"
+        f"nothing lies in {where}: no spot differs in colour from the table; put the piece there, and make sure that "
+        "its colour differs from the table's"
     )
 
 

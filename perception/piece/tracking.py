@@ -104,7 +104,9 @@ def _prepare(
         view = view_of(model.colour, X_BC, area, _HIGHEST_M)
         off_px = float(np.linalg.norm(shift_px))
         if off_px > _FAR_OFF_PX:
-            flags = (f"the tool appears {off_px:.1f} px beside its place: check the camera calibration and the grasp",)
+            flags = (
+                f"the tool appears {off_px:.1f} px away from its place: check the camera calibration and the grasp",
+            )
     depth_view = view_of(model.depth, X_BC @ model.X_CD, area, _HIGHEST_M)
     around = depth_window(model, X_BC, detection.centre_m)
     clear = ~np.isfinite(tool.depth(poses[0], around, around.directions))
@@ -124,8 +126,9 @@ def _flags(t_s: Array, places: Sequence[Place | None], state: Array, detection: 
     fits = [place.fit for place in places if place is not None and place.visible >= _FREE]
     if fits and np.median(fits) < _POOR_FIT:
         flags.append(
-            f"the piece looks other than when it was found (agreement {np.median(fits):.2f}, at least {_POOR_FIT:g} is "
-            "usual): motion blur, a shining spot, or another exposure; its place may be off by more than 5 mm"
+            f"the piece looks different from when it was found (agreement {np.median(fits):.2f}, at least "
+            f"{_POOR_FIT:g} is usual): motion blur, a shining spot, or another exposure; its place may be off by more "
+            "than 5 mm"
         )
     moved_m = float(np.linalg.norm(state[0, :2] - detection.xy_m))
     if moved_m > _MOVED_M:

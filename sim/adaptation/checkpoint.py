@@ -124,8 +124,8 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         raise CheckpointError(f"the checkpoint in {path} is for {card['task']}, not for {task.name}")
     if card["fingerprint"] != fingerprint(task):
         raise CheckpointError(
-            f"the checkpoint in {path} was trained with other {_difference(card, task)} of {task.name}"
-            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or name the file of that "
+            f"the checkpoint in {path} was trained with different {_difference(card, task)} of {task.name}"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the file of that "
             "object with --object"
         )
     verify_weights(path, card)

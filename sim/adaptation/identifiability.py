@@ -69,5 +69,5 @@ def _trials(
 
 def _words(left: float) -> str:
     if left < SETTLES:
-        return "settles within a session"
-    return "settles in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"
+        return "found within a session"
+    return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

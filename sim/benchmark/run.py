@@ -35,7 +35,9 @@ class Results:
             return
         before = read_toml(path)
         if different := [key for key, value in plan.items() if before.get(key) != value]:
-            raise DatasetError(f"{self.folder} holds results under another {', '.join(different)}: name another --out")
+            raise DatasetError(
+                f"{self.folder} holds results with a different {', '.join(different)}: give another --out"
+            )
 
     def row(self, job: Job) -> Row | None:
         """What is stored of a job; None where nothing is, or it cannot be read, so that it is run again."""

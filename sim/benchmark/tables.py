@@ -92,7 +92,7 @@ def build_table(
         write_toml(folder / MANIFEST, {**plan, "digest": ""})
     elif different := [key for key in _MADE_OF if before.get(key) != plan[key]]:
         raise DatasetError(
-            f"{folder} holds a table of another {', '.join(different)}: remove it and run the same command again"
+            f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
         )
     there, done = replace(task, simulate=rollouts_in(world)), 0
     for path, part in _shards(folder, table_requests(solver, world, size)):
@@ -164,7 +164,7 @@ def _read(folder: Path, world: World, size: int) -> WorldTable:
         path = folder / f"shard-{start // SHARD:04d}.npz"
         found = read_shard(path)
         if found is None:
-            raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, it remakes that one")
+            raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, which makes it again")
         requests, results = found
         actions.append(requests.action)
         parts.append(results)

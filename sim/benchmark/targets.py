@@ -54,7 +54,7 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
         for target in _meant(task, name):
             found.setdefault(target.name, target)
     if not found:
-        raise UnknownName(f"no target was named: give names of worlds, or {', '.join(SETS)}")
+        raise UnknownName(f"no target was given: give names of worlds, or {', '.join(SETS)}")
     return tuple(found.values())
 
 

@@ -51,7 +51,7 @@ def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array
         q = _within_limits(aimed_m, share * lean, azimuth)
         if len(q):
             return np.asarray(q[np.linalg.norm(q - NEAR_RAD, axis=1).argmin()])
-    raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies out of the arm's reach")
+    raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies outside the arm's reach")
 
 
 def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:

@@ -47,14 +47,18 @@ class LabHand:
         """See `hw.ports.Hand`."""
         self._need_connection()
         if self._grip.offered or self._grip.holds:
-            raise HandError("the hand found something between its fingers while homing; take it out and home it again")
+            raise HandError(
+                "the hand could not be homed: something is between its fingers; take it out and home it again"
+            )
         self._homed, self._width_m = True, WIDEST_M
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 <= width_m <= WIDEST_M:
-            raise HandError(f"the fingers cannot stand {1e3 * width_m:.1f} mm apart: 0 to {1e3 * WIDEST_M:.0f} mm")
+            raise HandError(
+                f"the fingers cannot open to {1e3 * width_m:.1f} mm: the range is 0 to {1e3 * WIDEST_M:.0f} mm"
+            )
         if self._grip.offered and width_m < self._grip.handle_m:
             raise HandError(f"the fingers met something {1e3 * self._grip.handle_m:.1f} mm wide; grasp it instead")
         self._width_m, self._grip.holds, self._grip.force_N = width_m, False, 0.0
@@ -63,7 +67,7 @@ class LabHand:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
-            raise HandError(f"a grasp force of {force_N:g} N: the hand gives up to {STRONGEST_N:g} N")
+            raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
         found_m = self._grip.handle_m if self._grip.offered else 0.0
         if not fits(found_m, width_m):
             self._width_m = found_m
@@ -76,7 +80,7 @@ class LabHand:
     def _need_homing(self) -> None:
         self._need_connection()
         if not self._homed:
-            raise HandError("the hand was not homed since it was switched on; empty it and home it first")
+            raise HandError("the hand has not been homed since it was switched on; empty it and home it first")
 
     def _need_connection(self) -> None:
         if not self._connected:

@@ -30,8 +30,8 @@ def require_possible(task: Task, physics: Physics, unmodelled: Any) -> None:
     for effect in _DRAKE_ONLY:
         if getattr(unmodelled, effect, None) != getattr(nominal, effect, None):
             raise OutOfRange(
-                f'[unmodelled] {effect} = "{getattr(unmodelled, effect)}" is a choice among Drake\'s contact laws, '
-                f'and physics = "{physics}" has its own; leave one of the two out'
+                f'[unmodelled] {effect} = "{getattr(unmodelled, effect)}" chooses among Drake\'s contact laws, '
+                f'but physics = "{physics}" has its own; leave one of the two out'
             )
 
 

@@ -54,7 +54,7 @@ class SimulatedLab:
         if world.task != task.name:
             raise ValueError(f"world {world.name} is of {world.task}, not of {task.name}")
         if cell.arm.name != "panda":
-            raise ValueError(f"the lab has a panda, and its workcell is of the arm {cell.arm.name}")
+            raise ValueError(f"the lab has a panda, but its workcell is for the arm {cell.arm.name}")
         self._task, self._world, self._seed = task, world, seed
         self._X_BC = default_X_BC()
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))

@@ -136,7 +136,7 @@ class _FeelingArm:
         self._need_connection()
         refuse_unless_safe(path, self._workcell_now, self._q_rad, fault=self._fault)
         if path.contact is not None:
-            raise MotionRefused("there is nothing to act on during a touch-off: only guarded motions may touch")
+            raise MotionRefused("a touch-off has no object to act on: only guarded motions may touch")
         knock = self._knocks(path)
         last = len(path.t_s) - 1 if knock is None else knock
         t_start_s = self._moved_to(path.q_rad[last], float(path.t_s[last]))

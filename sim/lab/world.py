@@ -193,7 +193,7 @@ def _no_devices(file: _File, source: str) -> None:
     tables = [name for name in ("sensing", "mount", "faults") if getattr(file, name)]
     if file.physics != "drake" and tables:
         raise WorldError(
-            f'{source}: [{tables[0]}] is of arm and camera, and with physics = "{file.physics}" the tool is driven '
+            f'{source}: [{tables[0]}] describes arm and camera, but with physics = "{file.physics}" the tool is driven '
             "directly; leave the table out"
         )
 
@@ -230,7 +230,7 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
     for dimension, value in zip(task.margin.dimensions, values, strict=True):
         if dimension.scale == "integer" and not dimension.low <= value <= dimension.high:
             kinds = f"{dimension.low:g} to {dimension.high:g}"
-            raise WorldError(f"{source}: {dimension.name} = {value:g} in [params] is no kind; choose {kinds}")
+            raise WorldError(f"{source}: {dimension.name} = {value:g} in [params] is not a kind; choose {kinds}")
     return values
 
 
@@ -298,5 +298,5 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
     for field in fields(Faults):
         early = [n for n in getattr(faults, field.name) if n < 1]
         if early:
-            raise WorldError(f"{source}: {field.name!r} in [faults] names trial {early[0]}; trials count from 1")
+            raise WorldError(f"{source}: {field.name!r} in [faults] names trial {early[0]}; trials are numbered from 1")
     return faults

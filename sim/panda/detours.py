@@ -51,7 +51,7 @@ def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed:
     report = cell.check(straight, q_from)
     if report.ok:
         return straight
-    for name, q in (("where it starts", q_from), ("where it shall go", q_to)):
+    for name, q in (("at the start of its way", q_from), ("at the end of its way", q_to)):
         still = cell.check(JointPath(np.array([0.0, 1e-3]), np.stack([q, q])))
         if not still.ok:
             raise NotExecutable(f"{model}: the arm is not clear {name}: {still.worst}; choose another posture")

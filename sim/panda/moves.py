@@ -73,7 +73,7 @@ def join_paths(*paths: JointPath) -> JointPath:
     """Paths one after the other; each starts where the one before it rests. Contact windows must not be there."""
     for before, after in pairwise(paths):
         if np.abs(after.q_rad[0] - before.q_rad[-1]).max() > 1e-9 or before.contact or after.contact:
-            raise ValueError("paths join only at rest in the same posture and away from contact")
+            raise ValueError("paths can be joined only at rest, in the same posture and away from contact")
     q_rad = np.concatenate([paths[0].q_rad, *(p.q_rad[1:] for p in paths[1:])])
     return JointPath(np.arange(len(q_rad)) / PATH_RATE_HZ, q_rad)
 

@@ -134,8 +134,8 @@ def task_paths(
     if refused is None:
         p = motion.X_BT[0, :3, 3]
         raise NotExecutable(
-            f"{model}: the tool motion from ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m is out of the arm's reach; "
-            "move it or mount the tool differently"
+            f"{model}: the tool motion from ({p[0]:.3f}, {p[1]:.3f}, {p[2]:.3f}) m is outside the arm's reach; move it "
+            "or mount the tool differently"
         )
     raise NotExecutable(
         f"{model}: no joint path keeps every limit to {ALLOWED:g}; the nearest: {refused.worst}; choose another action"

@@ -89,7 +89,7 @@ def stance(
     limits, near = arm.in_true_joints().limits, arm.true_rad(frozen_array(q_near, (7,), "q_near"))
     q = postures(probe.X_BT(table, above_m) @ np.linalg.inv(bench.X_FT), limits, _Q7, ALLOWED)
     guard = bench.guard(probe.feeler, force_N)
-    refused = "it is out of the arm's reach"
+    refused = "it is outside the arm's reach"
     for candidate in q[np.argsort(np.abs(q - near).max(axis=1))][::_EVERY][:_MOST]:
         try:
             path = descent(arm.reported_rad(candidate), search, guard, 0.0, arm)

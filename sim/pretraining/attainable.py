@@ -89,7 +89,7 @@ def attainable_threshold(checkpoint: Checkpoint) -> float:
     task, ahead = checkpoint.solver.task, checkpoint.prospects
     if ahead is None:
         raise CheckpointError(
-            f"{checkpoint.path} holds no prospects, so it is unknown what can be reached: make a checkpoint with "
+            f"{checkpoint.path} holds no prospects, so the attainable reward is unknown: make a checkpoint with "
             f"`adaptsim pretrain --task {task.name}`"
         )
     inside = np.array([task.parameters.contains(truth) for truth in ahead.truths])

@@ -243,7 +243,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
     different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(
-            f"{folder} was begun with another {', '.join(different)}: use a new folder, or the settings in {path}"
+            f"{folder} was begun with a different {', '.join(different)}: use a new folder, or the settings in {path}"
         )
 
 

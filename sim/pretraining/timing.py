@@ -47,4 +47,4 @@ def wall_times_s(folder: Path) -> dict[str, float]:
     try:
         return {str(stage): float(seconds) for stage, seconds in read_toml(path)["seconds"].items()}
     except (KeyError, AttributeError, TypeError, ValueError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}): remove it, only the wall times are lost") from error
+        raise DatasetError(f"{path} cannot be read ({error}): remove it; only the wall times are lost") from error

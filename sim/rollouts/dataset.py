@@ -164,7 +164,7 @@ def _read_rows(path: Path, count: int, pool: int) -> NDArray[np.int64]:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise DatasetError(f"{path} cannot be read ({error}): remove it, and the files {path.stem}-*.npz") from error
     if len(rows) != count or rows.min() < 0 or rows.max() >= pool:
-        raise DatasetError(f"{path} names {len(rows)} rollouts, wanted {count}: use a new folder")
+        raise DatasetError(f"{path} lists {len(rows)} rollouts instead of {count}: use a new folder")
     return np.asarray(rows, dtype=np.int64)
 
 
@@ -193,8 +193,8 @@ def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Roll
         rows = read_rollouts(path, part)
         if rows is None:
             raise DatasetError(
-                f"{path} is missing, truncated or changed: run the same `adaptsim pretrain` again, it redoes that "
-                "shard alone"
+                f"{path} is missing, truncated or changed: run the same `adaptsim pretrain` again; it repeats only "
+                "that shard"
             )
         parts.append(rows)
     return requests, concatenate(parts)
@@ -214,7 +214,7 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
         if stored.shape != probe.shape or np.abs(stored - probe).max() > PROBE_TOLERANCE:
             raise DatasetError(
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
-                f"elsewhere): use a new folder"
+                "differently): use a new folder"
             )
         have = (manifest["size"], manifest["denser"])
         if (folder / DENSER).exists() and have != (size, denser):

@@ -200,5 +200,6 @@ def _failure(requests: Requests, lost: list[int], chunk: int, error: BaseExcepti
     what = "a worker died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
     return RolloutError(
         f"rollouts {which} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
-        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. Run it alone to see why."
+        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. Run it by itself to see "
+        "why."
     )

@@ -85,4 +85,4 @@ def stored_count(path: Path) -> int:
         with np.load(path, allow_pickle=False) as file:
             return len(file["succeeded"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{path} is damaged ({error}): remove it, its rollouts are simulated again") from error
+        raise DatasetError(f"{path} is damaged ({error}): remove it; its rollouts are then simulated again") from error

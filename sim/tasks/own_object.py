@@ -40,8 +40,8 @@ class OwnObject:
         for key, (low, high) in self.ranges.items():
             if not low < high:
                 raise ObjectError(
-                    f"the object {self.name}: {key} = [{low:g}, {high:g}] is not a range, the first number must be the "
-                    "smaller one; a value that is known is given a narrow range around it"
+                    f"the object {self.name}: {key} = [{low:g}, {high:g}] is not a range: the first number must be the "
+                    "smaller one; for a known value, give a narrow range around it"
                 )
 
 
@@ -104,8 +104,8 @@ def _narrowed(usual: Dimension, tried: Dimension, own: OwnObject) -> tuple[Dimen
     if not tried.low <= low < high <= tried.high:
         unit = f" {usual.unit}" if usual.unit else ""
         raise ObjectError(
-            f"the object {own.name}: {usual.label} = [{low:g}, {high:g}] lies outside of what the scene of "
-            f"{own.task} is made for, {tried.low:g} to {tried.high:g}{unit}: check the unit, and narrow the range"
+            f"the object {own.name}: {usual.label} = [{low:g}, {high:g}] lies outside the range that the scene of "
+            f"{own.task} supports, {tried.low:g} to {tried.high:g}{unit}: check the unit, and narrow the range"
         )
     ours = replace(usual, low=low, high=high)
     if whole:

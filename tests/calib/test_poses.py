@@ -87,4 +87,4 @@ def test_one_distance_and_one_corner_are_not_enough() -> None:
     X_CM = [board_at((0.3, 0.1, 0.8), Rotation.from_euler(a, s * 25, degrees=True)) for a in "xy" for s in (1, -1)]
     told = coverage([seen(X) for X in X_CM], X_CM, BOARD, CAMERA).missing
     assert any("all views are 0.8" in hint for hint in told)
-    assert any("nothing yet at top left" in hint for hint in told)
+    assert any("it has not been at top left" in hint for hint in told)

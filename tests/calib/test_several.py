@@ -55,7 +55,7 @@ def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Tog
 
 def test_folders_that_do_not_belong_together_are_refused() -> None:
     one, two, three = cameras()
-    with pytest.raises(UnusableViews, match="at least two"):
+    with pytest.raises(UnusableViews, match="two or more"):
         solve_together([one])
     with pytest.raises(UnusableViews, match="on the wrist"):
         solve_together([one, replace(two, setup=replace(two.setup, mounting=Mounting.WRIST))])

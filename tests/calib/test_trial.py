@@ -37,7 +37,7 @@ def test_a_real_camera_lacks_its_distortion() -> None:
     found = trial(views, setup, solution, None)
     assert found is not None
     assert found.better
-    assert found.sentence.startswith("the stated intrinsics lack distortion: k1 = +0.1")
+    assert found.sentence.startswith("the stated intrinsics have no distortion: k1 = +0.1")
     assert found.refined_px < 0.6 * found.stated_px
     assert check(found, refined=False).verdict is Grade.SUSPECT
     assert "--refine-intrinsics" in check(found, refined=False).message
@@ -57,7 +57,7 @@ def test_intrinsics_of_another_resolution_are_named() -> None:
     solution, setup = solve_any_size(views, wrong, None)
     found = trial(views, setup, solution, None)
     assert found is not None
-    assert "of another resolution: focal length and centre ask to be scaled by 1.3" in found.sentence
+    assert "of another resolution: focal length and centre fit when scaled by 1.3" in found.sentence
 
 
 def test_right_intrinsics_are_left_alone() -> None:

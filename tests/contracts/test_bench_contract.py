@@ -48,7 +48,7 @@ SEEN = ("fake", "lab")
 @pytest.mark.parametrize(("trial", "attempt"), [(0, 0), (-1, 0), (1, -1)])
 def test_trials_count_from_1_and_attempts_from_0(make: Callable[[], Kind], trial: int, attempt: int) -> None:
     bench = make().bench
-    with pytest.raises(ValueError, match="trials count from 1 and attempts from 0"):
+    with pytest.raises(ValueError, match="trials are numbered from 1, attempts from 0"):
         bench.place(XY_M, trial, attempt)
     bench.place(XY_M, 1, 0)
 

@@ -79,7 +79,7 @@ def test_a_width_beyond_its_travel_is_refused(grippers: Grippers, width_m: float
     with grippers.make(None) as hand:
         hand.home()
         before_m = hand.state().width_m
-        with pytest.raises(HandError, match=r"mm apart: 0 to \d+"):
+        with pytest.raises(HandError, match=r"mm: the range is 0 to \d+"):
             hand.move(width_m)
         assert hand.state().width_m == pytest.approx(before_m, abs=1e-3)
 
@@ -89,7 +89,7 @@ def test_a_force_it_does_not_have_is_refused(grippers: Grippers, force_N: float)
     with grippers.make(None) as hand:
         hand.home()
         grippers.offer(hand)
-        with pytest.raises(HandError, match="up to 70 N"):
+        with pytest.raises(HandError, match="at most 70 N"):
             hand.grasp(HANDLE_M, force_N)
         assert not hand.state().holds
 

@@ -89,7 +89,7 @@ def test_a_session_of_the_pendulum_needs_no_arm_and_says_so(tmp_path: Path, capf
         (Scene(((0.572, -0.009),)), "15 mm from its mark"),
         (Scene((MARK, (0.80, 0.12))), "2 bottles are on the table"),
         (Scene(hand=(0.75, 0.15, 0.08)), "clear the table, and keep hands away"),
-        (Scene(hand=(0.56, 0.078, 0.05)), "take hands and other things away from it"),
+        (Scene(hand=(0.56, 0.078, 0.05)), "keep hands and other things away from it"),
     ],
     ids=["no bottle", "misplaced", "two bottles", "a hand beside it", "a hand at it"],
 )
@@ -150,8 +150,8 @@ def test_a_hand_in_the_picture_during_the_motion_is_flagged_and_the_trial_kept(
     shown = capfd.readouterr()
     record = json.loads(shown.out)
     assert alone["flags"] == []
-    assert any(flag.startswith("a hand or another thing") for flag in record["flags"])
-    assert "note: a hand or another thing" in shown.err
+    assert any(flag.startswith("a hand or another object") for flag in record["flags"])
+    assert "note: a hand or another object" in shown.err
     assert np.allclose(record["observation"], alone["observation"], atol=0.005), "it is not tracked for the bottle"
 
 

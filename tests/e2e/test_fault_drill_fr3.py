@@ -80,7 +80,7 @@ def goes_on(drill: Drill) -> Ended:
 
 def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_comes_to_its_end(drill: Drill) -> None:
     reflex = drill.run(at_first("approach", lambda _: drill.arm.tell(f"reflex {AT_S} joint_reflex")))
-    told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*look what it touched.*clear it", THEN)
+    told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*check what it touched.*clear it", THEN)
     stands(drill)
 
     pedal = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.release)))
@@ -107,7 +107,7 @@ def test_the_stop_button_is_waited_for_by_the_same_command(drill: Drill) -> None
         drill.arm.tell("release")
         return ""
 
-    again = drill.run(answers={"Enter once that is done, q to stop, ? explains:": released, START: "q"})
+    again = drill.run(answers={"Enter when done, q to stop, ? explains:": released, START: "q"})
     told(again, 7, "stopped by the operator; everything completed is stored")
     assert "The arm reports: the stop button is pressed" in again.said
     assert "Type recover" not in again.said, "an arm whose button is released is Idle: there is nothing to clear"

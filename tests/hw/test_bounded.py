@@ -36,7 +36,7 @@ COLLECTED = {
     "nan.json": (b'{"a": NaN}', "not a finite number"),
     "infinite.json": (b'{"a": [1e999]}', "not a finite number"),
     "digits.json": (b'{"a": ' + b"9" * 5000 + b"}", "thousands of digits"),
-    "list.json": (b"[]", "does not hold a table"),
+    "list.json": (b"[]", "is not a table of keys and values"),
     "empty.json": (b"", "not valid JSON"),
     "comma.json": (b'{"a": 1,}', "not valid JSON"),
 }

@@ -36,9 +36,9 @@ def test_a_device_that_starts_anew_is_learned_anew() -> None:
 
 
 def test_nothing_is_known_before_the_first_image() -> None:
-    with pytest.raises(CameraError, match="not known yet"):
+    with pytest.raises(CameraError, match="not known before the first image"):
         DeviceClock().map()
-    with pytest.raises(ValueError, match="at least 0"):
+    with pytest.raises(ValueError, match="must be 0 or more"):
         DeviceClock(delay_s=-1.0)
 
 

@@ -48,7 +48,7 @@ def test_a_file_that_is_missing_or_no_libk4a(tmp_path: Path) -> None:
 def test_a_library_that_crashes_takes_only_the_child_along() -> None:
     crash = child("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
     report = probe_k4a("/usr/lib/libk4a.so", child=crash)
-    assert report.error == "/usr/lib/libk4a.so ended its process (signal 11) when it was asked for cameras"
+    assert report.error == "/usr/lib/libk4a.so ended its process (signal 11) while it listed the cameras"
     assert report.fix is not None and "does not fit this machine" in report.fix
 
 
@@ -78,7 +78,7 @@ def test_cameras_are_listed_with_serial_and_firmware_and_given_back() -> None:
 
 def test_no_camera_and_none_that_can_be_opened() -> None:
     none = look(FakeK4a(), "libk4a.so", NO_MAPS)
-    assert none.error == "libk4a.so sees no camera" and none.fix is not None and "udev" in none.fix
+    assert none.error == "libk4a.so finds no camera" and none.fix is not None and "udev" in none.fix
     taken = look(FakeK4a("A1", busy=("A1",)), "libk4a.so", NO_MAPS)
     with pytest.raises(DeviceUnavailable, match="another program uses it"):
         taken.require()

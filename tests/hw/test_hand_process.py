@@ -152,7 +152,7 @@ def test_a_program_that_is_killed_interrupted_or_hangs_stops_the_hand(how: signa
             program.send_signal(signal.SIGCONT)
             assert program.stdout is not None
             assert program.stdout.readline() == (
-                "the hand was stopped: the program said nothing for a moment; look at it, then run the command "
+                "the hand was stopped: the program was silent for too long; look at it, then run the command "
                 "again: it homes the hand again\n"
             )
 
@@ -169,7 +169,7 @@ def test_no_process_is_left_behind() -> None:
 
 
 def test_a_hand_that_takes_one_connection_is_refused() -> None:
-    with gripper(most_clients=1) as server, pytest.raises(DeviceUnavailable, match="takes no second connection"):
+    with gripper(most_clients=1) as server, pytest.raises(DeviceUnavailable, match="refuses a second connection"):
         HandProcess("fr3", server.host).__enter__()
 
 

@@ -62,7 +62,7 @@ def test_unplugged_while_held(line: Line, box: Box) -> None:
 
 
 def test_a_box_that_says_nothing(line: Line) -> None:
-    with pytest.raises(DeviceUnavailable, match="has not said anything"), EnablePedal(line.port):
+    with pytest.raises(DeviceUnavailable, match="has not sent anything"), EnablePedal(line.port):
         pass
 
 
@@ -104,8 +104,8 @@ def test_sbi(answer: bytes, mass_kg: float) -> None:
         (b"       H      \r\n", "overloaded"),
         (b"       L      \r\n", "underloaded"),
         (b"+   123.45 oz \r\n", "'oz'"),
-        (b"+   12x.45 g  \r\n", "where a number belongs"),
-        (b"S S 1 g\r\n", "not 16 characters of SBI"),
+        (b"+   12x.45 g  \r\n", "instead of a number"),
+        (b"S S 1 g\r\n", "not SBI with 16 characters"),
     ],
 )
 def test_sbi_that_is_no_mass(answer: bytes, message: str) -> None:
@@ -154,7 +154,7 @@ def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeyp
     with SerialBalance(line.port, "mt-sics") as balance:
         line.unplug()
         for _ in range(2):
-            with pytest.raises(BalanceError, match=r"cannot be asked .*plug it in again.*weigh again"):
+            with pytest.raises(BalanceError, match=r"cannot be read .*plug it in again.*weigh again"):
                 balance.mass_kg()
         again = Line()
         monkeypatch.setattr(balance, "_port", again.port)  # a pseudo-terminal does not come back under its name
@@ -178,5 +178,5 @@ def test_a_balance_that_takes_no_question_is_said(line: Line, monkeypatch: pytes
         with suppress(BlockingIOError):
             while True:  # until the line is full, as of a balance that holds its handshake
                 os.write(line.program, b"S\r\n")
-        with pytest.raises(BalanceError, match="cannot be asked"):
+        with pytest.raises(BalanceError, match="cannot be read"):
             balance.mass_kg()

@@ -72,7 +72,7 @@ class ArmPart:
     joint_impedance_Nm_rad: Annotated[
         Seven, Field(description="how stiff the joints are held", json_schema_extra={"unit": "Nm/rad"})
     ] = _IMPEDANCE
-    collision: Annotated[Collision, Field(description="when the arm stops by itself")] = Field(
+    collision: Annotated[Collision, Field(description="thresholds at which the arm stops by itself")] = Field(
         default_factory=Collision
     )
 
@@ -100,7 +100,7 @@ class PayloadPart:
     """What the hand holds; without it the arm takes the tool's weight for an external force."""
 
     mass_kg: Annotated[
-        float, Field(ge=0.0, le=3.0, description="mass without the hand", json_schema_extra={"unit": "kg"})
+        float, Field(ge=0.0, le=3.0, description="its mass, without the hand", json_schema_extra={"unit": "kg"})
     ]
     com_F_m: Annotated[
         Three, Field(description="its centre of mass, in the flange frame", json_schema_extra={"unit": "m"})
@@ -135,8 +135,8 @@ class ToolPart:
             json_schema_extra={"unit": "m"},
         ),
     ] = None
-    height_m: Annotated[float, _touched(0.02, "how much higher it hangs than the mount says", "m")] = 0.0
-    forward_m: Annotated[float, _touched(0.02, "how much further forward it hangs than the mount says", "m")] = 0.0
+    height_m: Annotated[float, _touched(0.02, "how much higher it sits than in the nominal mount", "m")] = 0.0
+    forward_m: Annotated[float, _touched(0.02, "how much further forward it sits than in the nominal mount", "m")] = 0.0
     pitch_rad: Annotated[float, _touched(0.2, "how much further its edge is pitched down", "rad")] = 0.0
     roll_rad: Annotated[float, _touched(0.2, "how much further its left side is rolled up", "rad")] = 0.0
     payload: Annotated[PayloadPart | None, Field(description="what the hand holds", examples=[PayloadPart(0.12)])] = (
@@ -147,7 +147,9 @@ class ToolPart:
         if self.X_FT is not None:
             R = np.array(self.X_FT)[:3, :3]
             if np.abs(R @ R.T - np.eye(3)).max() > 1e-3 or np.linalg.det(R) < 0.0 or self.X_FT[3] != (0, 0, 0, 1):
-                raise ValueError("X_FT: no pose, its left upper 3 × 3 must be a rotation and its last row 0, 0, 0, 1")
+                raise ValueError(
+                    "X_FT: not a pose: its upper left 3 × 3 must be a rotation and its last row 0, 0, 0, 1"
+                )
 
     def held(self) -> Payload:
         """What the hand holds; nothing where the file does not say it."""
@@ -165,17 +167,13 @@ class TablePart:
     height_m: Annotated[
         float, Field(ge=-0.05, le=0.05, description="height under the base's axis", json_schema_extra={"unit": "m"})
     ] = 0.0
-    slope_x: Annotated[
-        float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="how much it rises for every metre along X")
-    ] = 0.0
-    slope_y: Annotated[
-        float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="how much it rises for every metre along Y")
-    ] = 0.0
+    slope_x: Annotated[float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="rise per metre along X")] = 0.0
+    slope_y: Annotated[float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="rise per metre along Y")] = 0.0
     x_m: Annotated[
-        Range, Field(description="the work area along X, from and to", json_schema_extra={"unit": "m"})
+        Range, Field(description="work area along X, from and to", json_schema_extra={"unit": "m"})
     ] = (0.30, 1.20)  # fmt: skip
     y_m: Annotated[
-        Range, Field(description="the work area along Y, from and to", json_schema_extra={"unit": "m"})
+        Range, Field(description="work area along Y, from and to", json_schema_extra={"unit": "m"})
     ] = (-0.60, 0.60)  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -211,7 +209,7 @@ class PersonPart:
 class KeepOutPart:
     """A box, along the axes of the base frame, that neither arm nor tool enters."""
 
-    name: Annotated[str, Field(min_length=1, description="what stands there, for messages")]
+    name: Annotated[str, Field(min_length=1, description="its name, for messages")]
     low_m: Annotated[Three, Field(description="its lower corner", json_schema_extra={"unit": "m"})]
     high_m: Annotated[Three, Field(description="its upper corner", json_schema_extra={"unit": "m"})]
 
@@ -227,7 +225,7 @@ class KeepOutPart:
 class CameraPart:
     """The Azure Kinect or Femto Bolt; exposure and white balance are fixed, so that pictures compare."""
 
-    serial: Annotated[str, Field(description="serial number; empty: the only one that is plugged in")] = ""
+    serial: Annotated[str, Field(description="serial number; empty: the only camera plugged in")] = ""
     exposure_us: Annotated[
         int, Field(ge=500, le=33_330, description="exposure of the colour camera", json_schema_extra={"unit": "µs"})
     ] = 8_000
@@ -235,10 +233,10 @@ class CameraPart:
         int, Field(ge=2_500, le=12_500, multiple_of=10, description="white balance", json_schema_extra={"unit": "K"})
     ] = 4_500
     gain: Annotated[
-        int | None, Field(ge=0, le=255, description="gain of the colour camera; left out: as it is", examples=[128])
+        int | None, Field(ge=0, le=255, description="gain of the colour camera; left out: unchanged", examples=[128])
     ] = None
     mains_hz: Annotated[
-        Literal[50, 60], Field(description="mains of the lamps, 50 or 60", json_schema_extra={"unit": "Hz"})
+        Literal[50, 60], Field(description="mains frequency of the lamps, 50 or 60", json_schema_extra={"unit": "Hz"})
     ] = 60
 
     def settings(self) -> ColourSettings:
@@ -259,7 +257,7 @@ class BalancePart:
 
     port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyUSB0"])]
     protocol: Annotated[
-        Literal["mt-sics", "sbi"], Field(description="how it is asked: mt-sics (Mettler Toledo) or sbi (Sartorius)")
+        Literal["mt-sics", "sbi"], Field(description="protocol: mt-sics (Mettler Toledo) or sbi (Sartorius)")
     ] = "mt-sics"
 
 
@@ -267,7 +265,7 @@ class BalancePart:
 class RigDescription:
     """One lab with one real arm."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$", description="what the lab is called, a short word")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$", description="short name of the lab")]
     arm: Annotated[ArmPart, Field(description="the arm")]
     table: Annotated[TablePart, Field(description="the table")] = Field(default_factory=TablePart)
     camera: Annotated[CameraPart, Field(description="the camera")] = Field(default_factory=CameraPart)
@@ -277,14 +275,14 @@ class RigDescription:
     ] = False
     without_hand: Annotated[
         bool,
-        Field(description="true: the tool is screwed on and no hand watched, and every trial records that"),
+        Field(description="true: the tool is screwed on and no hand is watched, and every trial records that"),
     ] = False
     balance: Annotated[BalancePart | None, Field(description="the balance")] = None
     tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
     person: Annotated[
         PersonPart | None, Field(description="where the operator stands", examples=[PersonPart("left")])
     ] = None
-    keep_out: Annotated[tuple[KeepOutPart, ...], Field(description="boxes that the arm does not enter")] = ()
+    keep_out: Annotated[tuple[KeepOutPart, ...], Field(description="boxes that the arm must not enter")] = ()
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.keep_out]

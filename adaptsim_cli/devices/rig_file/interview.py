@@ -29,14 +29,14 @@ def interview(ask: Ask, tell: Callable[[str], None], found: Inventory, arm: str 
     if model == NOTHING:
         return None
     rig: dict[str, Any] = {"name": "lab", "arm": {"model": model, "address": ADDRESS}}
-    rig |= _checked(ask, tell, "What is the lab called, in one word?", "lab", lambda name: {**rig, "name": name})
+    rig |= _checked(ask, tell, "Name of the lab, in one word?", "lab", lambda name: {**rig, "name": name})
     rig |= _checked(
         ask, tell, "At which network address does the arm's control box answer?", ADDRESS,
         lambda address: {**rig, "arm": {"model": model, "address": address}},
     )  # fmt: skip
     if len(found.cameras) != 1:
         tell(f"Cameras seen: {', '.join(found.cameras) or NOTHING}")
-    serial = ask("Serial number of the camera (none: whichever is plugged in)?", (*found.cameras, NOTHING)[0])
+    serial = ask("Serial number of the camera (none: any camera that is plugged in)?", (*found.cameras, NOTHING)[0])
     rig["camera"] = {"serial": "" if serial == NOTHING else serial}
     if pedal := _port(ask, tell, "Serial port of the enabling pedal?", found.ports, found.pedal_port):
         rig["pedal"] = {"port": pedal}
@@ -48,7 +48,7 @@ def interview(ask: Ask, tell: Callable[[str], None], found: Inventory, arm: str 
 
     port = _port(ask, tell, "Serial port of the balance?", left, balance, lambda port: _tried(with_balance(port)))
     if port:
-        protocol = _one_of(ask, tell, "What does the balance speak?", ("mt-sics", "sbi"), "mt-sics")
+        protocol = _one_of(ask, tell, "Which protocol does the balance use?", ("mt-sics", "sbi"), "mt-sics")
         rig["balance"] = {"port": port, "protocol": protocol}
     if (side := _side(ask, tell)) != NOTHING:
         rig["person"] = {"side": side}
@@ -63,7 +63,7 @@ def _side(ask: Ask, tell: Callable[[str], None]) -> str:
         if not (said := "; ".join(reached(person.box()))):
             break
         tell(
-            f"That side is kept clear from {person.from_m:g} m on, so that trials there would be refused: {said}. Name "
+            f"That side is kept clear from {person.from_m:g} m on, so trials there would be refused: {said}. Give "
             f"another side; or {NOTHING}, and write [person] with a larger from_m into the rig file"
         )
     return side

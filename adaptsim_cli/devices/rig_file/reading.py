@@ -30,7 +30,7 @@ _LIMITS = {
     "less_than": "below {lt}",
     "multiple_of": "a multiple of {multiple_of}",
     "string_too_short": "not empty",
-    "string_pattern_mismatch": "letters, digits, dots, - and _ alone",
+    "string_pattern_mismatch": "only letters, digits, dots, - and _",
     "literal_error": "one of {expected}",
     "float_type": "a number",
     "int_type": "a whole number",

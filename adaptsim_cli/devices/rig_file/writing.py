@@ -54,7 +54,7 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
     if request.arm is not None and request.arm not in ARMS:
         raise UsageError(f"--arm {request.arm}: choose one of {', '.join(ARMS)}")
     if not request.yes:
-        console.require_terminal("there is no terminal to answer at: run in a terminal, or add --yes for every default")
+        console.require_terminal("there is no terminal to ask at: run in a terminal, or add --yes for every default")
     settings = places.project_file if request.project else places.user_file
     file = settings.with_name(config.RIG_FILE)
     if request.arm != "none":
@@ -71,14 +71,14 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
         screen.plain(f"Rig file: {file}")
         if rig.pedal is None:
             screen.note(
-                "No enabling pedal: the arm does not move before the file names one, or says without_pedal = true"
+                "No enabling pedal: the arm does not move until the file names one, or says without_pedal = true"
             )
     new = not settings.exists()
     if new:
         durable.make_folder(settings.parent)
         durable.write_file(settings, config.template().encode())
-    screen.plain(f"Settings: {settings}" + ("" if new else " (left as it is)"))
-    screen.next((f"adaptsim doctor{'' if rig is None else f' --hw {rig.arm.model}'}", "look the files over first"))
+    screen.plain(f"Settings: {settings}" + ("" if new else " (unchanged)"))
+    screen.next((f"adaptsim doctor{'' if rig is None else f' --hw {rig.arm.model}'}", "check the files first"))
     return Written(settings, new, None if rig is None else file, rig)
 
 
@@ -87,9 +87,9 @@ def _may_replace(file: Path, request: InitRequest, screen: Screen) -> None:
     if not file.exists() or request.overwrite:
         return
     if request.yes:
-        raise UsageError(f"{file} exists already and is left as it is; edit it, or add --overwrite to replace it")
+        raise UsageError(f"{file} exists already and is unchanged; edit it, or add --overwrite to replace it")
     keep = stop("Nothing is written.")
-    replace = Key("y", "to replace it", "The questions follow; the file is replaced when all are answered.")
+    replace = Key("y", "to replace it", "The questions follow; the file is replaced once all are answered.")
     if screen.choose(f"{file} exists already.", enter("to keep it", "Nothing is written."), replace, keep) != "y":
         raise StoppedByOperator(f"{file} is left as it is")
 

@@ -139,7 +139,7 @@ class _MuJoCo:
         self._t_s = t_s
         failed = [warning.name for warning in _BAD if self._data.warning[warning].number]
         if failed or not np.isfinite(self._data.qpos).all():
-            raise RuntimeError(f"MuJoCo's state is no number any more or huge ({', '.join(failed) or 'qpos'})")
+            raise RuntimeError(f"MuJoCo's state is no longer finite, or is huge ({', '.join(failed) or 'qpos'})")
 
     def _wanted(self, t_s: Array) -> Array:
         """(n, 3) the force of each spring and damper of the carriage, were the carriage itself at zero and at rest."""

@@ -70,7 +70,7 @@ def held_out(
     if abs(everywhere.brier - float(stored["brier"])) > 1e-3:
         raise DatasetError(
             f"on the held-out rollouts the emulator has a Brier score of {everywhere.brier:.4f}, its report says "
-            f"{float(stored['brier']):.4f}: dataset, emulator and report are not of one pretraining. Remove "
+            f"{float(stored['brier']):.4f}: dataset, emulator and report do not come from the same pretraining. Remove "
             "emulator.safetensors and what follows, and run the same `adaptsim pretrain` again"
         )
     within = rows[[task.parameters.contains(parameters) for parameters in requests.parameters]]

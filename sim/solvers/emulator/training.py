@@ -74,7 +74,7 @@ def train_emulator(
     """Fit, calibrate and judge an ensemble. The same seed gives the same numbers. Raises DatasetError."""
     settings = settings or EmulatorSettings()
     if len(dataset) < SMALLEST:
-        raise DatasetError(f"{len(dataset)} rollouts are too few to learn from: take {SMALLEST} or more")
+        raise DatasetError(f"{len(dataset)} rollouts are too few to learn from: simulate {SMALLEST} or more")
     rng = np.random.default_rng(seed)
     calibrate, judge, train = split(dataset, rng, settings)
     targets = _targets(task, dataset)

@@ -45,14 +45,14 @@ class NafMemory:
     def policy(self, position: int) -> NafPolicy:
         """Of one entry of the record that has not given yet, or any where there is a folder."""
         if position not in self._networks:
-            assert self._folder is not None, "a policy that has given is not kept"
+            assert self._folder is not None, "a policy that has already acted is not stored"
             try:
                 tensors = load_tensors(self._path(position))
                 self._networks[position] = restore_policy(self.task, tensors, self._errors[position])
             except RuntimeError as error:
                 raise CheckpointError(
-                    f"{self._path(position)} does not fit {self.task.name} ({error}): remove its folder, the policies "
-                    "are trained again"
+                    f"{self._path(position)} does not fit {self.task.name} ({error}): remove its folder; the policies "
+                    "are then trained again"
                 ) from error
         return self._networks[position]
 
@@ -109,12 +109,12 @@ class NafMemory:
             self._errors = [float(r["value_error"]) for r in rows]
         except (KeyError, TypeError, ValueError) as error:
             raise CheckpointError(
-                f"{path} is damaged ({error}): remove its folder, the policies are trained again"
+                f"{path} is damaged ({error}): remove its folder; the policies are then trained again"
             ) from error
         if found != fingerprint(self.task):
             raise CheckpointError(
                 f"the policies in {path.parent} were trained with other ranges of {self.task.name}: remove the folder, "
-                f"or begin another session"
+                "or begin another session"
             )
 
 

@@ -138,7 +138,7 @@ def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -
 def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
     """The task's, all budgets times `scale`. Raises UnknownName for a task that has none."""
     if task.reuse is None:
-        why = "its task policies are exact" if task.exact else "it says nothing of how NAF's policies are reused"
+        why = "its task policies are exact" if task.exact else "it does not define how NAF's policies are reused"
         raise UnknownName(f"{task.name} has no solver naf: {why}. Leave --solver out")
     return task.reuse.scaled(scale)
 

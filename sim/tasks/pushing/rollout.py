@@ -38,7 +38,7 @@ ARM = Compliance(
 """Stiffer than an arm and without its coupling: a bottle of 0.3 kg moves the plate by micrometres either way
 (tests/sim/lab/test_lab_agreement.py)."""
 
-STILL_MOVING = f"the bottle still moves {SETTLE_S:g} s after the push"
+STILL_MOVING = f"the bottle is still moving {SETTLE_S:g} s after the push"
 """The flag of a bottle that is judged while it moves."""
 
 _NEAR_M = 0.002

@@ -42,7 +42,7 @@ def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> P
     elif g == BOX:
         points = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     else:
-        raise OutOfRange(f"shape g = {g} is none of 0 ellipsoid, 1 cylinder, 2 box")
+        raise OutOfRange(f"shape g = {g} must be 0 (ellipsoid), 1 (cylinder) or 2 (box)")
     return _solid(points * [*half_widths_m, height_m / 2.0])
 
 

@@ -131,7 +131,7 @@ def test_a_board_that_is_not_laid_in_view_is_said(tmp_path: Path) -> None:
     series = store(tmp_path).series(setup_record(toy.camera.model(), toy.board, "panda"), fresh=True)[0]
     bench.paint = lambda image: np.full_like(image, 120)
     touching.offer(toy, series, screen, unattended=True)
-    assert "once more: 0 of the board's 17 markers" in said(screen)
+    assert "again: 0 of the board's 17 markers" in said(screen)
     assert "no point is touched" in said(screen)
     assert not series.has_touch
 
@@ -175,7 +175,7 @@ def test_poses_serve_where_joints_are_not_known(copied: Path) -> None:
         (lambda folder: edit(folder, corner=99), "corner 99; this board has 0 to 23"),
         (lambda folder: edit(folder, q_rad=None), "exactly one of q_rad and X_BF"),
         (lambda folder: edit(folder, q_rad=[[0, -45, 0, -135, 0, 90, 45]] * 4), "not in degrees"),
-        (lambda folder: (folder / "touch.png").write_bytes(b"half"), r"touch\.png is not what touch\.json says"),
+        (lambda folder: (folder / "touch.png").write_bytes(b"half"), r"touch\.png does not match touch\.json"),
         (lambda folder: (folder / "touch.png").unlink(), r"touch\.png, named by touch\.json, is missing"),
     ],
 )

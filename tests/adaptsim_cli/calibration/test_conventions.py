@@ -176,7 +176,7 @@ def _joints(i: int) -> dict[str, Any]:
         ('dh_convention = "craig"\ndh = [[0.0, 0.0, 0.333, 0.0]]', "7 joints; this arm has 1"),
         ('urdf = "missing.urdf"', "cannot be read as URDF"),
         ('urdf = "foreign.urdf"\ntip = "l9"', "no chain from its root to l9"),
-        ('urdf = "../foreign.urdf"', "named without a folder"),
+        ('urdf = "../foreign.urdf"', "without a folder"),
     ],
 )
 def test_kinematics_that_cannot_be_meant(kinematics: str, message: str, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
     folder = real_views.corner_folder(tmp_path)
     plain = solve_folder(folder, hw="recorded", created="", versions={}).record
     (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
-    assert "the stated intrinsics lack distortion: k1 = +0.1" in said
+    assert "the stated intrinsics have no distortion: k1 = +0.1" in said
     assert plain.refined_intrinsics is None
     try:
         conduct.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)

@@ -93,4 +93,4 @@ def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
     assert found["rows"][0]["real_trials"] == 4
     assert all(0.0 <= row["reward"] <= 1.0 for row in found["rows"])
     assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "32"]) == 8
-    assert "holds a table of another size" in said(capsys)[1]
+    assert "holds a table with a different size" in said(capsys)[1]

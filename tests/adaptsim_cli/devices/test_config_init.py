@@ -122,7 +122,7 @@ def test_a_rig_file_is_never_replaced_unasked(
     assert app.run([*init, "--arm", "panda", "--yes"]) == 0
     before = (place / "rig.toml").read_bytes()
     assert app.run([*init, "--arm", "fr3", "--yes"]) == 2
-    assert "exists already and is left as it is" in capfd.readouterr().err
+    assert "exists already and is unchanged" in capfd.readouterr().err
     typing(monkeypatch, "n")
     assert app.run(init) == 7
     assert (place / "rig.toml").read_bytes() == before

@@ -73,7 +73,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     asked: list[str] = []
 
     def answer(question: str) -> str:
-        asked.append(question.partition("(nothing moves). ")[2] or question.partition("either. ")[2])
+        asked.append(question.partition("(nothing moves). ")[2] or question.partition("anything. ")[2])
         if not sdk.modes.pressed:
             return "recover"
         sdk.modes.be("Reflex")
@@ -88,7 +88,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
         offer_recovery(arm, screen)
         assert arm.state().fault is None
     recover = "Type recover to clear it, Enter to leave it, q to stop, ? explains:"
-    assert asked == ["Enter once that is done, q to stop, ? explains:", recover, recover]
+    assert asked == ["Enter when done, q to stop, ? explains:", recover, recover]
     assert not any(name in ("command", "set_load") for name, _ in sdk.calls)
 
 

@@ -47,7 +47,7 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.Mo
     [
         (ArmFault("panda stopped 0.4 s into the path: joint_reflex"), "joint_reflex"),
         (KeyboardInterrupt(), "KeyboardInterrupt"),
-        (None, "the program ended in the middle of it: it was killed"),
+        (None, "the program ended during the motion: it was killed"),
     ],
 )
 def test_a_stop_is_never_forgotten(
@@ -82,7 +82,7 @@ def test_a_stop_is_never_forgotten(
         moved.execute(STILL)
     assert why in said(screen)
     assert "did not come to its end" in said(screen)
-    assert "Check before anything moves: does the arm stand still" in said(screen)
+    assert "Check before anything moves: the arm stands still" in said(screen)
     assert said(screen).index("Check before") < said(screen).index("Type panda to confirm")
     assert last.unended() is None, "a motion that ended well takes the note away"
 

@@ -215,7 +215,7 @@ def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
         real.rig.arm.execute(STILL)
         assert beside(real).facts().tool_width_m == HANDLE_M
         for width_m, holds, why in (
-            (HANDLE_M - 0.0012, True, "has slipped: the fingers stand 10.8 mm apart, 12.0 mm at first"),
+            (HANDLE_M - 0.0012, True, "has slipped: the fingers are 10.8 mm apart, 12.0 mm at first"),
             (
                 0.0,
                 False,
@@ -263,7 +263,7 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
     there = mounted(SCOOPING, read(place / "rig.toml"), np.zeros(7))
-    with pytest.raises(NotExecutable, match=r"leaves the work area.*\[table\] of the rig file"):
+    with pytest.raises(NotExecutable, match=r"outside the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
 

@@ -60,7 +60,7 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
     [
         (program.python("3.11.7", "<3.13,>=3.11"), OK, "3.11.7"),
         (program.python("3.10.2", "<3.13,>=3.11"), MISSING, "3.10.2, needed <3.13,>=3.11"),
-        (program.packages(["numpy<2.5,>=2.2", "dask; extra == 'cluster'"], HAVE.get), OK, "1 with the versions"),
+        (program.packages(["numpy<2.5,>=2.2", "dask; extra == 'cluster'"], HAVE.get), OK, "with the required versions"),
         (program.packages(["numpy<2.3", "mcap>=1.3"], HAVE.get), MISSING, "numpy 2.4.0, needed <2.3; mcap is not inst"),
         (program.libraries(lambda _: True), OK, "find theirs"),
         (program.libraries(lambda name: "usb" not in name), MISSING, "libusb-1.0-0"),
@@ -79,7 +79,7 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (machine.priorities(Limits(0, 8e6, True)), OK, "may ask"),
         (machine.priorities(Limits(0, 8e6, False)), MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 needed"),
         (machine.priorities(Limits(99, 8e6, False)), MISSING, "memlock 8 MB"),
-        (machine.governor(()), OK, "no governor"),
+        (machine.governor(()), OK, "no frequency governor"),
         (machine.governor(("performance",) * 2), OK, "every core"),
         (machine.governor(("performance", "powersave")), ADVICE, "powersave on 1 of 2 cores"),
         (machine.network("arm", RoundTrips((0.2, 0.3, 0.2), 0)), OK, "answers in 0.20 ms, 0.30 ms at worst"),
@@ -155,10 +155,10 @@ def test_the_camera_streams_or_its_driver_is_given_up(
 
 def test_a_device_that_does_not_answer_is_named_with_its_own_words() -> None:
     def silent() -> str:
-        raise DeviceUnavailable("the pedal has not said anything")
+        raise DeviceUnavailable("the pedal has not sent anything")
 
     found = lab.answers("pedal", silent, (DeviceUnavailable,), "docs/guide/enable-pedal.md")
-    assert (found.verdict, found.detail) == (MISSING, "the pedal has not said anything")
+    assert (found.verdict, found.detail) == (MISSING, "the pedal has not sent anything")
     with pytest.raises(ZeroDivisionError):  # a defect of the program is not taken for a device
         lab.answers("pedal", lambda: str(1 / 0), (DeviceUnavailable,), "")
 
@@ -229,7 +229,7 @@ def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple
     assert "protocol version 1; the pedal is released" in found[1].detail
     (_, silent) = examination._pedal(rig_with(pedal=PedalPart(port)))
     assert silent.verdict is MISSING
-    assert "has not said anything" in silent.detail
+    assert "has not sent anything" in silent.detail
     (gone,) = examination._pedal(rig_with(pedal=PedalPart("/dev/none")))
     assert gone.verdict is MISSING
 

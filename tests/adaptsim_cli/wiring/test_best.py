@@ -73,7 +73,7 @@ def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixt
     [
         (["--best", "--yes"], "go together"),
         (["--session", NAME, "--yes"], "go together"),
-        (["--session", NAME, "--best", "--param", "m1=1"], "leave --task and --param out"),
+        (["--session", NAME, "--best", "--param", "m1=1"], "leave out --task and --param"),
         (["--session", "empty", "--best", "--yes"], "no complete iteration yet"),
     ],
 )

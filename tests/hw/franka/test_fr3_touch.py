@@ -178,5 +178,5 @@ def test_a_connection_lost_half_way_is_a_fault_then_unavailable() -> None:
         server.at(1.0, lambda: server.signal(signal.SIGKILL))
         with pytest.raises(ArmFault, match="does not answer"):
             arm.execute_until_contact(PATH, GUARD)
-        with pytest.raises(DeviceUnavailable, match="takes no connection"):
+        with pytest.raises(DeviceUnavailable, match="refuses the connection"):
             arm.state()

@@ -22,7 +22,7 @@ def test_an_address_is_a_name_or_number_alone(host: str) -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Payload(-0.1), r"carry 0 to 3 kg"),
+        (lambda: Payload(-0.1), r"must be 0 to 3 kg"),
         (lambda: Payload(3.5), r"payload of 3\.5 kg"),
         (lambda: Payload(0.1, np.zeros(2)), "centre of mass"),
         (lambda: Payload(0.1, np.zeros(3), np.diag([1.0, 1.0, -1.0])), "symmetric and not negative"),

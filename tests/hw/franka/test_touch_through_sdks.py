@@ -133,9 +133,9 @@ def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> 
             robot._q = (np.array(robot._q) + 0.02).tolist()  # somebody pushed the arm away while it stood
 
         robot.control_joint_position = pushed
-        with pytest.raises(ArmFault, match=r"no way back from where it touched .* as its controller holds it"):
+        with pytest.raises(ArmFault, match=r"it cannot go back from the contact .* commanded position"):
             arm.execute_until_contact(PATH, GUARD)
-        assert "no way back" in (arm.state().fault or "")
+        assert "cannot go back from the contact" in (arm.state().fault or "")
 
 
 def test_what_is_refused_has_not_moved() -> None:

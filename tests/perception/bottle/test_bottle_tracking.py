@@ -112,7 +112,7 @@ def test_a_hand_is_flagged_near_and_apart() -> None:
     found = track(film(lambda t: up(*MARK), hand=lambda t: at(0.95 - 0.5 * t, 0.20 - 0.18 * t, 0.08)))
     assert any("is in the picture" in flag for flag in found.flags)
     near = track(film(lambda t: up(*MARK), hand=lambda t: at(0.56, 0.25 - 0.4 * min(t, 0.42), 0.06)))
-    assert any("touches or nears the bottle" in flag for flag in near.flags)
+    assert any("touches or comes near the bottle" in flag for flag in near.flags)
     assert np.median(errors_mm(near, lambda t: up(*MARK))) < 1.0
 
 
@@ -133,7 +133,7 @@ def test_the_edge_of_the_image_is_flagged() -> None:
 
 def test_a_bottle_that_still_moves_at_the_end_is_flagged() -> None:
     found = track(film(lambda t: up(0.56 + 0.2 * t, 0.0)))
-    (flag,) = (flag for flag in found.flags if "still moves at the end" in flag)
+    (flag,) = (flag for flag in found.flags if "still moving at the end" in flag)
     assert float(flag.partition("(")[2].partition(" mm/s")[0]) == pytest.approx(200, abs=10)
 
 

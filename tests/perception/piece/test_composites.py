@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from composites import Effects, Room, judge, spoilt
 
-LOOKS = "looks other than when it was found"
+LOOKS = "looks different from when it was found"
 
 
 @pytest.fixture(scope="module")

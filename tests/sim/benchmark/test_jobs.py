@@ -118,7 +118,7 @@ def test_a_killed_benchmark_goes_on_and_keeps_what_is_finished(tmp_path):
 def test_other_conditions_need_another_folder(tmp_path):
     Results(tmp_path).agree({"format": 1, "task": "pendulum"})
     Results(tmp_path).agree({"format": 1, "task": "pendulum"})
-    with pytest.raises(DatasetError, match="holds results under another task: name another --out"):
+    with pytest.raises(DatasetError, match="holds results with a different task: give another --out"):
         Results(tmp_path).agree({"format": 1, "task": "pushing"})
 
 

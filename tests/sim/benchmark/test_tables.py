@@ -92,9 +92,9 @@ def test_what_is_not_the_table_of_this_world_is_refused(tmp_path):
     for world, scene in ((other, "scene"), (WORLD, "another")):
         with pytest.raises(DatasetError, match="another version of world windy, or of another scene"):
             load_table(TOY, world, scene, tmp_path)
-    with pytest.raises(DatasetError, match="holds a table of another size"):
+    with pytest.raises(DatasetError, match="holds a table with a different size"):
         build(tmp_path, size=2 * SIZE)
-    with pytest.raises(DatasetError, match="holds a table of another world"):
+    with pytest.raises(DatasetError, match="holds a table with a different world"):
         build(tmp_path, world=other)
     (tmp_path / MANIFEST).write_text("format = ")
     with pytest.raises(DatasetError, match="is not valid TOML"):

@@ -38,5 +38,5 @@ def test_worlds_of_a_foreign_physics_are_a_set_of_their_own(asked: str):
 def test_an_unknown_target_names_the_worlds_and_the_sets():
     with pytest.raises(UnknownName, match=r"no world 'marsh' for pushing; there are .*wd.*sets of worlds are develop"):
         targets_of(PUSHING, ["marsh"])
-    with pytest.raises(UnknownName, match="no target was named"):
+    with pytest.raises(UnknownName, match="no target was given"):
         targets_of(PUSHING, [])

@@ -175,5 +175,5 @@ def test_a_person_leans_the_arm_less_where_it_hardly_reaches() -> None:
         leans.append(float(np.arccos(-X_BF[2, 2])))
     assert leans[0] > 0.3
     assert leans[1] < 0.8 * leans[0]
-    with pytest.raises(SimError, match="out of the arm's reach"):
+    with pytest.raises(SimError, match="outside the arm's reach"):
         touching_q_rad(np.array([1.0, 0.0, 0.006]), 0, np.random.default_rng(0))

@@ -218,5 +218,5 @@ def test_a_lab_needs_a_scene_and_its_own_world() -> None:
 
 
 def test_trials_count_from_1(shared: SimulatedLab) -> None:
-    with pytest.raises(ValueError, match="trials count from 1"):
+    with pytest.raises(ValueError, match="trials are numbered from 1"):
         shared.bench.place(XY_M, 0, 0)

@@ -54,10 +54,10 @@ def test_what_a_file_does_not_say_is_drakes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ('[unmodelled]\ncontact = "lagged"\n', "choice among Drake's contact laws"),
-        ("[sensing]\nframe_drop = 0.1\n", r"\[sensing\] is of arm and camera"),
-        ("[mount]\ntable_height_mm = 1.0\n", r"\[mount\] is of arm and camera"),
-        ("[faults]\narm_reflex = [1]\n", r"\[faults\] is of arm and camera"),
+        ('[unmodelled]\ncontact = "lagged"\n', "chooses among Drake's contact laws"),
+        ("[sensing]\nframe_drop = 0.1\n", r"\[sensing\] describes arm and camera"),
+        ("[mount]\ntable_height_mm = 1.0\n", r"\[mount\] describes arm and camera"),
+        ("[faults]\narm_reflex = [1]\n", r"\[faults\] describes arm and camera"),
     ],
 )
 def test_what_mujoco_does_not_have_is_refused(tmp_path: Path, more: str, why: str) -> None:

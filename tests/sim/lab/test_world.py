@@ -64,7 +64,7 @@ def test_values_outside_of_the_ranges_are_allowed(tmp_path: Path) -> None:
         ("e = 1e5", "e = 100.0", r"e \[Pa\] = 100 in \[params\] looks like kPa, but the unit is Pa"),
         ("y = 0.0", "y = 5.0", r"y \[m\] = 5 in \[params\] looks like cm, but the unit is m"),
         ("kind = 1", "kind = 0.5", r"'kind' in \[params\] is 0.5"),
-        ("kind = 1", "kind = 7", r"kind = 7 in \[params\] is no kind; choose 0 to 1"),
+        ("kind = 1", "kind = 7", r"kind = 7 in \[params\] is not a kind; choose 0 to 1"),
     ],
 )
 def test_a_bad_parameter_is_named(tmp_path: Path, line: str, instead: str, message: str) -> None:
@@ -84,7 +84,7 @@ def test_a_bad_parameter_is_named(tmp_path: Path, line: str, instead: str, messa
         ("[unmodelled]\nscale = [1.0]\n", r"'scale.1' in \[unmodelled\] is missing"),
         ("[sensing]\nframe_drop = 1.5\n", r"'frame_drop' in \[sensing\] is 1.5: .*less than or equal to 0.9"),
         ('[sensing]\ncamera = "big"\n', r"'camera' in \[sensing\] is 'big'"),
-        ("[faults]\npedal_release = [0]\n", r"'pedal_release' in \[faults\] names trial 0; trials count from 1"),
+        ("[faults]\npedal_release = [0]\n", r"'pedal_release' in \[faults\] names trial 0; trials are numbered from 1"),
         ("[nuisance]\nradius = 1.2\n", r"radius \[m\] = 1.2 in \[nuisance\] looks like cm"),
     ],
 )

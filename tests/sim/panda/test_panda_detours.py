@@ -83,7 +83,7 @@ def test_a_free_way_is_straight() -> None:
 def test_what_stands_where_the_arm_shall_go_is_named() -> None:
     q_from, q_to = (LOW + HIGH) / 2.0, (LOW + HIGH) / 2.0 + 0.2
     wall = KeepOut("wall", np.array([0.3, -1.0, 0.0]), np.array([2.0, 1.0, 2.0]))
-    with pytest.raises(NotExecutable, match=r"not clear where it starts: keep-out of .* and wall"):
+    with pytest.raises(NotExecutable, match=r"not clear at the start of its way: keep-out of .* and wall"):
         free_path(q_from, q_to, among((wall,)))
     with pytest.raises(NotExecutable, match="not clear"):
         free_path(q_from, q_to, FREE.over(Table(0.5)))

@@ -87,7 +87,7 @@ def test_contact_window_is_passed_on_and_checked() -> None:
 
 
 def test_reasons_for_refusal() -> None:
-    with pytest.raises(NotExecutable, match="out of the arm's reach"):
+    with pytest.raises(NotExecutable, match="outside the arm's reach"):
         joint_path(sweep(0.1, start_m=(1.2, 0.0, 0.1)), X_FT, holding())
     with pytest.raises(NotExecutable, match=r"(velocity|acceleration) of joint \d"):
         joint_path(sweep(0.25, 0.3), X_FT, holding())

@@ -83,7 +83,7 @@ def test_a_path_that_starts_elsewhere_is_refused_with_the_threshold(server: Fr3P
     with arm_at(server) as arm:
         with pytest.raises(
             MotionRefused,
-            match=r"commanded position of joint 6 is 0\.03\d* rad, limit 0\.01 rad",
+            match=r"distance from the arm of joint 6 .* is 0\.03\d* rad, limit 0\.01 rad",
         ):
             arm.execute(path_from(READY_RAD + 0.03 * (np.arange(7) == 5)))
         assert arm.state().fault is None

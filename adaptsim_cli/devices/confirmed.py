@@ -99,9 +99,7 @@ class ConfirmedArm(AroundArm[RealArm]):
             f"reach, {self._table}, a hand on the arm's stop button"
             + (", a foot at the pedal." if self._pedal else ".")
         )
-        agreed = Key(
-            self.model, "to confirm all of this", "The arm may move; the program still asks before each motion."
-        )
+        agreed = Key(self.model, "to confirm", "The arm may move; the program still asks before each motion.")
         way_out = stop("The command ends; nothing has moved.")
         if self._screen.choose("Have you checked all of this?", agreed, way_out) == "q":
             raise StoppedByOperator("stopped by the operator; nothing has moved")

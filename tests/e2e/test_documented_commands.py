@@ -27,11 +27,11 @@ PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore
 SESSION = "scooping-ood-1-adaptsim-seed0"
 OTHER = "scooping-ood-1-udr-seed0"
 STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
-STANDS_FOR |= {"VIEWS": "my-views"}
+STANDS_FOR |= {"VIEWS": "my-views", "COMMAND": "run-iteration"}
 ELSEWHERE = {
     r" pretrain": "minutes to an hour; tests/adaptsim_cli/commands runs it with few rollouts",
     r" world-tables": "minutes of two cores; tests/adaptsim_cli/commands runs it with few rollouts",
-    r" benchmark (--task pushing|--fresh)": "needs the tables of forty worlds",
+    r" benchmark (--task (pushing|scooping)|--fresh)": "needs the tables of forty worlds",
     r" checkpoints repair": "minutes; tests/adaptsim_cli/commands runs it with few steps",
     r" curling": "the task of a tutorial; tests/documents/test_tutorials.py",
     r" --object my-tofu.toml": "needs a pretraining of ten minutes",
@@ -45,6 +45,8 @@ ELSEWHERE = {
 PRELUDE = (
     f"adaptsim run-iteration --task scooping --world ood-1 --method udr --session {OTHER} --yes",
     "adaptsim rollout --task pendulum --yes",
+    "adaptsim run-iteration --task pendulum --world ood-1 --session first --yes",
+    "adaptsim calibrate --hw fake --world ood-1 --seed 0 --yes",
 )
 """Makes what the lines take for granted."""
 FIRST = (r" run-iteration", r" calibrate --hw fake", r" calibrate restore", r" touch-off --task", r" rollout ")

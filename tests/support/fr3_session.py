@@ -53,7 +53,7 @@ side = "left"
 START = "Enter to start, q to stop, ? explains:"
 ANSWERS = {
     "There is no session s yet. Enter to begin it, q to stop, ? explains:": "",
-    "Type fr3 to confirm all of this, q to stop, ? explains:": "fr3",
+    "Type fr3 to confirm, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
     "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop, ? explains:": "",
     START: "",

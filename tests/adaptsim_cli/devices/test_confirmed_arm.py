@@ -37,7 +37,7 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.Mon
         arm.execute(STILL)
         arm.execute(STILL)
     assert len(bare.executed) == 2
-    assert said(screen).count("Type panda to confirm all of this") == 4
+    assert said(screen).count("Type panda to confirm") == 4
     assert "THE REAL ROBOT, panda at 10.0.0.1, is about to move for the first time" in said(screen)
 
 

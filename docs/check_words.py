@@ -37,6 +37,18 @@ PHRASES: tuple[tuple[str, str], ...] = (
     (r"there is all, or", "choose all, or"),
     (r"a touch that was none", "a false contact"),
     (r"how unlike", "how far … lies from …"),
+    (r"(?:is|are) no (?:path|kind|pose|whole|number|multiple|range|text|table|file|list)\b", "is not a …"),
+    (r"looks? (?:whether|which|who)\b|look what\b", "check whether, check what"),
+    (r"took no part|take no part", "held-out, left out"),
+    (r"once more", "again"),
+    (r"as people say", "plain name"),
+    (r"otherwise than|(?:sees|looks|ends|ended) otherwise", "differently, another outcome"),
+    (r"(?:left|leave it|leaves it|stays) as it (?:is|was)|where it was\?", "unchanged, has not moved"),
+    (r"can(?:not)? be had", "is (not) available"),
+    (r"does not tell|tells? (?:more|nothing)\b", "report, say"),
+    (r"lacks\b", "is missing, has no"),
+    (r"(?:is|are) at work in", "is running in"),
+    (r"by what|with what all|what (?:it|they) (?:takes?|took|uses?)\b", "a noun: the size, the amount"),
 )
 """Pattern -> a better wording."""
 

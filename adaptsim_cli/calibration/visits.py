@@ -30,7 +30,7 @@ class Arrival(Enum):
     """How a visit to one place ended."""
 
     THERE = "at the place, at rest unless a sensor says otherwise"
-    LEFT_OUT = "this place cannot be had, the next may"
+    LEFT_OUT = "this place failed, the next may work"
     ENOUGH = "no more places: the operator has enough"
 
 

@@ -93,7 +93,7 @@ def restore(name: _Archived, as_json: _Json = False) -> None:
 
 
 def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
-    """Remove a session for good, after its name was typed once more. `sessions archive` keeps it.
+    """Remove a session for good, after you type its name. `sessions archive` keeps it.
 
     Example: adaptsim sessions delete scooping-ood-1-adaptsim-seed0
     """

@@ -62,7 +62,7 @@ def pretrain(
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
     --report runs some 3,600 further rollouts (minutes) to measure emulator and policies; a second report needs none.
-    A finished folder given with --out stays as it is.
+    A finished folder given with --out is not changed.
 
     Example: adaptsim pretrain --task scooping --budget small --report
     """

@@ -196,7 +196,7 @@ class Check(Part):
     name: str = said("the checks")
     verdict: str = said("ok, advice, missing or skipped; only missing keeps an iteration from running")
     detail: str = said("the finding")
-    fix: str = said("the remedy, as a command where there is one")
+    fix: str = said("the remedy, as a command if there is one")
 
 
 class Doctor(Output):

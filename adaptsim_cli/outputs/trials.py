@@ -63,7 +63,7 @@ class Iteration(Output):
     best: Best = said("the best parameters so far")
     verdict: str = said("one sentence on the session")
     outlook: Outlook | None = said("null if the method does not look ahead")
-    timing_s: dict[str, float] = said("wall time by stage, `other` where it has no name; `total` is their sum")
+    timing_s: dict[str, float] = said("wall time by stage; `other` has no name, `total` is their sum")
 
 
 class Track(Part):

@@ -147,7 +147,7 @@ class Screen:
             with suppress(ValueError):
                 if (value := float(answer.replace(",", ".")) if answer else otherwise) > 0.0:
                     return value
-            self.note(f"  {answer} is no such number; for example {otherwise:g}")
+            self.note(f"  {answer} is not one of these numbers; for example {otherwise:g}")
         raise StoppedByOperator("stopped by the operator; nothing has changed")
 
     def ask(self, question: str) -> str:

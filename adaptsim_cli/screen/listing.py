@@ -34,7 +34,7 @@ def tell(
     else:
         screen.plain(f"No {listed.plural} yet in {listed.folder}")
     if resting:
-        screen.show(f"Open sessions that rest on the one in use: {', '.join(resting)}")
+        screen.show(f"Open sessions that use the current one: {', '.join(resting)}")
     if len(found) > 1:
         names = f"{found[-2]['name']} {found[-1]['name']}"
         screen.next((f"adaptsim {listed.command} compare {names}", "with the same --task, --world or --hw"))

@@ -13,5 +13,5 @@ def tell(screen: Screen, what: str, sessions: Sequence[str]) -> None:
         return
     many = "s" if len(sessions) > 1 else ""
     screen.note(f"Open session{many} that rest{'' if many else 's'} on {what}: {', '.join(sessions)}.")
-    screen.plain("Once it is replaced, each goes on only with its own, where the camera was not moved:")
+    screen.plain("Once it is replaced, each can continue only with its own, if the camera has not moved:")
     screen.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")

@@ -24,16 +24,16 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     done, verdict = result.iteration, result.verdict
     if CANNOT_EXPRESS in verdict or verdict.startswith(HOPELESS):
         where = flags(facts)
-        tool = (f"adaptsim touch-off {where}", "are table and tool where planning takes them to be?")
-        camera = (f"adaptsim calibrate check {where}", "is the camera where it was?")
+        tool = (f"adaptsim touch-off {where}", "measures table and tool again")
+        camera = (f"adaptsim calibrate check {where}", "has the camera moved?")
         return (camera, tool, use) if facts.calibration else (use,)
     if verdict.startswith(STAYS_LOW):
         return (
-            (f"adaptsim lab list --task {facts.task}", "the ranges; others for your object: docs/guide/own-objects.md"),
+            (f"adaptsim lab list --task {facts.task}", "the ranges; to set your own: docs/guide/own-objects.md"),
             use,
         )
     if verdict.startswith((CONVERGED, ENOUGH)):
-        return (use, (go_on, "only if you want to know the reward better"))
+        return (use, (go_on, "only to know the reward more precisely"))
     if verdict.startswith(NOT_YET) and done >= ENOUGH_ITERATIONS:
         return (use, (go_on, f"{done} iterations are done; more rarely help"))
     return ((go_on, f"iteration {done + 1}"), use)

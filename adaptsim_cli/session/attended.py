@@ -40,18 +40,16 @@ class Attended:
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
         )
-        then = "The trial begins again; you are asked once more before the arm moves."
+        then = "The trial begins again; the program asks again before the arm moves."
         self.screen.go_on("Is the arm at rest and its path clear?", "to repeat this trial", then=then)
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """See `Operator`."""
         if real:
-            then = (
-                f"The camera looks where the {what} lies, and the motion is planned for that place. Nothing moves yet."
-            )
+            then = f"The camera finds the {what}, and the motion is planned for its place. Nothing moves yet."
             self.screen.go_on(f"Put the {what} at {_spot(wanted_m)}.", "when it lies there", then=then)
         else:
-            then = f"The {what} is put there, the camera looks, and the motion is planned. Nothing moves yet."
+            then = f"The lab places the {what}, the camera finds it, and the motion is planned. Nothing moves yet."
             self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
 
     def approve(self, proposal: Proposal, real: bool) -> None:
@@ -81,7 +79,7 @@ class Attended:
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; a person always may."""
         then = "The object is placed again, and the trial begins from there."
-        self.screen.go_on("This attempt does not count.", "to set this trial up again", then=then)
+        self.screen.go_on("This attempt does not count.", "to repeat this trial", then=then)
         return True
 
     def _reason(self) -> str | None:

@@ -120,7 +120,7 @@ def _is_done(summary: Mapping[str, Any], method: str) -> bool:
     if summary.get("outlook") is None:
         raise UsageError(
             f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
-            "give --iterations instead"
+            "use --iterations instead"
         )
     return bool(summary["outlook"]["done"])
 
@@ -170,7 +170,7 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
         if key in request.given and was != asked:
             raise UsageError(
                 f"session {store.facts.name!r} was begun with {key} = {was}, not {asked}; leave the flag out to "
-                "continue it, or name another --session"
+                "continue it, or give another --session"
             )
     return settings_of(store, config)
 
@@ -219,8 +219,8 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
 
 
 _OWN = {
-    "calibration or touch-off": ". If camera, table and tool were not moved, the session can go on with its own: add "
-    "--own-calibration"
+    "calibration or touch-off": ". If camera, table and tool have not moved, the session can continue with its own: "
+    "add --own-calibration"
 }
 
 
@@ -236,7 +236,7 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
         if was != found:
             raise UsageError(
                 f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {found[:12]} now): "
-                "its trials cannot be compared with new ones. Restore it, or name another --session"
+                "its trials cannot be compared with new ones. Restore it, or give another --session"
                 + _OWN.get(what, "")
             )
     return store

@@ -34,7 +34,7 @@ def drift(first: RigFacts, now: RigFacts) -> str | None:
             )
     if not said:
         return None
-    return f"The camera sees otherwise: {'; '.join(said)}. Restore lamps and daylight: colours decide what is found"
+    return f"The camera's picture has changed: {'; '.join(said)}. Restore the light: tracking needs the same colours"
 
 
 def _exposed(facts: RigFacts) -> list[tuple[int, int]]:

@@ -142,8 +142,8 @@ def read(path: Path) -> Recording:
     """Read a recording back. Raises SessionError naming the file when it is corrupt, or was pruned."""
     if not path.exists() and path.with_name("pruned.json").exists():
         raise SessionError(
-            f"{path} was removed with adaptsim sessions prune, to make room: the numbers and key moments of this trial "
-            "are there, its recording is not. Restore it from a copy"
+            f"{path} was removed with adaptsim sessions prune, to free disk space: the numbers and key moments of this "
+            "trial are still there, its recording is not. Restore it from a copy"
         )
     try:
         with path.open("rb") as stream:
@@ -173,7 +173,7 @@ def _read(reader: object) -> Recording:
         if attachment.name == "camera.json":
             camera = json.loads(attachment.data)
     if camera is None:
-        raise SessionError("the recording lacks its camera.json")
+        raise SessionError("the recording has no camera.json")
     images: dict[str, dict[int, Bytes | Depth]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
     for schema, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
@@ -299,7 +299,7 @@ def _camera_json(model: CameraModel, X_BC: Array, execution: Execution, camera_l
 def _camera_model(camera: dict[str, object]) -> CameraModel:
     def intrinsics(raw: object) -> Intrinsics:
         if not isinstance(raw, dict):
-            raise ValueError("camera.json lacks the intrinsics")
+            raise ValueError("camera.json has no intrinsics")
         return Intrinsics(int(raw["width"]), int(raw["height"]), np.array(raw["K"]), np.array(raw["distortion"]))
 
     X_CD = np.array(camera["X_CD"], dtype=np.float64)

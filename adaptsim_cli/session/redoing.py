@@ -27,8 +27,8 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
         if any(k.number >= later for k in existing.started | existing.completed):
             raise UsageError(
                 f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "
-                "that iteration; only trials of the newest iteration can be redone. To set another outcome: adaptsim "
-                f"sessions amend {facts.name} {number}"
+                "that iteration; only trials of the newest iteration can be redone. To change its outcome: adaptsim "
+                "sessions amend {facts.name} {number}"
             )
         store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
     return key.attempt + 2

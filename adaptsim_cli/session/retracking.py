@@ -130,7 +130,9 @@ def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
 def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str], ...]:
     """(command, why) of each: where the tracker now sees another outcome, a person decides."""
     others = [one.record.number for one in found if one.track is not None and not one.is_same_outcome]
-    look = tuple((f"adaptsim sessions amend {session} {n}", f"trial {n} now ends otherwise: look") for n in others)
+    look = tuple(
+        (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
+    )
     return look or ((f"adaptsim run-iteration --session {session}", "goes on with the session"),)
 
 

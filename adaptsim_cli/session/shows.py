@@ -100,7 +100,7 @@ def adapted(
     else:
         tables = [_changes(task.parameters, means, first=0)]
     best = result.best
-    amended = [Text(f"Taken into account for the first time: {one}.", style="magenta") for one in result.amended]
+    amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
     estimate = Text.assemble(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
@@ -198,4 +198,4 @@ def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, a
         return
     screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
     screen.plain(changed.consequence)
-    screen.next((f"adaptsim run-iteration --session {name}", "adapts with it, and shows what that changes"))
+    screen.next((f"adaptsim run-iteration --session {name}", "adapts from it, and shows the change"))

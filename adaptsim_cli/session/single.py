@@ -136,7 +136,7 @@ def _plan(task: Task, ready: Ready, action: Array, screen: Screen) -> Planned:
     except (NotExecutable, MotionRefused) as error:
         error.add_note(
             "Nothing has moved. Choose another --action: adaptsim preview "
-            f"--task {task.name} --action name=value shows what a motion uses of every limit"
+            f"--task {task.name} --action name=value shows how close a motion comes to every limit"
         )
         raise
 

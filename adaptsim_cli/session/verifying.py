@@ -110,7 +110,7 @@ class _Examination:
 
     def _require_same(self, path: Path, checksum: str | None) -> None:
         if checksum is None and self.is_sealed:
-            raise records.corrupt(path, "no record names it")
+            raise records.corrupt(path, "it is in no record")
         if checksum is not None and _sha256(path) != checksum:
             raise records.corrupt(path, "it was changed after it had been written: its SHA-256 is another")
         recording.require_whole(path)

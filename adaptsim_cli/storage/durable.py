@@ -63,7 +63,7 @@ def make_folder(path: Path) -> None:
     """Make `path` and its missing parents, each flushed into its own parent."""
     if not path.is_dir():
         if path.exists():
-            raise SessionError(f"{path} is a file where a folder is wanted; name another place")
+            raise SessionError(f"{path} is a file, but a folder is needed; give another place")
         with explained(path):
             make_folder(path.parent)
             path.mkdir(exist_ok=True)
@@ -103,7 +103,7 @@ def explained(path: Path) -> Iterator[None]:
             raise disk_full(path) from error
         raise SessionError(
             f"{path} could not be written: {error.strerror}. Everything completed before is safe; check the disk and "
-            "your right to write there, then run the same command again"
+            "its permissions, then run the same command again"
         ) from error
 
 

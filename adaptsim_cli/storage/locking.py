@@ -30,7 +30,7 @@ def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
     except OSError as error:
         if error.errno in FULL:
             raise disk_full(folder / LOCK) from error
-        raise SessionError(f"{folder} cannot be locked: {error.strerror}; may you write there?") from error
+        raise SessionError(f"{folder} cannot be locked: {error.strerror}; check that you may write there") from error
     try:
         _lock(descriptor, folder, taken, time.monotonic() + wait_s)
         yield

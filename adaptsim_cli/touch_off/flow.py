@@ -110,15 +110,15 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
         heights = [_above(bench, bench.cell.arm.true_rad(fast.q_rad), probe, expected)]
         if heights[0] > EARLY_M:
             raise TouchOffFailed(
-                f"{probe.name}: touched {1e3 * heights[0]:.0f} mm above where the table should be. Is something lying "
-                "there? Clear it away and run again"
+                f"{probe.name}: touched {1e3 * heights[0]:.0f} mm above where the table should be. Clear away anything "
+                "that lies there and run again"
             )
         slow = [_slowly(rig, bench, probe, here, heights[0]) for _ in range(SLOW_TOUCHES)]
         heights = [_above(bench, q, probe, expected) for q in slow]
         if differ(heights) > DIFFER_M:
             raise TouchOffFailed(
                 f"{probe.name}: {len(heights)} touches differ by {1e3 * differ(heights):.2f} mm "
-                f"(at most {1e3 * DIFFER_M:.1f}): is the table soft, or the tool loose? Fix it and run again"
+                f"(at most {1e3 * DIFFER_M:.1f}): the table is soft, or the tool is loose. Fix it and run again"
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
         found += [Touched(probe, q) for q in slow]
@@ -175,8 +175,8 @@ def _feel(
         return rig.arm.execute_until_contact(path, guard)
     except NoContact as error:
         raise TouchOffFailed(
-            f"{probe.name}: nothing was touched down to {1e3 * below_m:.0f} mm below where the table should be. Is the "
-            "table there, and the tool in the hand? Correct it and run again"
+            f"{probe.name}: nothing was touched down to {1e3 * below_m:.0f} mm below where the table should be. Check "
+            "that the table is there and the tool in the hand, and run again"
         ) from error
 
 
@@ -190,7 +190,7 @@ def take_tool(rig: TouchRig, operator: Assistant) -> None:
     except HandError as error:
         raise TouchOffFailed(f"the hand does not hold the tool: {error}") from error
     if not rig.hand.state().holds:
-        raise TouchOffFailed("the hand reports that it holds nothing; hand the tool over again, and run again")
+        raise TouchOffFailed("the hand reports that it holds nothing; hand the tool over again and run again")
 
 
 def _go(rig: TouchRig, q_rad: Array, bench: HeldTool) -> None:

@@ -166,8 +166,8 @@ def _misfits(touches: Sequence[Touched], off_m: Array) -> tuple[str, ...]:
     if abs(off_m[worst]) <= MISFIT_M:
         return ()
     return (
-        f"{touches[worst].probe.name} lies {1e3 * off_m[worst]:+.1f} mm off what the other places say "
-        f"(at most {1e3 * MISFIT_M:.1f}): is something lying there, or does the tool sit loose?",
+        f"{touches[worst].probe.name} lies {1e3 * off_m[worst]:+.1f} mm off the plane of the other places (at most "
+        f"{1e3 * MISFIT_M:.1f}): check that nothing lies there and that the tool is tight",
     )
 
 
@@ -176,8 +176,8 @@ def _uncertain(height_m: float, pitch_rad: float) -> tuple[str, ...]:
         return ()
     return (
         f"the tool's height is known to {1e3 * height_m:.1f} mm and its pitch to {np.rad2deg(pitch_rad):.1f}° only "
-        f"(at most {1e3 * UNCERTAIN_M:.1f} mm and {np.rad2deg(UNCERTAIN_RAD):.1f}°): is it held firmly, the arm on a "
-        "steady base?",
+        f"(at most {1e3 * UNCERTAIN_M:.1f} mm and {np.rad2deg(UNCERTAIN_RAD):.1f}°): check that the tool is held "
+        "firmly and that the base is steady",
     )
 
 
@@ -189,8 +189,8 @@ def _implausible(found: ToolCorrection) -> tuple[str, ...]:
         ("place along the blade", 1e3 * found.forward_m, 1e3 * MOST_HEIGHT_M, " mm"),
     )
     return tuple(
-        f"the tool's {what} would be {value:+.1f}{unit} off its design (at most {most:.1f}{unit}): is it the tool of "
-        "this task, held as its drawing says?"
+        f"the tool's {what} would be {value:+.1f}{unit} off its design (at most {most:.1f}{unit}): check that it is "
+        "this task's tool, held as in its drawing"
         for what, value, most, unit in limits
         if abs(value) > most
     )

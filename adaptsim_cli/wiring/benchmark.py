@@ -122,7 +122,7 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
     tables = _tables(asked)
     jobs = _jobs(asked, tables)
     make_folder(asked.folder)
-    busy = f"another benchmark is at work in {asked.folder}: wait for it, or give another --out"
+    busy = f"another benchmark is running in {asked.folder}: wait for it, or give another --out"
     with (
         locked(asked.folder, busy),
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
@@ -169,7 +169,7 @@ def make_tables(
     scenes = _scenes(task, chosen)
     folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
     make_folder(folder)
-    busy = f"another process makes tables in {folder}: wait for it"
+    busy = f"another process is making tables in {folder}: wait for it"
     with (
         locked(folder, busy),
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),

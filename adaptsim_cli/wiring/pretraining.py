@@ -92,7 +92,7 @@ def pretrain(
     folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
     make_folder(folder)
     with (
-        locked(folder, f"another pretraining is at work in {folder}: wait for it, or give another --out"),
+        locked(folder, f"another pretraining is running in {folder}: wait for it, or give another --out"),
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)

@@ -169,7 +169,9 @@ def read_card(path: Path, task: str) -> dict[str, Any]:
         raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
     missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
     if missing:
-        raise CheckpointError(f"{path / CARD} lacks {', '.join(sorted(missing))}: install or make the checkpoint again")
+        raise CheckpointError(
+            f"{path / CARD} has no {', '.join(sorted(missing))}: install or make the checkpoint again"
+        )
     if card["format"] != FORMAT:
         raise CheckpointError(
             f"{path} has checkpoint format {card['format']}, this version reads {FORMAT}: pretrain again"

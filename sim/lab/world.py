@@ -221,7 +221,7 @@ def _message(error: ValidationError, table: str, known: tuple[str, ...]) -> str:
     if first["type"] == "missing" and key not in known:
         return f"{key!r} in {where} is missing: the list is too short"
     if first["type"] == "missing":
-        return f"{where} lacks the key {key!r}; it needs {', '.join(known)}"
+        return f"{where} has no key {key!r}; it needs {', '.join(known)}"
     return f"{key!r} in {where} is {first['input']!r}: {first['msg'].lower()}"
 
 

@@ -32,7 +32,7 @@ def read_manifest(path: Path, keys: Collection[str], again: str) -> dict[str, An
     except Unreadable as error:
         raise DatasetError(f"{path} {error}: remove the folder and {again}") from error
     if missing := set(keys) - manifest.keys():
-        raise DatasetError(f"{path} lacks {', '.join(sorted(missing))}: remove the folder and {again}")
+        raise DatasetError(f"{path} has no {', '.join(sorted(missing))}: remove the folder and {again}")
     return manifest
 
 

@@ -273,7 +273,7 @@ def test_settings_are_shown_with_their_sources(capfd: pytest.CaptureFixture[str]
     shown = json.loads(capfd.readouterr().out)
     assert shown["settings"]["seed"] == {"value": 7, "source": str(Path.cwd() / "adaptsim.toml")}
     assert app.run(["config", "init", "--project", "--arm", "none", "--yes"]) == 0
-    assert "left as it is" in capfd.readouterr().out
+    assert "unchanged" in capfd.readouterr().out
     assert Path("adaptsim.toml").read_text() == "seed = 7\n"
 
 

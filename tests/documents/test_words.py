@@ -23,6 +23,12 @@ def test_nothing_in_this_project_has_to_be_read_twice() -> None:
         "How unlike a trajectory is",
         "give the object whose ranges they are",
         "off by 2 mm, 19 times of 20",
+        "X_FT is no pose",
+        "look whether somebody pushed the arm",
+        "views that took no part",
+        "if it ended otherwise than tracking says",
+        "the camera does not tell its temperature",
+        "the recording lacks its camera.json",
     ],
 )
 def test_old_patterns_are_found(text: str) -> None:
@@ -38,6 +44,8 @@ def test_old_patterns_are_found(text: str) -> None:
         "Guide the arm, let go, and press Enter.",
         "The tool whose edge touches the table is the spatula.",
         "This is what you see:",
+        "There is no rig file.",
+        "Look at the arm. Is it what you expected? Otherwise stop.",
     ],
 )
 def test_plain_english_passes(text: str) -> None:

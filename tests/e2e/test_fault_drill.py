@@ -161,6 +161,6 @@ def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path, capfd
     code, told, _ = run(home, lab, capfd, calibration_sha256="a" * 64)
     assert code == 2
     assert "the calibration or touch-off has changed since session 's' was begun" in told
-    assert "Restore it, or name another --session" in told
+    assert "Restore it, or give another --session" in told
     assert lab.executions == []
     assert run(home, ToyLab(0), capfd)[0] == 0, "with the session's own calibration it goes on"

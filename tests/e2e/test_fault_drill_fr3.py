@@ -193,7 +193,7 @@ def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill: Drill)
     ("fault", "words"),
     [
         ("disk full", "the disk is full: .* free some space and run the same command again"),
-        ("disk broken", "could not be written: Input/output error.*check the disk and your right to write there"),
+        ("disk broken", "could not be written: Input/output error.*check the disk and its permissions"),
     ],
 )
 def test_a_disk_that_fails_keeps_every_completed_trial(fault: str, words: str, drill: Drill) -> None:

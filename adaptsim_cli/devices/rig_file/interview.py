@@ -87,7 +87,7 @@ def _port(
             answer = ports[int(answer) - 1]
         if answer == NOTHING:
             return ""
-        said = problem(answer) if answer.startswith("/") else f"{answer!r} is no path: it begins with /dev/"
+        said = problem(answer) if answer.startswith("/") else f"{answer!r} is not a path: it begins with /dev/"
         if not said:
             return answer
         tell(said)

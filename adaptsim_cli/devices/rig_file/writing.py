@@ -91,7 +91,7 @@ def _may_replace(file: Path, request: InitRequest, screen: Screen) -> None:
     keep = stop("Nothing is written.")
     replace = Key("y", "to replace it", "The questions follow; the file is replaced once all are answered.")
     if screen.choose(f"{file} exists already.", enter("to keep it", "Nothing is written."), replace, keep) != "y":
-        raise StoppedByOperator(f"{file} is left as it is")
+        raise StoppedByOperator(f"{file} is unchanged")
 
 
 def _asking(screen: Screen, request: InitRequest) -> Ask:

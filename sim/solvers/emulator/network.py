@@ -70,7 +70,7 @@ class Emulator:
         self._tensors = {name: tensors[name].detach().clone() for name in sorted(tensors)}
         missing = {"depth", "y_mean", "y_std", "temperature", "residual_std", "misfit_limit", "w0"} - tensors.keys()
         if missing:
-            raise CheckpointError(f"the emulator lacks {', '.join(sorted(missing))}: pretrain again")
+            raise CheckpointError(f"the emulator has no {', '.join(sorted(missing))}: pretrain again")
         features = encode(task, *(np.zeros((1, len(s))) for s in (task.margin, task.action, task.nuisance))).shape[-1]
         if tensors["w0"].shape[1] != features:
             raise CheckpointError(

@@ -70,7 +70,7 @@ def test_answers_that_cannot_be_are_explained_and_asked_again() -> None:
     assert rig.pedal is not None and rig.pedal.port == "/dev/ttyACM3"
     assert rig.balance is not None and (rig.balance.port, rig.balance.protocol) == (ARDUINO, "sbi")
     assert rig.person is None
-    for problem in ("'ur5': choose one of", "letters, digits", "address alone", "'7' is no path", "share the port"):
+    for problem in ("'ur5': choose one of", "letters, digits", "address alone", "'7' is not a path", "share the port"):
         assert sum(problem in line for line in told) == 1, problem
 
 

@@ -1,4 +1,4 @@
-"""A camera that sees otherwise than in the first trial is said, with the numbers."""
+"""A picture that has changed since the first trial is named, with the numbers."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path:
     rig = replace(on_rig(session.parts).rig, attendant=Telling())
     parts = replace(session.parts, target=replace(on_rig(session.parts), rig=rig))
     run_iteration(replace(session, parts=parts, screen=Screen(console=Console(file=said, width=300))))
-    assert said.getvalue().count("The camera sees otherwise: exposure and white balance are 2500 µs") == 2
+    assert said.getvalue().count("The camera's picture has changed: exposure and white balance are 2500 µs") == 2
     kept = list(session.store.rigs())
     assert [rig.pedal for rig in kept] == ["waived"] * 4
     assert [rig.brightness for rig in kept] == [40.0] * 4

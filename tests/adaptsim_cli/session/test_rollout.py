@@ -136,7 +136,7 @@ def test_a_folder_that_cannot_be_written_is_noticed_before_anything_moves(
 ) -> None:
     (tmp_path / "file").write_text("in the way")
     assert app.run([*RUN, "--out", str(tmp_path / "file" / "one")]) == 8
-    assert "is a file where a folder is wanted" in capfd.readouterr().err
+    assert "is a file, but a folder is needed" in capfd.readouterr().err
     assert lab.executions == []
 
 

@@ -100,7 +100,7 @@ def test_a_file_that_no_record_names_is_noticed(root: Path) -> None:
     (root / NAME / "iteration-01" / "trial-001-attempt-1" / "other.json").write_text("{}")
     (message,) = verify(root, NAME).damage
     assert "other.json" in message
-    assert "no record names it" in message
+    assert "it is in no record" in message
 
 
 def test_a_damaged_session_hides_no_other(root: Path, complete: SessionStore) -> None:

@@ -105,7 +105,7 @@ def test_a_mount_that_is_read_only_is_said_before_anything_is_done(mount: Mount)
     with pytest.raises(SessionError, match="Read-only file system"):
         durable.write_file(folder / "file", b"1")
     with (
-        pytest.raises(SessionError, match="cannot be locked: Read-only file system; may you write there"),
+        pytest.raises(SessionError, match="cannot be locked: Read-only file system; check that you may write there"),
         locked(folder, "taken"),
     ):
         pass
@@ -150,7 +150,7 @@ def test_the_files_of_another_user_are_left_alone_and_it_is_said(tmp_path: Path)
     first, second, third = done.stdout.splitlines()
     assert "file could not be written: Permission denied. " in first
     assert "theirs could not be written: Permission denied. " in second
-    assert third.endswith("cannot be locked: Permission denied; may you write there?")
+    assert third.endswith("cannot be locked: Permission denied; check that you may write there")
     assert sorted(path.name for path in folder.iterdir()) == ["theirs"]
     assert (folder / "theirs").read_bytes() == b"0"
 

@@ -155,7 +155,10 @@ def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
     with on_lab(world(Mount(table_height_mm=-45.0))) as (rig, _), pytest.raises(TouchOffFailed, match="nothing was"):
         touch_off(rig, NoAssistant(), screen())
     book = KeepOut("book", np.array([0.5, -0.25, 0.0]), np.array([0.62, -0.07, 0.018]))
-    with on_lab(world(Mount()), (book,)) as (rig, _), pytest.raises(TouchOffFailed, match="Is something lying there"):
+    with (
+        on_lab(world(Mount()), (book,)) as (rig, _),
+        pytest.raises(TouchOffFailed, match="Clear away anything"),
+    ):
         touch_off(rig, NoAssistant(), screen())
 
 

@@ -82,13 +82,13 @@ def test_another_task_or_range_is_refused_by_name(stored):
     with pytest.raises(CheckpointError, match="is for toy, not for other"):
         load_checkpoint(dataclasses.replace(TOY, name="other"), str(stored))
     wider = Space((*TOY.parameters.dimensions[:3], Dimension("h", "cm", 1.0, 3.0)))
-    with pytest.raises(CheckpointError, match="trained with other parameters of toy"):
+    with pytest.raises(CheckpointError, match="trained with different parameters of toy"):
         load_checkpoint(dataclasses.replace(TOY, parameters=wider), str(stored))
 
 
 @pytest.mark.parametrize(
     ("card", "message"),
-    [("format = ", "not valid TOML"), ("format = 1", "lacks fingerprint"), (None, "no checkpoint")],
+    [("format = ", "not valid TOML"), ("format = 1", "has no fingerprint"), (None, "no checkpoint")],
 )
 def test_a_broken_card_says_what_to_do(stored, card, message):
     if card is None:

@@ -54,7 +54,7 @@ def test_values_outside_of_the_ranges_are_allowed(tmp_path: Path) -> None:
     ("line", "instead", "message"),
     [
         ("mu = 0.3", "nu = 0.3", r"unknown key 'nu' in \[params\]; known are mu, e, kind, h, y"),
-        ("mu = 0.3\n", "", r"\[params\] lacks the key 'mu'"),
+        ("mu = 0.3\n", "", r"\[params\] has no key 'mu'"),
         ("mu = 0.3", 'mu = "0.3"', r"'mu' in \[params\] is '0.3'"),
         ("mu = 0.3", "mu = true", r"'mu' in \[params\] is True"),
         ("mu = 0.3", "mu = nan", r"'mu' in \[params\] is nan"),

@@ -132,7 +132,7 @@ def test_a_missing_or_malformed_manifest_says_what_to_do(tmp_path):
     with pytest.raises(DatasetError, match="not valid TOML"):
         load_dataset(tmp_path, TOY)
     (tmp_path / "dataset.toml").write_text('task = "toy"')
-    with pytest.raises(DatasetError, match="lacks denser, interface"):
+    with pytest.raises(DatasetError, match="has no denser, interface"):
         build(tmp_path)
 
 

@@ -76,7 +76,7 @@ def test_stored_tensors_restore_it_exactly_and_foreign_ones_are_refused():
     emulator, _ = trained()
     again = Emulator(TOY, emulator.tensors)
     assert np.array_equal(again.predict(*draws(5)).observation, emulator.predict(*draws(5)).observation)
-    with pytest.raises(CheckpointError, match="the emulator lacks"):
+    with pytest.raises(CheckpointError, match="the emulator has no"):
         Emulator(TOY, {"w0": torch.zeros(1)})
     more = Space((*TOY.nuisance.dimensions, Dimension("x", "", 0.0, 1.0)))
     with pytest.raises(CheckpointError, match="does not fit toy"):

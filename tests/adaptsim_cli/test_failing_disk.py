@@ -39,6 +39,17 @@ def test_a_disk_that_fails_at_any_call_costs_nothing(what: str, way: str, tmp_pa
     judge(result, outcomes)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("what", SAMPLES)
+def test_a_disk_that_fails_wherever_the_code_writes_costs_nothing(what: str, tmp_path: Path) -> None:
+    """In every way, at the first and last call from each place of the code: the calls between differ in names alone."""
+    result, outcomes = fail(what, tmp_path, "places")
+    assert len({outcome["at"] for outcome in outcomes}) >= result["places"] > 20
+    assert len(outcomes) == len(WAYS) * len({outcome["at"] for outcome in outcomes})
+    judge(result, outcomes)
+
+
 def fail(what: str, folder: Path, which: str) -> tuple[Any, list[Any]]:
     script = Path(__file__).parents[1] / "support" / f"failing_disk_{what}.py"
     command = [sys.executable, str(script), str(folder), which]

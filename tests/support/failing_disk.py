@@ -1,11 +1,12 @@
 """Runs something in child processes whose disk fails at a chosen call, and then again with a disk that works.
 
-    python failing_disk_session.py FOLDER "killed before"|"killed after"|full|broken|NUMBER
+    python failing_disk_session.py FOLDER "killed before"|"killed after"|full|broken|places|NUMBER
 
-A way of failing: at every call. A number: so many failures, drawn from all ways and calls. The process dies just before
-a call or just after it, the disk is full, or it cannot be written to. A write that fails, or before which the process
-dies, has written the first half. The calls are those that change a disk: a file is created, written, flushed or cut,
-gets a name or loses it, a folder is made.
+A way of failing: at every call. "places": in all ways, at the first and the last call that is made from each place of
+the code, with all that called it. A number: so many failures, drawn from all ways and calls. The process dies just
+before a call or just after it, the disk is full, or it cannot be written to. A write that fails, or before which the
+process dies, has written the first half. The calls are those that change a disk: a file is created, written, flushed or
+cut, gets a name or loses it, a folder is made.
 
 Prints lines of JSON: for every failure which call it was, what was said, what had been completed, what was lost of
 that, and in which files the end differs from an undisturbed one; in the end which calls there are.
@@ -27,6 +28,7 @@ import resource
 import shutil
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,6 +75,7 @@ class Disk:
         self.home = Path("/nowhere")
         self.failure: Failure | None = None
         self.calls: list[str] = []
+        self.places: list[tuple[tuple[str, int], ...]] = []  # file and line of each caller
         self._real_write = pathlib.Path.write_bytes
         self._inside = False
         for owner, name in (
@@ -87,7 +90,7 @@ class Disk:
         self._watch(pathlib.Path, "write_bytes", lambda *_: True, half=self._write_half)
 
     def use(self, home: Path, failure: Failure | None) -> None:
-        self.home, self.failure, self.calls = home, failure, []
+        self.home, self.failure, self.calls, self.places = home, failure, [], []
 
     def _watch(
         self,
@@ -104,6 +107,7 @@ class Disk:
             if is_part or not self._is_here(arguments) or not changes(*arguments):
                 return do(*arguments, **named)
             self.calls.append(f"{name} {self._place(arguments[0])}")
+            self.places.append(tuple((f.f_code.co_filename, line) for f, line in traceback.walk_stack(None)))
             failure = self.failure
             if failure is None or len(self.calls) - 1 != failure.at:
                 return self._whole(do, arguments, named)
@@ -205,10 +209,12 @@ def main(scenario: Scenario) -> None:
     disk = Disk()
     disk.use(root / "whole", None)
     scenario.run(root / "whole")  # in this process, so that every child knows what it has computed
-    calls, wanted = disk.calls, scenario.digest(root / "whole")
+    calls, places, wanted = disk.calls, disk.places, scenario.digest(root / "whole")
     disk.use(Path("/nowhere"), None)
     gc.freeze()
-    every = [Failure(way, at) for at in range(len(calls)) for way in WAYS if way == which or which.isdigit()]
+    ends = {at for place in set(places) for at in (places.index(place), len(places) - 1 - places[::-1].index(place))}
+    able = sorted(ends) if which == "places" else range(len(calls))
+    every = [Failure(way, at) for at in able for way in WAYS if way == which or which not in WAYS]
     rng = np.random.default_rng(0)
     chosen = sorted(rng.choice(len(every), int(which), replace=False)) if which.isdigit() else range(len(every))
     for failure in (every[i] for i in chosen):
@@ -216,7 +222,7 @@ def main(scenario: Scenario) -> None:
         say(fail(scenario, disk, home, failure, wanted))
     spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cpu_s = sum(used.ru_utime + used.ru_stime for used in spent)
-    say({"calls": calls, "files": len(wanted), "cpu_s": cpu_s})
+    say({"calls": calls, "places": len(set(places)), "files": len(wanted), "cpu_s": cpu_s})
 
 
 def say(result: Mapping[str, Any]) -> None:

@@ -6,8 +6,8 @@ Only the makers' drivers are replaced: the arm's is the real adapter with a play
 pedal's is the real one. The camera shows the simulated room, in which table, object and tool go through every motion
 with the joints that the FR3 measured; a person who puts the object down is its bench. Before each motion its name
 (home, approach, task, back) goes to CUE_FD, and nothing moves until a line comes back: a test arms its fault there. A
-word in that line is a fault of what the program itself has: "camera" gives no frame until the next motion, "disk full"
-and "disk broken" last.
+word in that line is a fault of what the program itself has: "camera" gives no frame until the next motion, "disk" is
+full.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import errno
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Self
 
@@ -87,7 +87,7 @@ class ShownArm(AroundArm[FrankaArm]):
     def _suffer(self, order: bytes) -> None:
         self._shown.is_blind = b"camera" in order
         if b"disk" in order:
-            vars(os)["fsync"] = _failing(errno.ENOSPC if b"full" in order else errno.EIO)
+            vars(os)["fsync"] = _no_space
 
     def _name(self, path: JointPath) -> bytes:
         if not self._shown.is_placed:
@@ -96,11 +96,8 @@ class ShownArm(AroundArm[FrankaArm]):
         return b"task" if self._after_task else b"back" if came_back else b"approach"
 
 
-def _failing(number: int) -> Callable[[int], None]:
-    def fsync(_: int) -> None:
-        raise OSError(number, os.strerror(number))
-
-    return fsync
+def _no_space(_: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 class ShownCamera:

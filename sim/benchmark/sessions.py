@@ -21,6 +21,7 @@ from sim.errors import OutOfRange
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
+from sim.types import Space
 
 UDR_POLICIES = 8
 """Behind what UDR earns: over Omega many actions earn alike, and in one world they differ as success and failure."""
@@ -74,9 +75,12 @@ class _Chance(IntEnum):
     UDR = 7
 
 
-def run_session(solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int) -> list[SolvedPolicy]:
-    """The policies that the session would go with after each iteration."""
+def run_session(
+    solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
+) -> list[SolvedPolicy]:
+    """The policies that the session would go with after each iteration; `contexts` are all the task's if not given."""
     task, history, chosen = solver.task, list[Iteration](), list[SolvedPolicy]()
+    among = task.context if contexts is None else contexts
     trained: dict[bytes, SolvedPolicy] = {}
 
     def policy(particle: Particle) -> SolvedPolicy:
@@ -89,7 +93,7 @@ def run_session(solver: Solver, method: Method, place: Place, conditions: Condit
         acting = [policy(particle) for particle in particles]
         history.append(
             tuple(
-                ParticleTrials(particle, _trials(task, act, place, seed, i, j))
+                ParticleTrials(particle, _trials(task, act, place, among, (seed, i, j)))
                 for j, (particle, act) in enumerate(zip(particles, acting, strict=True))
             )
         )
@@ -145,13 +149,13 @@ def _once(trained: dict[bytes, SolvedPolicy], solver: Solver, particle: Particle
 
 
 def _trials(
-    task: Task, policy: SolvedPolicy, place: Place, seed: int, iteration: int, particle: int
+    task: Task, policy: SolvedPolicy, place: Place, among: Space, which: tuple[int, int, int]
 ) -> tuple[Trial, ...]:
-    contexts = task.context.sample(
-        _stream(seed, _Chance.CONTEXT, iteration, particle), task.adaptation.trials_per_iteration
-    )
+    """Those of one particle in one iteration; `which`: seed, iteration, particle."""
+    seed, *where = which
+    contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
     actions = np.stack([policy(context) for context in contexts])
-    seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, iteration, particle))
+    seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
     rows = zip(contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
     return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 

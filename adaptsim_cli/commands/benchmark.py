@@ -18,6 +18,9 @@ def benchmark(
     fresh: Annotated[
         int, typer.Option("--fresh", min=0, help="True rollouts for the score of a final policy; 0: its table scores.")
     ] = 0,
+    lab: Annotated[
+        bool, typer.Option("--lab", help="Run every trial through the whole simulated lab: arm, camera and tracking.")
+    ] = False,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Sessions of each method in each world.")] = 10,
     checkpoints: Annotated[
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
@@ -48,7 +51,7 @@ def benchmark(
 
     resolved = config.load({"task": task, "workers": workers})
     screen = console.Screen(as_json=as_json)
-    asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out)
+    asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in asked.left_out:
         screen.note(f"{name} is left out: {why}")
     with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:

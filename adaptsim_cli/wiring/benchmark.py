@@ -44,6 +44,7 @@ class Asked:
     seeds: int
     checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
     out: Path | None
+    in_lab: bool = False  # trials run through the whole simulated lab
     left_out: tuple[tuple[str, str], ...] = ()  # of "all": methods that these checkpoints do not hold, and why
 
     @property
@@ -54,6 +55,7 @@ class Asked:
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
+            **({"trials": "lab"} if self.in_lab else {}),
         }
 
     @property
@@ -75,6 +77,8 @@ def asked(
     seeds: int,
     checkpoints: str,
     out: Path | None,
+    *,
+    in_lab: bool = False,
 ) -> Asked:
     """Check what is asked for before anything runs.
 
@@ -110,12 +114,16 @@ def asked(
     conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
     found = targets_of(task, _words(targets))
-    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, tuple(left_out.items()))
+    if in_lab:
+        _require_lab(task, found)
+    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, tuple(left_out.items()))
 
 
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
     """Run what is missing of the sessions. Raises DatasetError where a table is missing, SimError, SessionError."""
     from adaptsim_cli.report.benchmark import Comparison
+    from adaptsim_cli.wiring.lab_place import run_in_lab
+    from sim.benchmark.jobs import run_job
     from sim.benchmark.run import Results, run_jobs
     from sim.benchmark.summary import summarise
 
@@ -129,7 +137,8 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
     ):
         results = Results(asked.folder)
         results.agree(asked.plan)
-        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total))
+        run = run_in_lab if asked.in_lab else run_job
+        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total), run)
     return Comparison(
         folder=asked.folder,
         task_title=asked.task.title,
@@ -200,6 +209,16 @@ def make_tables(
                 }
             )
     return made
+
+
+def _require_lab(task: Task, targets: Sequence[Target]) -> None:
+    """Raises UsageError where there is no arm for a task, or no lab for a world's physics."""
+    if task.hardware is None:
+        raise UsageError(f"--lab: {task.name} has no motion for an arm, so the lab cannot run it; leave --lab out")
+    if foreign := [target.name for target in targets if target.world.physics != "drake"]:
+        raise UsageError(
+            f"--lab: the lab is simulated in Drake, and {', '.join(foreign)} in another physics; leave them out"
+        )
 
 
 def _tables(asked: Asked) -> list[WorldTable | None]:

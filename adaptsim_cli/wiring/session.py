@@ -87,7 +87,7 @@ def _open_target(config: Config, task: Task, drivers: Drivers | None, own: Facts
         yield task, _simulated(config, task), None, None
         return
     with open_trials(config, places(), task, drivers, own) as on_rig:
-        yield on_rig.task, on_rig, _executable(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
+        yield on_rig.task, on_rig, executable_on(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
 
 
 @contextmanager
@@ -191,7 +191,9 @@ class _SolverLearner:
         return Assessment(best, verdict(task, history, self.expectations, best, ahead), ahead)
 
 
-def _executable(hardware: Hardware, planner: Planner) -> Executable:
+def executable_on(hardware: Hardware, planner: Planner) -> Executable:
+    """Whether the motion of an action, at a context, passes every limit of an arm."""
+
     def executable(context: Array, action: Array) -> bool:
         try:
             for path in planner.paths(hardware.plan(context, action)):

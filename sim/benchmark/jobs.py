@@ -71,8 +71,11 @@ class Row:
     shown: float | None  # of UDR and the oracle: the reward in other trials, which choose the worlds with a gap
 
 
-def run_job(job: Job) -> Row:
-    """The session and its judgement, in this process. Raises SimError."""
+def run_job(job: Job, trials: Place | None = None) -> Row:
+    """The session and its judgement, in this process. `trials`: where it has its trials, if not where it is judged.
+
+    Raises SimError.
+    """
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
     task, seen = solver.task, None
@@ -101,7 +104,7 @@ def run_job(job: Job) -> Row:
         last = final(act)
         return _row(job, checkpoint, last, [last], 0, began, seen)
     method = make_method(job.method, task, checkpoint)
-    chosen = run_session(solver, method, place, conditions, job.seed)
+    chosen = run_session(solver, method, trials or place, conditions, job.seed)
     curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
     return _row(job, checkpoint, final(chosen[-1].actions), curve, each, began, None)
 

@@ -1,6 +1,6 @@
 """Where sessions of a benchmark happen: a world that is simulated, or its table.
 
-A third place, the whole lab with arm and camera, would keep the same contract.
+A third place, the whole lab with arm and camera, keeps the same contract (`adaptsim_cli.wiring.lab_place`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Rollouts
-from sim.solvers.solver import Solver
+from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
 SMOOTHED = 4
@@ -34,10 +34,16 @@ class Played:
     observations: Array  # (N, size) normalised, with the camera's noise
     rewards: Array  # (N,)
     ends: tuple[Array | None, ...]  # N end states of successes, (k,) each
+    contexts: Array  # (N, c) as they were measured
 
 
 class Place(Protocol):
     """One world. Contexts (N, c) and commanded actions (N, a) in units; chance comes from the generator alone."""
+
+    @property
+    def executable(self) -> Executable | None:
+        """Which actions can be tried; None: all."""
+        ...
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
         """Trials."""
@@ -58,13 +64,14 @@ class Simulated:
 
     solver: Solver
     world: World
+    executable: Executable | None = None
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
         """See `Place`: true rollouts."""
         task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
         shown = np.stack([task.observation(track) for track in tracks])
         ends = tuple(map(task.end_of, tracks))
-        return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends)
+        return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends, contexts)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: true rollouts."""
@@ -91,6 +98,7 @@ class Tabled:
 
     task: Task
     table: WorldTable
+    executable: Executable | None = None
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
         """See `Place`: from the half of the table that answers trials."""
@@ -98,7 +106,7 @@ class Tabled:
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
         found = results[rows]
         seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
-        return Played(seen, found.rewards(task, contexts), found.ends())
+        return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: from the half of the table that scores."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -59,8 +59,14 @@ class Results:
         return self.folder / "rows" / job.set / f"{job.world.name}-{job.answers}" / f"{job.method}-{job.seed}.json"
 
 
-def run_jobs(jobs: Sequence[Job], results: Results, executor: Executor, progress: Progress) -> list[Row]:
-    """The rows of all jobs, in their order; those that are stored are not run again.
+def run_jobs(
+    jobs: Sequence[Job],
+    results: Results,
+    executor: Executor,
+    progress: Progress,
+    run: Callable[[Job], Row] = run_job,
+) -> list[Row]:
+    """The rows of all jobs, in their order; those that are stored are not run again. `run` can be sent to a worker.
 
     Raises what a job raises, RolloutError where a worker died, ClusterUnavailable.
     """
@@ -71,7 +77,7 @@ def run_jobs(jobs: Sequence[Job], results: Results, executor: Executor, progress
     try:
         while len(rows) < len(jobs):
             for i in itertools.islice(missing, IN_FLIGHT - len(running)):
-                running[executor.submit(run_job, jobs[i])] = i
+                running[executor.submit(run, jobs[i])] = i
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in sorted(ready, key=_failed):
                 if future.cancelled():

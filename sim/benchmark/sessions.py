@@ -19,7 +19,7 @@ from sim.adaptation.methods import udr
 from sim.benchmark.places import Place
 from sim.errors import OutOfRange
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -85,8 +85,8 @@ def run_session(
 
     def policy(particle: Particle) -> SolvedPolicy:
         if isinstance(method, OwnPolicies):
-            return method.policy(particle, history)
-        return _once(trained, solver, particle)
+            return method.policy(particle, history, place.executable)
+        return _once(trained, solver, particle, place.executable)
 
     particles = method.start(conditions.particles, _stream(seed, _Chance.START))
     for i in range(conditions.iterations(task)):
@@ -98,7 +98,7 @@ def run_session(
             )
         )
         best = choose_best(task, history).particle
-        chosen.append(method.final(history) if isinstance(method, OwnPolicies) else policy(best))
+        chosen.append(method.final(history, place.executable) if isinstance(method, OwnPolicies) else policy(best))
         particles = method.next(history, _stream(seed, _Chance.NEXT, i))
     return chosen
 
@@ -141,10 +141,12 @@ def _worthwhile(task: Task, n: int) -> int:
     return n if len(task.context) or np.any(task.action_noise) else 2
 
 
-def _once(trained: dict[bytes, SolvedPolicy], solver: Solver, particle: Particle) -> SolvedPolicy:
+def _once(
+    trained: dict[bytes, SolvedPolicy], solver: Solver, particle: Particle, executable: Executable | None
+) -> SolvedPolicy:
     key = particle.samples.tobytes()
     if key not in trained:
-        trained[key] = policy_for(solver, particle.samples)
+        trained[key] = policy_for(solver, particle.samples, executable)
     return trained[key]
 
 
@@ -156,7 +158,7 @@ def _trials(
     contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
     actions = np.stack([policy(context) for context in contexts])
     seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
-    rows = zip(contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
+    rows = zip(seen.contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
     return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 
 

@@ -30,6 +30,8 @@ def job(method, seed=0, world="wd", conditions=CONDITIONS):
 class Recorded:
     """A place that writes down which contexts and streams it was asked for."""
 
+    executable = None
+
     def __init__(self):
         self.inner = Simulated(load_checkpoint(PENDULUM).solver, load_world("wd", PENDULUM))
         self.draws = []

@@ -1,0 +1,107 @@
+"""Sessions of a benchmark whose trials run through the whole simulated lab, with arm, camera and tracking."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+import numpy as np
+
+from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.devices.simulated import nominal_hand_eye
+from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.rig import Rig
+from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.wiring.session import executable_on
+from hw.errors import MotionRefused
+from hw.types import Array
+from perception.errors import PerceptionError
+from perception.types import ObjectTrack
+from sim.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
+from sim.benchmark.places import Place, Played, Tabled
+from sim.errors import NotExecutable, RolloutError
+from sim.lab.simulated import SimulatedLab
+from sim.solvers.solver import Executable
+from sim.tasks import get_task
+
+ATTEMPTS = 4
+"""How often an object is placed again after a trial in which it was not found, or that no limit allows."""
+
+
+class _Nobody:
+    """An operator who has nothing to say."""
+
+    def placed(self, *_: Any) -> None:
+        """See `adaptsim_cli.session.operator.Operator`."""
+
+
+@dataclass(frozen=True, eq=False)
+class InLab:
+    """A `Place`: trials in the lab. What is judged, and what is best, comes from the table of the same world."""
+
+    rig: OnRig
+    table: Place
+    executable: Executable
+    _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """See `Place`. Raises RolloutError where a trial cannot be had. The lab has its own chance, not `rng`."""
+        task = self.rig.task
+        done = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
+        seen = np.stack([context for context, _ in done])
+        return Played(
+            observations=np.stack([task.observation(track) for _, track in done]),
+            rewards=np.array([task.score(track, context) for context, track in done]),
+            ends=tuple(task.end_of(track) for _, track in done),
+            contexts=seen,
+        )
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: from the table."""
+        return self.table.judge(contexts, actions, rng)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """See `Place`: from the table."""
+        return self.table.best_actions(contexts)
+
+    def _trial(self, context: Array, action: Array) -> tuple[Array, ObjectTrack]:
+        """One motion, as a session has it -> the context that was measured, and the track."""
+        number, why = next(self._numbers), ""
+        for attempt in range(ATTEMPTS):
+            try:
+                ready = self.rig.set_up(context, TrialKey(number, attempt), cast(Operator, _Nobody()))
+                files = ready.plan(action).execute().files()
+                with TemporaryDirectory() as folder:
+                    for name, content in files.items():
+                        Path(folder, name).write_bytes(content)
+                    return ready.context, self.rig.replay(ready.context, action, Path(folder)).track()
+            except (PerceptionError, NotExecutable, MotionRefused) as error:
+                why = str(error)
+        raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")
+
+
+def run_in_lab(job: Job) -> Row:
+    """As `run_job`, with the trials of its session in the lab. UDR and the limits have none, or too many."""
+    if job.method in (UDR, *LIMITS):
+        return run_job(job)
+    with in_lab(job) as place:
+        return run_job(job, place)
+
+
+@contextmanager
+def in_lab(job: Job) -> Iterator[InLab]:
+    """The lab in the world of a job, with the arm and the calibration of a first session."""
+    task, world = get_task(job.task), job.world
+    assert job.table is not None, "only a task without hardware has no table"
+    there = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, job.seed, there.cell, home_q_rad=there.home_rad) as lab:
+        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, job.seed))
+        rig = OnRig(there.task, devices, tracker_of(there.task), there.planner())
+        yield InLab(rig, Tabled(task, job.table), executable_on(rig.hardware, rig.planner))

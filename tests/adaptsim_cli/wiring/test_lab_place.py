@@ -1,0 +1,87 @@
+"""Trials of a benchmark in the whole simulated lab."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptsim_cli import app, config
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.wiring import benchmark, lab_place
+from hw.types import Array
+from perception.errors import ObjectNotFound
+from sim.benchmark.jobs import Job, Row
+from sim.benchmark.places import Place
+from sim.benchmark.sessions import Conditions
+from sim.errors import RolloutError
+from sim.lab.rollouts import rollouts_in
+from sim.lab.world import load_world
+from sim.tasks import get_task
+
+PUSHING = get_task("pushing")
+
+
+def job(method: str = "adaptsim") -> Job:
+    """Its table is never asked here."""
+    table: Any = object()
+    return Job("pushing", "default", "named", load_world("wd", PUSHING), table, method, 0, Conditions(budget=4))
+
+
+def test_a_trial_in_the_lab_ends_near_that_of_a_rollout() -> None:
+    action = PUSHING.action.denormalise(np.array([0.5, 0.5]))
+    context = PUSHING.reference_context
+    world = load_world("wd", PUSHING)
+    with lab_place.in_lab(job()) as place:
+        assert place.executable is not None
+        assert place.executable(context, action)
+        seen = place.play(context[None], action[None], np.random.default_rng(0))
+    alone = rollouts_in(world)(world.parameters, context, action, world.nuisance)
+    assert seen.ends[0] == pytest.approx(PUSHING.end_of(alone), abs=0.02)
+    assert seen.rewards[0] == pytest.approx(PUSHING.score(alone, context), abs=0.1)
+    assert seen.contexts[0] == pytest.approx(context)
+
+
+def test_an_object_that_is_never_found_ends_the_session_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = list[int]()
+
+    def lost(_: object, drawn: Array, key: Any, operator: object) -> None:
+        tried.append(key.attempt)
+        raise ObjectNotFound("no bottle in the picture")
+
+    monkeypatch.setattr(lab_place.OnRig, "set_up", lost)
+    with lab_place.in_lab(job()) as place, pytest.raises(RolloutError, match="no bottle in the picture"):
+        place.play(PUSHING.reference_context[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
+    assert tried == list(range(lab_place.ATTEMPTS))
+
+
+def test_only_methods_with_trials_go_to_the_lab(monkeypatch: pytest.MonkeyPatch) -> None:
+    went = list[tuple[str, Place | None]]()
+
+    def run(job: Job, trials: Place | None = None) -> Row | None:
+        went.append((job.method, trials))
+        return None
+
+    monkeypatch.setattr(lab_place, "run_job", run)
+    for method in ("udr", "oracle", "best-action"):
+        lab_place.run_in_lab(job(method))
+    assert went == [("udr", None), ("oracle", None), ("best-action", None)]
+    lab_place.run_in_lab(job("random"))
+    assert isinstance(went[-1][1], lab_place.InLab)
+
+
+def test_what_the_lab_cannot_run_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["benchmark", "--task", "pendulum", "--lab", "--targets", "wd"]) == 2
+    assert "--lab: pendulum has no motion for an arm" in capfd.readouterr().err
+    with pytest.raises(UsageError, match="mujoco-wd in another physics"):
+        benchmark.asked(config.load({"task": "pushing"}), "wd,mujoco-wd", "udr", 4, 0, 1, "", None, in_lab=True)
+
+
+def test_results_of_the_lab_are_never_mixed_with_others() -> None:
+    both = [
+        benchmark.asked(config.load({"task": "pushing"}), "wd", "udr", 4, 0, 1, "", None, in_lab=lab)
+        for lab in (False, True)
+    ]
+    assert both[0].plan != both[1].plan
+    assert both[0].folder != both[1].folder

@@ -13,7 +13,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
+.PHONY: results results-short setup demo test test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -76,6 +76,14 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python docs/check_words.py
+
+# Every method in every set of worlds, and the page that shows it: hours; stop it at any time, it goes on where it was.
+results: $(STAMP)
+	$(BIN)/python benchmarks/results.py
+
+# The same for the pendulum with a small budget: half a minute, nothing in docs/ changes.
+results-short: $(STAMP)
+	$(BIN)/python benchmarks/results.py --short
 
 # The pages of docs/ that follow from the code: commands, parameters, files, messages.
 docs: $(STAMP)

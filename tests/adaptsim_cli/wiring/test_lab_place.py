@@ -9,6 +9,7 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.wiring import benchmark, lab_place
 from hw.types import Array
 from perception.errors import ObjectNotFound
@@ -50,7 +51,7 @@ def test_an_object_that_is_never_found_ends_the_session_with_the_reason(monkeypa
         tried.append(key.attempt)
         raise ObjectNotFound("no bottle in the picture")
 
-    monkeypatch.setattr(lab_place.OnRig, "set_up", lost)
+    monkeypatch.setattr(OnRig, "set_up", lost)
     with lab_place.in_lab(job()) as place, pytest.raises(RolloutError, match="no bottle in the picture"):
         place.play(PUSHING.reference_context[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
     assert tried == list(range(lab_place.ATTEMPTS))

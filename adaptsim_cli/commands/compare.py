@@ -53,5 +53,7 @@ def compare(
     ]
     screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
     screen.plain("First and last: mean reward of the first and of the last iteration.")
+    for sentence in comparison.conclusions(found):
+        screen.plain(sentence)
     screen.plain(f"Page: {path}")
     screen.next((f"xdg-open {path}", "the page, in the browser"))

@@ -20,6 +20,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.table import Row, as_csv, rows, trials_of
 from adaptsim_cli.storage import durable
 
+UDR = "udr"
 PAGE, SESSIONS, TRIALS = "comparison.html", "sessions.csv", "trials.csv"
 
 
@@ -129,6 +130,21 @@ def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
             )
         )
     return tuple(result)
+
+
+def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
+    """A sentence for each session that UDR was tried beside, in the same world with the same seed."""
+    udr = {c.pair: c for c in found if c.facts.method == UDR}
+    told = []
+    for c in found:
+        if c.pair in udr and c.facts.method != UDR:
+            count = len(c.iterations)
+            last = f", after {count} iterations {c.iterations[-1].mean:.2f}" if count > 1 else ""
+            told.append(
+                f"{c.place[:1].upper()}{c.place[1:]}: UDR {udr[c.pair].iterations[-1].mean:.2f}, first policies of "
+                f"{c.facts.method} {c.iterations[0].mean:.2f}{last} (mean rewards)."
+            )
+    return tuple(told)
 
 
 def write(found: Sequence[Compared], folder: Path) -> Path:

@@ -45,7 +45,7 @@ def run(asked: Asked) -> None:
     print(table(head, body))
     plt = plot()
     figure, grid = plt.subplots(
-        ACTIONS, len(WORLDS), figsize=(8.4, 6.4), sharex=True, sharey=True, layout="constrained"
+        ACTIONS, len(WORLDS), figsize=(8.4, 6.0), sharex=True, sharey="row", layout="constrained"
     )
     for name, k, simulated, real in paths:
         axes = grid[k, WORLDS.index(name)]

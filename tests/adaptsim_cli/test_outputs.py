@@ -87,6 +87,8 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     printed(capfd, "sessions export", "s", "--format", "csv")
     printed(capfd, "report", "s")
     printed(capfd, "compare", "s", "other")
+    assert app.run(["compare", "s", "other"]) == 0
+    assert "World wd: UDR 0." in capfd.readouterr().out
     assert "s/log.jsonl" in printed(capfd, "bundle", "s")["files"]
     assert printed(capfd, "sessions redo", "s", "2")["next_attempt"] == 2
     (rejected,) = printed(capfd, "sessions show", "s")["rejected"]

@@ -3,7 +3,9 @@
     python benchmarks/results.py            hours; finished parts stay in build/results
     python benchmarks/results.py --short    the pendulum alone with a small budget, half a minute
 
-It calls `adaptsim world-tables` and `adaptsim benchmark`, and reads the JSON of the latter.
+    python benchmarks/results.py --page-only    the page of what has been run so far; missing cells stay open
+
+It calls `adaptsim world-tables` and `adaptsim benchmark`, and reads the rows of the latter.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
+from sim.benchmark.jobs import COMPARED
+from sim.benchmark.sessions import Conditions
 
 PAGE, FOLDER = Path("docs/results/methods.md"), Path("build/results")
 TABLE_A2 = ("wd", "ood-1", "ood-2", "ood-3", "ood-4")
@@ -61,7 +65,8 @@ HEAD = """Written by `{command}`. Mean reward of the policy that a session ends 
 (over sessions where there is one world). Each column is a set of worlds of its own: the five of the paper's Table A2,
 worlds that a search *selected* because UDR fails there, worlds that a rule *drew*, and worlds simulated in MuJoCo,
 which training has never seen. Methods are explained in [paper](../why/paper.md#baselines), worlds and scores in
-[benchmark](../reference/benchmark.md). `oracle` and `best-action` are limits, not methods. Bold: the best method."""
+[benchmark](../reference/benchmark.md). `oracle` and `best-action` are limits, not methods.
+Bold: the best method. –: not run yet."""
 
 REPORTED = """## Reported by the paper, on a real arm
 
@@ -81,15 +86,16 @@ def main() -> None:
     parser.add_argument("--short", action="store_true", help="the pendulum alone, with a small budget")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where benchmarks lie (default build/results)")
     parser.add_argument("--page", type=Path, help=f"default: {PAGE}; with --short a file in the folder")
+    parser.add_argument("--page-only", action="store_true", help="run nothing, show what there is")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0: one per core")
     asked = parser.parse_args()
     parts = SHORT if asked.short else WHOLE
-    for part in parts:
+    for part in () if asked.page_only else parts:
         if part.needs_tables:
             call(["world-tables", "--task", part.task, "--targets", part.targets], asked.workers)
         call(part.command(asked.folder), asked.workers)
     page = asked.page or (asked.folder / "methods.md" if asked.short else PAGE)
-    found = {part.task: json.loads((asked.folder / part.task / "benchmark.json").read_text()) for part in parts}
+    found = {part.task: stored(asked.folder / part.task) for part in parts}
     page.write_text(written(parts, found, short=asked.short), encoding="utf-8")
     print(f"Written: {page}")
 
@@ -102,7 +108,13 @@ def call(arguments: Sequence[str], workers: int) -> None:
         raise SystemExit(done.returncode)
 
 
-def written(parts: Sequence[Part], found: Mapping[str, Mapping[str, Any]], *, short: bool) -> str:
+def stored(folder: Path) -> list[dict[str, Any]]:
+    """The rows of a benchmark, methods in the program's order."""
+    rows = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("rows/*/*/*.json"))]
+    return sorted(rows, key=lambda row: COMPARED.index(row["method"]))
+
+
+def written(parts: Sequence[Part], found: Mapping[str, Sequence[Mapping[str, Any]]], *, short: bool) -> str:
     """The page."""
     lines = [
         "# Results: every method",
@@ -114,25 +126,27 @@ def written(parts: Sequence[Part], found: Mapping[str, Mapping[str, Any]], *, sh
     return "\n".join((*lines, "", REPORTED))
 
 
-def section(part: Part, found: Mapping[str, Any]) -> list[str]:
+def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """One task."""
-    rows = found["rows"]
     methods = list(dict.fromkeys(row["method"] for row in rows))
     columns = [column for column in COLUMNS if any(column_of(row) == column for row in rows)]
     earned = {(m, c): by_world(rows, m, c) for m in methods for c in columns}
-    worlds = {c: len(earned[methods[0], c]) for c in columns}
+    worlds = {c: max(len(earned[m, c]) for m in methods) for c in columns}
+    earned = {at: there for at, there in earned.items() if len(there) == worlds[at[1]]}  # only whole sets are shown
     best = {
-        c: max(float(np.mean(earned[m, c])) for m in methods if m not in LIMITS and len(earned[m, c])) for c in columns
+        c: max(float(np.mean(earned[m, c])) for m in methods if m not in LIMITS and (m, c) in earned) for c in columns
     }
     head = ["method", *(f"{c} ({worlds[c]} worlds)" if worlds[c] > 1 else c for c in columns)]
-    body = [[f"`{m}`", *(cell(earned[m, c], best[c], is_limit=m in LIMITS) for c in columns)] for m in methods]
-    conditions = found["conditions"]
-    scored = f"{part.fresh} true rollouts" if part.fresh else f"{conditions['judged']} contexts"
+    body = [
+        [f"`{m}`", *(cell(earned.get((m, c), []), best[c], is_limit=m in LIMITS) for c in columns)] for m in methods
+    ]
+    conditions = Conditions(part.budget)
+    scored = f"by {part.fresh} true rollouts" if part.fresh else f"at {conditions.judged} contexts"
     return [
         f"## {part.task.capitalize()}",
         "",
-        f"Sessions of {part.budget} trials with {conditions['particles']} particles, {part.seeds} of each method in "
-        f"each world; one training seed; tool driven directly. Final policies are scored at {scored}.",
+        f"Sessions of {part.budget} trials with {conditions.particles} particles, {part.seeds} of each method in "
+        f"each world; one training seed; tool driven directly. Final policies are scored {scored}.",
         "",
         *("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)),
         "",

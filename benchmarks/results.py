@@ -58,12 +58,12 @@ WHOLE = (
     Part("scooping", "named,drawn,mujoco", seeds=1, fresh=8),
 )
 SHORT = (
-    Part("pendulum", "wd,ood-1", 2, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
+    Part("pendulum", "wd,ood-1", 1, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
 )
 
 HEAD = """Written by `{command}`. Mean reward of the policy that a session ends with, with its 95 % interval over worlds
-(over sessions where there is one world). Each column is a set of worlds of its own: the five of the paper's Table A2,
-worlds that a search *selected* because UDR fails there, worlds that a rule *drew*, and worlds simulated in MuJoCo,
+(over sessions where there is one world). Each column is a set of worlds of its own. The first five are the paper's
+Table A2. A search *selected* others because UDR fails there, and a rule *drew* forty. The last are simulated in MuJoCo,
 which training has never seen. Methods are explained in [paper](../why/paper.md#baselines), worlds and scores in
 [benchmark](../reference/benchmark.md). `oracle` and `best-action` are limits, not methods.
 Bold: the best method. –: not run yet."""

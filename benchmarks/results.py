@@ -66,7 +66,10 @@ HEAD = """Written by `{command}`. Mean reward of the policy that a session ends 
 Table A2. A search *selected* others because UDR fails there, and a rule *drew* forty. The last are simulated in MuJoCo,
 which training has never seen. Methods are explained in [paper](../why/paper.md#baselines), worlds and scores in
 [benchmark](../reference/benchmark.md). `oracle` and `best-action` are limits, not methods.
-Bold: the best method. –: not run yet."""
+Bold: the best method. –: not run yet.
+
+The comparison is uneven in one point: `adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω,
+which holds the OOD targets of Table A2. The other methods, and `oracle`, know Ω alone."""
 
 REPORTED = """## Reported by the paper, on a real arm
 

@@ -21,12 +21,11 @@ from adaptsim_cli.session.verifying import verify
 NAME = "toy-wd-adaptsim-seed0"
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
-durations.WORTH_S = math.inf
-"""How long things took is stored only where that is worth telling, so a busy machine would have more calls."""
-
 
 class ToySession:
     def run(self, home: Path) -> None:
+        # How long things took is stored only where that is worth telling: a busy machine would have more calls.
+        durations.WORTH_S = math.inf
         with Path(os.devnull).open("w") as nothing:
             vars(console)["Console"] = lambda **_: Console(file=nothing)
             request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)

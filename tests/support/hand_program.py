@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 from hw.errors import HandError
@@ -9,6 +10,7 @@ from hw.franka.hand_process import HandProcess
 
 
 def main(model: str, host: str) -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a program in the background is born deaf to it
     with HandProcess(model, host) as hand:
         hand.home()
         sys.stdout.write("homed\n")

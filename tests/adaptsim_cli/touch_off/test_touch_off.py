@@ -112,7 +112,7 @@ def test_what_does_not_fit_together_is_a_problem() -> None:
     crumb = touches(table_probes(CENTRE_M)[4:], np.eye(4), lifted, rng, 1e-4)
     tool = touches(probes, HARDWARE.X_FT, TRUE.X_FT(HARDWARE.X_FT), rng, 1e-4)
     found = solve([*fingers[:8], *crumb], tool, HARDWARE.X_FT, CENTRE_M)
-    assert any("table place" in problem and "lying there" in problem for problem in found.problems)
+    assert any("table place" in problem and "nothing lies there" in problem for problem in found.problems)
     with pytest.raises(ValueError, match="3 places"):
         solve(fingers[:4], tool, HARDWARE.X_FT, CENTRE_M)
 

@@ -57,7 +57,7 @@ def test_bare_table_is_refused_with_the_area_searched() -> None:
 
 def test_a_piece_beside_the_area_is_named() -> None:
     scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
-    with pytest.raises(ObjectNotFound, match=r"something at \(0\.6[78]\d, 0\.06\d\) m; move it"):
+    with pytest.raises(ObjectNotFound, match=r"something lies at \(0\.6[78]\d, 0\.06\d\) m; move it into"):
         find_piece(scene.still(at(0.68, 0.065, 0.01)), scene.model, scene.X_BC, AREA)
 
 

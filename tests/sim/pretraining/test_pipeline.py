@@ -213,7 +213,7 @@ def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts
 
 def test_a_folder_of_another_plan_is_refused(tmp_path):
     run(tmp_path)
-    with pytest.raises(DatasetError, match="another seed"):
+    with pytest.raises(DatasetError, match="a different seed"):
         run(tmp_path, seed=1)
-    with pytest.raises(DatasetError, match="another budget"):
+    with pytest.raises(DatasetError, match="a different budget"):
         run(tmp_path, budget=dataclasses.replace(TINY, rollouts=400))

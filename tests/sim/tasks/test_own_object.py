@@ -110,11 +110,11 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     target = heavy.parameters.sample(np.random.default_rng(0), 1)[0]
     assert 2.0 <= target[1] <= 2.6
     with pytest.raises(
-        CheckpointError, match=r"other parameters, margin of pendulum \(those of heavy pendulum\): pretrain"
+        CheckpointError, match=r"different parameters, margin of pendulum \(those of heavy pendulum\): pretrain"
     ):
         load_checkpoint(usual, str(path))
     lighter = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.5, 2.0), "m2": (2.0, 2.6)}))
-    with pytest.raises(CheckpointError, match="other parameters, margin of pendulum: pretrain"):
+    with pytest.raises(CheckpointError, match="different parameters, margin of pendulum: pretrain"):
         load_checkpoint(lighter, str(path))
 
 

@@ -1,7 +1,7 @@
 """Reuse of task policies (the paper's A2.2), with NAF in the loop: scooping, sessions of the paper's adaptation policy.
 
 Every task policy is trained by NAF on true rollouts, at `SCALE` of the budgets of Table A1: by the rules of reuse, and
-anew for every E. Trials come from the world's table: adaptsim world-tables --task scooping --targets drawn
+anew for every E. Trials come from the world's table: adaptsim world-tables --task scooping --targets soft-cheese
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, rules_of
 from studies.shared import Asked, Watched, plot, save, table, table_of
 
-TARGET, METHOD, SCALE, CONDITIONS = "drawn-1-1", "adaptsim-iteration", 0.25, Conditions(budget=20)
+TARGET, METHOD, SCALE, CONDITIONS = "soft-cheese", "adaptsim-iteration", 0.25, Conditions(budget=20)
 WAYS = {"by the rules": True, "anew for every E": False}
 
 

@@ -204,7 +204,7 @@ def _explain(error: BaseException) -> int:
 
 
 def _example(error: typer.TyperException) -> str:
-    """The example of the help of the command whose line was wrong, as a line of its own; "" without one."""
+    """A line with the example from the help of the command that was called wrongly; "" if it has none."""
     context = getattr(error, "ctx", None)
     text = (context.command.help if context is not None else None) or ""
     _, found, example = text.partition("Example: ")

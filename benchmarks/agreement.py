@@ -21,18 +21,15 @@ from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.simulated import nominal_hand_eye
-from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.wiring.lab_place import Nobody, rig_in_lab
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -41,7 +38,6 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
-from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
@@ -79,13 +75,6 @@ class Row:
         return self.outcome[0] == self.outcome[1]
 
 
-class _Nobody:
-    """An operator who has nothing to say."""
-
-    def placed(self, *_: Any) -> None:
-        pass
-
-
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
@@ -114,13 +103,9 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
         "parameters": dict(zip(task.parameters.names, world.parameters.round(6).tolist(), strict=True)),
         "effects": effects_of(task, world),
     }
-    there = mounted_as_shipped(task, "panda")
-    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
-        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
-        rig = OnRig(there.task, devices, tracker_of(there.task), there.planner())
-        nobody: Operator = _Nobody()  # type: ignore[assignment]
+    with rig_in_lab(task, world, seed) as (lab, rig):
         try:
-            ready = rig.set_up(wanted, TrialKey(1, 0), nobody)
+            ready = rig.set_up(wanted, TrialKey(1, 0), cast(Operator, Nobody()))
             action = policy(ready.context)
             facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
             executed = ready.plan(action).execute()
@@ -213,14 +198,18 @@ def task_succeeded(row: Row, which: int = 0) -> bool:
 
 def report(task: Task, rows: Sequence[Row]) -> str:
     """Figures, and agreement by shape and by effect, as Markdown."""
-    found = summary(task, rows)
+    found, apart_words = summary(task, rows), "Both succeed in no world"
+    if found["apart_mm_median"] is not None:
+        apart_words = (
+            f"Where both succeed the ends are {found['apart_mm_median']:.1f} mm apart (median; p90 "
+            f"{found['apart_mm_p90']:.1f})"
+        )
     lines = [
         "",
         f"{found['worlds']} worlds, {found['refused']} without a trial. Outcomes agree in {found['agree']:.3f} "
         f"(success: rollout {found['success'][0]:.2f}, lab {found['success'][1]:.2f}); a rollout agrees with itself, "
         f"the object moved by {1e3 * NUDGE_M:g} mm, in {found['itself']:.3f}.",
-        f"Where both succeed the ends are {found['apart_mm_median']:.1f} mm apart (median; p90 "
-        f"{found['apart_mm_p90']:.1f}). Rewards correlate with {found['reward_correlation']:.3f}; the lab's are "
+        f"{apart_words}. Rewards correlate with {found['reward_correlation']:.3f}; the lab's are "
         f"{found['reward_bias']:+.3f} higher. Lost on the way home: {found['lost_on_the_way']}.",
         "",
         "| where | worlds | agree | apart mm |",

@@ -65,7 +65,7 @@ def arithmetic() -> float:
 
 
 def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array], int]:
-    """Times in s of at least `count` cycles, by what was timed and how; how many motions stopped."""
+    """Times of at least `count` cycles in s, one list for each clock and part; and the number of stopped motions."""
     motion = motion_of(path(), cell.motion)
     wall, own, alone, stops = list[float](), list[float](), list[float](), 0
     heard, said = os.pipe()

@@ -1,4 +1,4 @@
-"""Every method in every set of worlds: runs what is missing, then writes docs/results/methods.md.
+"""Every method in every set of worlds: runs the missing sessions, then writes docs/results/methods.md.
 
     python benchmarks/results.py            hours; finished parts stay in build/results
     python benchmarks/results.py --short    the pendulum alone with a small budget, half a minute

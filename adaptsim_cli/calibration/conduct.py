@@ -261,7 +261,7 @@ def flags(config: Config) -> str:
 def _after(config: Config) -> tuple[tuple[str, str], ...]:
     where = flags(config)
     return (
-        (f"adaptsim touch-off {where}", "finds table and tool, for tasks whose tool touches the table"),
+        (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
         (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
     )
 

@@ -28,7 +28,7 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
             raise UsageError(
                 f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "
                 "that iteration; only trials of the newest iteration can be redone. To change its outcome: adaptsim "
-                "sessions amend {facts.name} {number}"
+                f"sessions amend {facts.name} {number}"
             )
         store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
     return key.attempt + 2

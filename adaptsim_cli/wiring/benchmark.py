@@ -19,7 +19,7 @@ from adaptsim_cli.storage.locking import locked
 if TYPE_CHECKING:
     from adaptsim_cli.report.benchmark import Comparison
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.benchmark.jobs import Job
+    from sim.benchmark.jobs import Job, Row
     from sim.benchmark.sessions import Conditions
     from sim.benchmark.tables import WorldTable
     from sim.benchmark.targets import Target
@@ -122,8 +122,6 @@ def asked(
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
     """Run what is missing of the sessions. Raises DatasetError where a table is missing, SimError, SessionError."""
     from adaptsim_cli.report.benchmark import Comparison
-    from adaptsim_cli.wiring.lab_place import run_in_lab
-    from sim.benchmark.jobs import run_job
     from sim.benchmark.run import Results, run_jobs
     from sim.benchmark.summary import summarise
 
@@ -137,8 +135,7 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
     ):
         results = Results(asked.folder)
         results.agree(asked.plan)
-        run = run_in_lab if asked.in_lab else run_job
-        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total), run)
+        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total), _runner(asked))
     return Comparison(
         folder=asked.folder,
         task_title=asked.task.title,
@@ -209,6 +206,17 @@ def make_tables(
                 }
             )
     return made
+
+
+def _runner(asked: Asked) -> Callable[[Job], Row]:
+    """What runs one job; the lab is imported only where trials run in it."""
+    if asked.in_lab:
+        from adaptsim_cli.wiring.lab_place import run_in_lab
+
+        return run_in_lab
+    from sim.benchmark.jobs import run_job
+
+    return run_job
 
 
 def _require_lab(task: Task, targets: Sequence[Target]) -> None:

@@ -1,4 +1,4 @@
-"""Sessions of a benchmark whose trials run through the whole simulated lab, with arm, camera and tracking."""
+"""Benchmark sessions in the whole simulated lab: arm, camera and tracking take part in every trial."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ from sim.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
 from sim.benchmark.places import Place, Played, Tabled
 from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
+from sim.lab.world import World
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
+from sim.tasks.task import Task
 
 ATTEMPTS = 4
 """How often an object is placed again after a trial in which it was not found, or that no limit allows."""
 
 
-class _Nobody:
-    """An operator who has nothing to say."""
+class Nobody:
+    """An operator who answers nothing, for trials without questions."""
 
     def placed(self, *_: Any) -> None:
         """See `adaptsim_cli.session.operator.Operator`."""
@@ -44,7 +46,7 @@ class _Nobody:
 
 @dataclass(frozen=True, eq=False)
 class InLab:
-    """A `Place`: trials in the lab. What is judged, and what is best, comes from the table of the same world."""
+    """A `Place`: trials run in the lab; scores and best actions come from the table of the same world."""
 
     rig: OnRig
     table: Place
@@ -76,7 +78,7 @@ class InLab:
         number, why = next(self._numbers), ""
         for attempt in range(ATTEMPTS):
             try:
-                ready = self.rig.set_up(context, TrialKey(number, attempt), cast(Operator, _Nobody()))
+                ready = self.rig.set_up(context, TrialKey(number, attempt), cast(Operator, Nobody()))
                 files = ready.plan(action).execute().files()
                 with TemporaryDirectory() as folder:
                     for name, content in files.items():
@@ -97,11 +99,17 @@ def run_in_lab(job: Job) -> Row:
 
 @contextmanager
 def in_lab(job: Job) -> Iterator[InLab]:
-    """The lab in the world of a job, with the arm and the calibration of a first session."""
+    """The place of a job's trials."""
     task, world = get_task(job.task), job.world
     assert job.table is not None, "only a task without hardware has no table"
-    there = mounted_as_shipped(task, "panda")
-    with SimulatedLab(task, world, job.seed, there.cell, home_q_rad=there.home_rad) as lab:
-        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, job.seed))
-        rig = OnRig(there.task, devices, tracker_of(there.task), there.planner())
+    with rig_in_lab(task, world, job.seed) as (_, rig):
         yield InLab(rig, Tabled(task, job.table), executable_on(rig.hardware, rig.planner))
+
+
+@contextmanager
+def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
+    """A lab in `world` and the rig in it, with the arm and the calibration of a first session."""
+    there = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
+        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
+        yield lab, OnRig(there.task, devices, tracker_of(there.task), there.planner())

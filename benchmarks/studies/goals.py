@@ -50,7 +50,7 @@ def run(asked: Asked) -> None:
 
 
 def _one(solver: Solver, method: Method, place: Place, goal: Array, seed: int) -> dict[str, Any]:
-    """A session all of whose trials have one goal."""
+    """A session with the same goal in every trial."""
     task, histories = solver.task, list[Sequence[Iteration]]()
     watched = Watched(method, histories.append)
     policies = run_session(solver, watched, place, CONDITIONS, seed, at(task, goal))

@@ -68,7 +68,7 @@ def table_of(task_name: str, target: str) -> tuple[Checkpoint, Place]:
 
 
 def simulated(checkpoint: Checkpoint, target: str) -> Place:
-    """A world whose every trial is a rollout."""
+    """A world that is simulated: each trial is a rollout."""
     (found,) = targets_of(checkpoint.solver.task, [target])
     return Simulated(checkpoint.solver, found.world)
 

@@ -48,23 +48,28 @@ def test_both_sdks_move_hold_and_say_what_is_lost(model: str) -> None:
             hand.grasp(0.012, 40.0)
 
 
+def move_until_released(server: GripperServer, hand: HandProcess, pedal: HandPedal) -> None:
+    """A slow motion, and the pedal released once the gripper has begun it."""
+    server.slower, before = 20.0, len(server.begun_s)
+
+    def let_go() -> None:
+        until(lambda: len(server.begun_s) > before)
+        pedal.release()
+
+    release = threading.Thread(target=let_go)
+    release.start()
+    with pytest.raises(HandError, match="pedal was released; look at it, then run the command again"):
+        hand.move(0.01)
+    release.join()
+
+
 @pytest.mark.parametrize("deaf", [False, True])
 def test_a_released_pedal_stops_fingers_that_move(deaf: bool) -> None:
     pedal = HandPedal()
     with gripper(slower=0.1, deaf=deaf) as server:
         with HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
             hand.home()
-            server.slower, before = 20.0, len(server.begun_s)
-
-            def let_go() -> None:
-                until(lambda: len(server.begun_s) > before)
-                pedal.release()
-
-            release = threading.Thread(target=let_go)
-            release.start()
-            with pytest.raises(HandError, match="pedal was released; look at it, then run the command again"):
-                hand.move(0.01)
-            release.join()
+            move_until_released(server, hand, pedal)
             assert hand.stopped_after_s is not None
             with pytest.raises(DeviceUnavailable, match="not connected"):
                 hand.state()
@@ -91,17 +96,7 @@ def by_pedal() -> float:
     pedal = HandPedal()
     with gripper(slower=0.1) as server, HandProcess("fr3", server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
         hand.home()
-        server.slower = 20.0
-
-        def let_go() -> None:
-            until(lambda: len(server.begun_s) > 1)
-            pedal.release()
-
-        release = threading.Thread(target=let_go)
-        release.start()
-        with pytest.raises(HandError, match="pedal was released"):
-            hand.move(0.01)
-        release.join()
+        move_until_released(server, hand, pedal)
         return server.stops_s[0] - pedal.released_s
 
 

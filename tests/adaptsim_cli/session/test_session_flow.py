@@ -120,7 +120,7 @@ def test_sessions_redo_runs_the_trial_again_and_adapts_again(tmp_path: Path) -> 
 
 def test_a_trial_that_later_ones_rest_on_cannot_be_redone(tmp_path: Path) -> None:
     store = run(tmp_path, iterations=2)
-    with pytest.raises(UsageError, match="later trials use"):
+    with pytest.raises(UsageError, match=f"later trials use .* adaptsim sessions amend {NAME} 1"):
         redo(store, 1, "too late")
     with pytest.raises(UsageError, match=r"trial 99 .* is not completed"):
         redo(store, 99, "never was")

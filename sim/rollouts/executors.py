@@ -7,9 +7,10 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
+from typing import Any
 
 from sim.errors import ClusterUnavailable, RolloutError
 
@@ -59,7 +60,7 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
         except TimeoutError as error:
             raise ClusterUnavailable(f"the Dask cluster at {scheduler} has no worker: start one") from error
         try:
-            yield client.get_executor(pure=False)
+            yield _DaskExecutor(client)
         except RolloutError as error:
             # While a connection breaks, its futures may also fail with whatever they were at.
             if client.status == "running":
@@ -67,6 +68,43 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
             raise ClusterUnavailable(LOST) from error
     finally:
         client.close()
+
+
+class _DaskExecutor(Executor):
+    """Runs calls on a Dask client.
+
+    A worker may die while its result is on the way. Then the result is waited for until another worker has made it
+    again. (The executor that `distributed` offers takes such a result for an error.)
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run `fn` on a worker. Where the scheduler is lost, the future is cancelled."""
+        remote = self._client.submit(fn, *args, pure=False, **kwargs)
+        local: Future[Any] = Future()
+
+        def hand_on(_: object) -> None:
+            try:
+                result = remote.result()
+            except CancelledError:
+                local.cancel()
+                local.set_running_or_notify_cancel()
+            except Exception as error:
+                if local.set_running_or_notify_cancel():
+                    local.set_exception(error)
+            else:
+                if local.set_running_or_notify_cancel():
+                    local.set_result(result)
+
+        def cancel(_: object) -> None:
+            if local.cancelled() and not remote.cancelled():
+                remote.cancel()
+
+        local.add_done_callback(cancel)
+        remote.add_done_callback(hand_on)
+        return local
 
 
 def _serve() -> None:

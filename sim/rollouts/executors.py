@@ -91,7 +91,7 @@ class _DaskExecutor(Executor):
             except CancelledError:
                 local.cancel()
                 local.set_running_or_notify_cancel()
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - whatever the rollout raised
                 if local.set_running_or_notify_cancel():
                     local.set_exception(error)
             else:

@@ -54,7 +54,7 @@ class Part:
 
 WHOLE = (
     Part("pendulum", "named", seeds=3, budget=10, needs_tables=False),
-    Part("pushing", "named,drawn,mujoco", seeds=1),
+    Part("pushing", "named,drawn,mujoco", seeds=1, fresh=16),
     Part("scooping", "named,drawn,mujoco", seeds=1, fresh=8),
 )
 SHORT = (

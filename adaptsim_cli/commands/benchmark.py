@@ -16,7 +16,7 @@ def benchmark(
     methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     fresh: Annotated[
-        int, typer.Option("--fresh", min=0, help="True rollouts for the score of a final policy; 0: its table scores.")
+        int, typer.Option("--fresh", min=0, help="Simulate trials, and score by N rollouts; 0: look them up in tables.")
     ] = 0,
     lab: Annotated[
         bool, typer.Option("--lab", help="Run every trial through the whole simulated lab: arm, camera and tracking.")

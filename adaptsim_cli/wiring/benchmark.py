@@ -55,7 +55,7 @@ class Asked:
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
-            **({"trials": "lab"} if self.in_lab else {}),
+            **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
         }
 
     @property

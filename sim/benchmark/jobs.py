@@ -72,9 +72,9 @@ class Row:
 
 
 def run_job(job: Job, trials: Place | None = None) -> Row:
-    """The session and its judgement, in this process. `trials`: where it has its trials, if not where it is judged.
+    """The session and its judgement, in this process. `trials`: where it has its trials instead.
 
-    Raises SimError.
+    With `Conditions.fresh`, trials and the final score are true rollouts; the curve is the table's. Raises SimError.
     """
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
@@ -104,7 +104,8 @@ def run_job(job: Job, trials: Place | None = None) -> Row:
         last = final(act)
         return _row(job, checkpoint, last, [last], 0, began, seen)
     method = make_method(job.method, task, checkpoint)
-    chosen = run_session(solver, method, trials or place, conditions, job.seed)
+    lived = trials or (simulated if conditions.fresh else place)
+    chosen = run_session(solver, method, lived, conditions, job.seed)
     curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
     return _row(job, checkpoint, final(chosen[-1].actions), curve, each, began, None)
 

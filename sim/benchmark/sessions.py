@@ -40,7 +40,7 @@ class Conditions:
     budget: int  # real trials of a session; whole iterations of it are used
     particles: int = 2
     judged: int = 64  # rollouts behind each reward
-    fresh: int = 0  # true rollouts behind the final one; 0: of the world's table, like the others
+    fresh: int = 0  # true rollouts behind the final one, and trials that are true ones; 0: all is looked up in tables
     candidates: int = 96  # E, evenly over Omega, that the oracle chooses from
 
     def iterations(self, task: Task) -> int:

@@ -11,12 +11,14 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.benchmark import run
 from sim.benchmark.jobs import COMPARED, Job, run_job
-from sim.benchmark.places import Simulated
+from sim.benchmark.places import Simulated, Tabled
 from sim.benchmark.run import Results, run_jobs
 from sim.benchmark.sessions import Conditions, choose_oracle, judge, run_session
+from sim.benchmark.tables import WorldTable
 from sim.errors import DatasetError, OutOfRange
 from sim.lab.world import load_world
 from sim.rollouts import serial_executor
+from sim.rollouts.run import Rollouts
 from sim.tasks import get_task
 
 PENDULUM = get_task("pendulum")
@@ -88,6 +90,27 @@ def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
     method = make_method("adaptsim", PENDULUM, checkpoint)
     last = run_session(checkpoint.solver, method, place, few, 0)[-1]
     assert fresh.reward == judge(PENDULUM, last.actions, place, context, 0).reward
+
+
+def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):
+    task = get_task("pushing")
+    nothing = Rollouts(np.zeros((8, task.observation.size)), np.zeros((8, 2)), np.zeros(8, bool), np.zeros(8, np.int8))
+    table = WorldTable("wd", task.action.sample(np.random.default_rng(0), 8), nothing, "0" * 16)
+    looked_up: list[int] = []
+    monkeypatch.setattr(Tabled, "play", lambda self, contexts, *rest: looked_up.append(len(contexts)))
+    contact = Job(
+        task="pushing",
+        checkpoint="default",
+        set="named",
+        world=load_world("wd", task),
+        table=table,
+        method="random",
+        seed=0,
+        conditions=Conditions(budget=2, particles=1, judged=2, fresh=2),
+    )
+    row = run_job(contact)
+    assert not looked_up
+    assert row.curve == ((2, 0.0),)  # of the table, where everything fails
 
 
 def test_rows_say_what_simulations_they_rest_on():

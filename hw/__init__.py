@@ -1,1 +1,1 @@
-"""Devices: what an arm, a camera and a bench are, and what every arm refuses."""
+"""Devices: the ports of arm, camera and bench, and the limits that every arm enforces."""

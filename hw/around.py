@@ -1,4 +1,4 @@
-"""An arm around another arm, for whoever adds a question, or a sense, to its motions."""
+"""An arm that wraps another arm and adds something to its motions: a question to the operator, or a sense of touch."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Inner = TypeVar("Inner", bound=Arm)
 
 
 class AroundArm(ABC, Generic[Inner]):
-    """`hw.ports.Arm`: the inner arm connects, reports and recovers; how it is moved is the subclass's."""
+    """`hw.ports.Arm`: the inner arm connects, reports and recovers; the subclass decides how it moves."""
 
     def __init__(self, arm: Inner) -> None:
         self._arm = arm

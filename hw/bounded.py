@@ -1,7 +1,7 @@
 """Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
 
-TOML, JSON, PNG and JPEG; of safetensors and Matroska what must hold before their libraries open them. Whatever is wrong
-with a file is one `Unreadable`; its message continues a sentence that the file's name begins.
+Reads TOML, JSON, PNG and JPEG, and checks safetensors and Matroska before their libraries open them. Every defect of a
+file raises `Unreadable`; its message continues a sentence that begins with the file's name.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ TENSOR_BYTES = 4 * 2**30
 TENSOR_HEADER_BYTES = 2**20
 VIDEO_BYTES = 64 * 2**30
 DEEPEST = 32
-"""Tables and arrays within each other, and parts of a key."""
+"""Most levels of nested tables and arrays, and most parts of a key."""
 
 _LARGEST = 2**63
 _PIECES = re.compile(rb"[={,\n]")
 _NO_IMAGE = "is not a whole PNG or JPEG image"
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of JPEG that a size follows
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that a size follows
 
 
 class Unreadable(ValueError):
-    """What is wrong with a file."""
+    """A file breaks a bound or its format; the message says how."""
 
 
 def read_table(path: Path, *, finite: bool = True) -> dict[str, Any]:
-    """The table of a TOML or JSON file. With `finite`, infinity and not-a-number are an error.
+    """The table of a TOML or JSON file. With `finite`, infinity and not-a-number are errors.
 
     Raises FileNotFoundError, Unreadable.
     """
@@ -70,7 +70,7 @@ def parse_table(content: bytes, *, is_toml: bool, finite: bool = True) -> dict[s
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """The content of a file of at most so many bytes. Raises FileNotFoundError, Unreadable."""
+    """The content of a file of at most `most` bytes. Raises FileNotFoundError, Unreadable."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise Unreadable("is not a file" if not path.is_dir() else "is a folder")
@@ -86,7 +86,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def require_file(path: Path, most: int) -> int:
-    """The size of a regular file of at most so many bytes. Raises FileNotFoundError, Unreadable."""
+    """The size in bytes of a regular file of at most `most` bytes. Raises FileNotFoundError, Unreadable."""
     try:
         found = path.stat()
     except FileNotFoundError:
@@ -101,7 +101,7 @@ def require_file(path: Path, most: int) -> int:
 
 
 def require_tensors(path: Path) -> None:
-    """A safetensors file as far as its header says: within bounds, and as long as it claims.
+    """Check the header of a safetensors file: within bounds, and the file as long as it claims.
 
     Raises FileNotFoundError, Unreadable.
     """
@@ -140,7 +140,7 @@ def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
 
 
 def _toml(content: bytes) -> dict[str, Any]:
-    """The parser takes the square of a key's parts."""
+    """Bounds the parts of a key first, because the parser's time grows with their square."""
     if any(piece.count(b".") > DEEPEST for piece in _PIECES.split(content)):
         raise Unreadable(f"has a key of more than {DEEPEST} parts")
     return tomllib.loads(content.decode())

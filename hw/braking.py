@@ -1,9 +1,9 @@
 """Stopping along a path: the only way a motion ends early.
 
 The arm keeps to the path and only its clock slows: path time s runs at ds/dt = 1 - S(t / T), with S the smooth step
-of fifth order, so velocity, acceleration and jerk stay continuous. T is the shortest of a few durations for which the
-1 kHz samples keep all limits of each joint, and samples 4 ms apart those of torque and flange; that one exists at any
-moment is checked before the motion.
+of fifth order, so velocity, acceleration and jerk stay continuous. T is the shortest of a few durations that keep every
+joint limit at the 1 kHz samples, and every torque and flange limit at samples 4 ms apart. Before the motion, a check
+ensures that such a T exists at every moment.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
 EVERY_S = 0.02
 
 _LEAD = 3
-"""Samples of the unbraked path before the brake that take part in the differences."""
+"""Samples of the unbraked path before the brake; the differences need them."""
 
 _EVERY = 4
-"""Torque and flange are looked at in one sample of so many: a stop takes 40 ms and more, and is smooth."""
+"""Torque and flange are checked at every fourth sample: a stop takes 40 ms and more, and is smooth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Braking:
-    """How long a stop takes, by the path time at which it begins."""
+    """How long a stop takes, as a function of the path time at which it begins."""
 
     at_s: Array  # (K,)
-    duration_s: Array  # (K,) of the time scaling; inf where none of `DURATIONS_S` keeps the limits
+    duration_s: Array  # (K,) T of the time scaling; inf where none of `DURATIONS_S` keeps the limits
 
     def __post_init__(self) -> None:
         at_s = frozen_array(self.at_s, (None,), "at_s")
@@ -54,7 +54,7 @@ class Braking:
 
 
 def check_braking(path: JointPath, limits: MotionLimits, every_s: float = EVERY_S) -> Braking:
-    """The shortest stop within `limits` at every `every_s` of the path."""
+    """The shortest stop within `limits`, for stops that begin every `every_s` seconds of the path."""
     at = np.arange(0, len(path.t_s), max(1, round(every_s * PATH_RATE_HZ)))
     return Braking(path.t_s[at], _durations(path, path.t_s[at], limits))
 
@@ -99,8 +99,8 @@ def path_time(at_s: Array, duration_s: float) -> Array:
 
 
 def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
-    """Samples (M, K, 7) that begin in motion and end at rest -> (K,) largest ratio to any limit."""
-    dq, ddq, dddq = (d[_LEAD:] for d in derivatives(q_rad))  # drop the rest that is assumed before the first sample
+    """Samples (M, K, 7) that begin in motion and end at rest -> (K,) the largest ratio of a value to its limit."""
+    dq, ddq, dddq = (d[_LEAD:] for d in derivatives(q_rad))  # drop the standstill assumed before the first sample
     q = np.concatenate([q_rad[_LEAD:], np.repeat(q_rad[-1:], _LEAD, axis=0)])
     joints = limits.joints
     ratios = np.concatenate([joints.ratios(q, dq, ddq), np.abs(dddq)[None] / joints.dddq_max_rad_s3])
@@ -114,7 +114,7 @@ def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
 
 
 def _window(contact: ContactWindow | None, start_s: float, s: Array) -> ContactWindow | None:
-    """The window on the slowed clock; without one where the path stops before it."""
+    """The window on the slowed clock; None if the path stops before it."""
     if contact is None or contact.start_s > max(start_s, s[-1]):
         return None
 

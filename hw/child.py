@@ -1,7 +1,7 @@
-"""The program's end of a process of its own for one device: asked over a connection, told over a pipe meanwhile.
+"""The program's end of a child process for one device: requests go over a connection, words meanwhile over a pipe.
 
-The process is started anew, never forked. It has a session of its own: Ctrl-C on the terminal reaches the program, and
-not the process. It learns of the program's end from its pipes (`hw.listening`).
+The child is a fresh process, never a fork, in its own Unix session: Ctrl-C on the terminal reaches the program, not the
+child. The child notices the program's end by its pipes (`hw.listening`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 END_S = 3.0
-"""How long a process may take to end by itself: longer than the longest stop along a path."""
+"""How long a child may take to end by itself: longer than the longest stop along a path."""
 
 
 class ChildGone(Exception):
@@ -70,12 +70,12 @@ class Child:
             raise self._gone() from error
 
     def tell(self, word: bytes) -> None:
-        """Say a word on the pipe; never waits."""
+        """Write a word to the pipe; never waits."""
         with suppress(BlockingIOError, BrokenPipeError):  # full: it knows already; broken: the answer will say so
             os.write(self._say, word)
 
     def close(self) -> None:
-        """End the process: the end of its pipes tells it to. One that does not end is killed."""
+        """Close the pipes, which tells the process to end; kill it if it does not."""
         self.connection.close()
         os.close(self._say)
         try:

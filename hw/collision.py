@@ -1,7 +1,7 @@
-"""Where the arm must not be: capsules of its links and of its tool, keep-out boxes, and the distances between them.
+"""Collision geometry: capsules of links and tool, keep-out boxes, the table, and the distances between them.
 
 The capsules are those of the maker's coarse collision model (robot description, "self collision"), in the frames of
-`hw.kinematics`. Distances are exact and work on all leading axes at once.
+`hw.kinematics`. Distances are exact and vectorised over all leading axes.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Table:
             raise ValueError(f"table {values}: height and slopes must be finite, and slopes at most {MOST_SLOPE:g}")
 
     def height_at(self, p_m: Array) -> Array:
-        """Points (..., 3) or (..., 2) in m -> height (...) of the table top there."""
+        """Points (..., 3) or (..., 2) in m -> height (...) in m of the table top there."""
         return np.asarray(self.height_m + self.slope_x * p_m[..., 0] + self.slope_y * p_m[..., 1])
 
     @property
@@ -82,15 +82,15 @@ class Table:
 
 
 MOST_SLOPE = 0.1
-"""About 6 degrees: a table that leans more is none."""
+"""About 6°: a plane that leans more is rejected as a table."""
 
 LEVEL = Table()
-"""The table top at z = 0, as the base frame has it unless a touch-off says otherwise."""
+"""The table top at z = 0 of the base frame, unless a touch-off says otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """What hangs on the flange, the hand included: its mass, capsules that must stay clear, points that may touch."""
+    """Everything on the flange, hand included: mass, capsules that must stay clear, points that may touch the table."""
 
     name: str
     mass: Mass  # in the flange
@@ -118,7 +118,7 @@ ARM: tuple[Capsule, ...] = (
     _capsule("guide button", 7, (0.06, 0.0, 0.077), (0.06, 0.0, 0.087), 0.03),
 )
 
-_DIAGONAL = 0.1 / 2.0 * np.sqrt(0.5)  # the hand is turned by -45° about the flange's axis
+_DIAGONAL = 0.1 / 2.0 * np.sqrt(0.5)  # the hand is rotated by -45° about the flange's axis
 
 HAND: tuple[Capsule, ...] = (
     _capsule("hand", FLANGE, (-_DIAGONAL, -_DIAGONAL, 0.04), (_DIAGONAL, _DIAGONAL, 0.04), 0.04),
@@ -159,8 +159,8 @@ def segment_distance(a: Array, b: Array) -> Array:
 def box_distance(segment: Array, low_m: Array, high_m: Array) -> Array:
     """Smallest distance between segments (..., 2, 3) and a box; 0 where a segment enters it.
 
-    Half the derivative of the squared distance along a segment rises piecewise linearly between the planes of the
-    box, so its zero is found among the crossings.
+    Along a segment, half the derivative of the squared distance is piecewise linear and rises, with breaks at the
+    planes of the box. So its zero lies between two of the crossings.
     """
     start, step = segment[..., 0, :], segment[..., 1, :] - segment[..., 0, :]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -181,7 +181,7 @@ def box_distance(segment: Array, low_m: Array, high_m: Array) -> Array:
 
 
 def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
-    """Link poses (..., 9, 4, 4) -> clearances (..., P) in metres of all pairs that may collide, and their names.
+    """Link poses (..., 9, 4, 4) -> clearances (..., P) in m of all pairs that may collide, and the pairs' names.
 
     Neighbouring links overlap by design and are left out, as is everything fixed to the same link.
     """
@@ -194,7 +194,7 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
 
 
 def self_travel(poses: Array, tool: Tool) -> Array:
-    """Link poses (N, 9, 4, 4) -> (N - 1, P) metres by which each pair of `self_clearance` may come closer in a step."""
+    """Link poses (N, 9, 4, 4) -> (N - 1, P): how much closer (m) each pair of `self_clearance` may come in a step."""
     capsules, first, second = _pairs(tool)
     travel = _travel(poses, capsules)
     return np.asarray(travel[:, first] + travel[:, second])
@@ -217,9 +217,9 @@ def _travel(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
 
 
 def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[str, ...]]:
-    """Link poses (..., 9, 4, 4) -> clearances (..., C) in metres between a box and all that moves, and names.
+    """Link poses (..., 9, 4, 4) -> clearances (..., C) in m between a box and everything that moves, and names.
 
-    All that moves: the capsules of arm and tool, and the tool's points that may touch the table.
+    These are the capsules of arm and tool, and the tool's points that may touch the table.
     """
     capsules = _moving(tool)
     radii = np.array([c.radius_m for c in capsules])
@@ -228,7 +228,7 @@ def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[
 
 
 def box_travel(poses: Array, tool: Tool) -> Array:
-    """Link poses (N, 9, 4, 4) -> (N - 1, C) metres by which what `box_clearance` looks at moves in a step."""
+    """Link poses (N, 9, 4, 4) -> (N - 1, C): travel (m) of each item of `box_clearance` in a step."""
     return _travel(poses, _moving(tool))
 
 
@@ -238,9 +238,10 @@ def _moving(tool: Tool) -> tuple[Capsule, ...]:
 
 
 def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tuple[str, ...]]:
-    """Link poses (..., 9, 4, 4) -> heights (..., C) in metres above the table of what must never touch it, and names.
+    """Link poses (..., 9, 4, 4) -> heights (..., C) in m above the table of the capsules that must not touch it, and
+    names.
 
-    Links 0 and 1 stand on the table.
+    Links 0 and 1 stand on the table and are left out.
     """
     capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 2)
     radii = np.array([c.radius_m for c in capsules])
@@ -249,7 +250,7 @@ def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tupl
 
 
 def point_heights(poses: Array, tool: Tool, table: Table) -> Array:
-    """Link poses (..., 9, 4, 4) -> (..., P): heights above the table of the tool's points that may touch it."""
+    """Link poses (..., 9, 4, 4) -> (..., P): heights (m) above the table of the tool's points that may touch it."""
     flange = poses[..., FLANGE, :, :]
     points = np.einsum("...ij,pj->...pi", flange[..., :3, :3], tool.points_F_m) + flange[..., None, :3, 3]
     return np.asarray(points[..., 2] - table.height_at(points))
@@ -262,15 +263,15 @@ _FAR_M, _DEEP_M, _TALL_M = 2.0, -0.5, 2.0
 
 
 def camera_box(X_BC: Array) -> KeepOut:
-    """The room of a camera at X_BC (4, 4), its stand not included."""
+    """The keep-out box around a camera at X_BC (4, 4), without its stand."""
     at = np.asarray(X_BC)[:3, 3]
     return KeepOut("the camera", at - CAMERA_ROOM_M, at + CAMERA_ROOM_M)
 
 
 def persons_side(side: Side, from_m: float) -> KeepOut:
-    """All that lies on the operator's side of the base, farther than `from_m` from the base's axis.
+    """Everything on the operator's side of the base, farther than `from_m` from the base's axis.
 
-    Raises ValueError for a side that is none, or one that begins inside of the base.
+    Raises ValueError for an unknown side, or one that begins inside the base.
     """
     if side not in get_args(Side):
         raise ValueError(f"the person's side is {side!r}: it must be one of {', '.join(get_args(Side))}")

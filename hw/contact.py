@@ -1,8 +1,9 @@
-"""From joint torques to a touch: the force on a point of the tool, when it was reached, and where it began.
+"""From joint torques to a touch: the force on a point of the tool, the moment of the touch, and the place where it
+began.
 
-An external force f on a point of the tool loads the joints with J' f, J being the Jacobian of that point. Three
-unknowns against seven torques: least squares. Constant errors of the torque estimate (a payload that is not quite
-known, friction) go into the tare, spikes are filtered, and where the touch began is read from how the force rises.
+An external force f on a point of the tool loads the joints with J' f, J being the Jacobian of that point. Seven torques
+give three unknowns by least squares. The tare absorbs constant errors of the torque estimate (an inexact payload,
+friction), a median removes spikes, and the rise of the force shows where the touch began.
 """
 
 from __future__ import annotations
@@ -19,22 +20,24 @@ from hw.kinematics import CRAIG, FLANGE_M, JOINTS, forward, jacobian
 from hw.types import PATH_RATE_HZ, Array, Contact, Guard, frozen_array
 
 MEDIAN_OF = 25
-"""Samples of the force, at 1 kHz, whose median counts: a spike of less than half of these does not."""
+"""The force is a median of this many samples at 1 kHz: a spike shorter than half of them has no effect."""
 
 STIFFNESS_N_M = 6000.0
-"""The most that an arm under its default joint impedance presses back (docs/decisions/0005: 3600 to 4800)."""
+"""In N/m, the largest stiffness of an arm under its default joint impedance (docs/decisions/0005: 3600 to 4800)."""
 STOP_S = 0.12
-"""Longest time from reaching the force to standstill: the median, and braking from a slow motion."""
+"""Longest time from reaching the force to standstill: the delay of the median, then braking from a slow motion."""
 IMPACT_NS_M = 500.0
-"""Peak force of an impact per m/s: root of contact stiffness (1e5 N/m, nylon on wood) times effective mass (2.5 kg)."""
+"""Peak force of an impact per m/s: √(contact stiffness 1e5 N/m, nylon on wood, × effective mass 2.5 kg)."""
 
 WINDOW_M = 0.006
-"""How much of the way before the end is used to find where the touch began: of it what is no faster than the end."""
+"""The last stretch of the path, in m, in which the start of the touch is searched; faster parts of it are left out."""
 TORQUE_NOISE_NM = frozen_array((0.22, 0.32, 0.19, 0.31, 0.09, 0.11, 0.03), (JOINTS,), "torque noise")
-"""(7,) root mean square of the high-pass joint torques of a real Panda in motion: what simulated arms report too."""
+"""(7,) root mean square of the high-pass filtered joint torques of a real Panda in motion; simulated arms add it."""
 LEAST_RISE = 0.25
-"""Share of the guard's force that has to rise with the way. The rest comes at once from the joints' damping, or was
-there before: the ripple of the gears shifts the estimate by more than 1 N between the tare and the table.
+"""Share of the guard's force that has to rise with travel.
+
+The rest comes at once from the joints' damping, or existed before: gear ripple shifts the estimate by more than 1 N
+between the tare and the table.
 """
 _STEADY = 1.3
 _CANDIDATES = 121
@@ -82,9 +85,9 @@ def vertical_force_N(q_rad: Sequence[float], torque_Nm: Sequence[float], p_F_m: 
 
 
 class Detector:
-    """Says when a guarded motion has touched; fed with what the arm measures, at 1 kHz.
+    """Detects when a guarded motion has touched; fed with the arm's measurements at 1 kHz.
 
-    The magnitude counts, not the sign: drivers differ in which way round they report, and a pull is a touch too.
+    The magnitude counts, not the sign: drivers differ in sign, and a pull is a touch too.
     """
 
     def __init__(self, guard: Guard) -> None:
@@ -115,9 +118,9 @@ class Detector:
         return self.touched
 
     def feed(self, t_s: Array, q_rad: Array, torque_Nm: Array) -> int | None:
-        """Path times (M,), joints and torques (M, 7) -> the index at which it has touched first, or None.
+        """Path times (M,), joints and torques (M, 7) -> the index of the first touch, or None.
 
-        Nothing behind that index is felt: there an arm brakes, and what it measures then is fed in its turn.
+        Samples after that index are ignored: the arm brakes there, and its new measurements are fed by another call.
         """
         before = self.touched
         for i, sample in enumerate(zip(t_s.tolist(), q_rad.tolist(), torque_Nm.tolist(), strict=True)):
@@ -128,17 +131,17 @@ class Detector:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """Where a contact began: before any force bent anything."""
+    """Where a contact began, before any force bent arm or tool."""
 
     q_rad: Array  # (7,) measured joints at that moment
-    stiffness_N_m: float  # how steeply the force rose with the commanded way
-    sigma_m: float  # one standard deviation of the way at which it began, from the noise of the force
+    stiffness_N_m: float  # rise of the force per commanded travel
+    sigma_m: float  # one standard deviation of the travel at which it began, from the noise of the force
 
 
 def began(contact: Contact, guard: Guard) -> Touch | None:
-    """Where the touch began: a flat stretch, a step and a rising line, fitted to force over commanded way down.
+    """Where the touch began: a flat stretch, a step and a rising line, fitted to force over commanded downward travel.
 
-    None where the force does not rise like that: it came at once, or without way (a knock, something that gave in).
+    None if the force does not rise like that: it came at once, or without travel (a knock, something that gave way).
     """
     way_m = -_height(contact.felt_commanded_rad, guard.p_F_m)
     rate_m_s = np.gradient(way_m) * PATH_RATE_HZ
@@ -168,7 +171,8 @@ def began(contact: Contact, guard: Guard) -> Touch | None:
 def _hinges(x: Array, y: Array, starts: Array) -> tuple[Array, Array]:
     """Least squares of y = b + c [x > start] + k max(0, x - start) for each start (S,) -> (squared error (S,), k (S,)).
 
-    The step is what the joints' damping carries once the tool stands and the path goes on. It may not oppose the rise.
+    The step is the force of the joints' damping once the tool is stopped and the path continues. It may not oppose the
+    rise.
     """
     step = (x > starts[:, None]).astype(np.float64)
     rise = np.maximum(x - starts[:, None], 0.0)

@@ -1,8 +1,8 @@
-"""What a motion asks of the arm: the torques of its joints, and how its flange travels.
+"""The load of a motion on the arm: joint torques, and velocity and acceleration of the flange.
 
 Recursive Newton-Euler, all samples at once, in the axes of the base (Featherstone, "Rigid Body Dynamics Algorithms",
-2008, chapter 5). Rigid links without friction: the torque at the output of the gears, which is what the arm's sensors
-measure and its limits speak of. The base stands level.
+2008, chapter 5). Rigid links, no friction: the torque is that at the gears' output, which the arm's sensors measure and
+its limits refer to. The base stands level.
 
 Masses, centres of mass and inertia are those of the maker's robot description of the Panda, which cites Gaz et al.,
 "Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3 has the
@@ -47,7 +47,7 @@ _X_7F[2, 3] = FLANGE_M
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What samples of a motion ask of the arm; everything in the axes of the base."""
+    """Joint torques and flange motion of samples of a motion; vectors are in the axes of the base."""
 
     torque_Nm: Array  # (..., 7)
     flange_m_s: Array  # (..., 3)
@@ -57,7 +57,7 @@ class Asked:
 
 
 def asked(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Asked:
-    """Joints, velocities and accelerations (..., 7) of an arm that carries `load`, in the flange -> what they ask."""
+    """Joints, velocities and accelerations (..., 7) with `load` (flange frame) -> torques and flange motion."""
     q, dq, ddq = (np.asarray(v, dtype=np.float64) for v in (q_rad, dq_rad_s, ddq_rad_s2))
     lead = q.shape[:-1]
     poses = np.ascontiguousarray(np.moveaxis(link_poses(q.reshape(-1, JOINTS))[:, :, :3], 0, -1))  # (9, 3, 4, N)
@@ -74,7 +74,7 @@ def asked(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Ma
 
 
 def torque_Nm(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:
-    """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of an arm with `load`, in the flange."""
+    """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of an arm with `load` (flange frame)."""
     return asked(q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
 
 
@@ -107,7 +107,7 @@ def _backward(
     n = poses.shape[-1]
     force, moment, torque = np.zeros((3, n)), np.zeros((3, n)), np.zeros((JOINTS, n))
     for i in range(JOINTS, 0, -1):
-        if i < JOINTS:  # what the next link asks of this one, about this one's origin
+        if i < JOINTS:  # force and moment from the next link, about this link's origin
             moment = moment + _cross(poses[i + 1, :, 3] - poses[i, :, 3], force)
         body, R = bodies[i - 1], poses[i, :, :3]
         spin, turn, up = spins[i - 1], turns[i - 1], ups[i - 1]
@@ -121,7 +121,7 @@ def _backward(
 
 
 def _inert(R: Array, inertia: Array, v: Array) -> Array:
-    """Inertia in the axes of a link, turned by R (3, 3, N), times vectors (3, N) of the base."""
+    """Inertia in the axes of a link, rotated by R (3, 3, N), times vectors (3, N) in the base."""
     inside = np.stack([_dot(R[:, k], v) for k in range(3)])
     turned = inertia @ inside
     return np.asarray(R[:, 0] * turned[0] + R[:, 1] * turned[1] + R[:, 2] * turned[2])
@@ -132,7 +132,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Of vectors (3, N)."""
+    """The cross product of vectors (3, N)."""
     out = np.empty_like(a)
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]

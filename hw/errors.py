@@ -1,9 +1,9 @@
-"""What can go wrong with devices.
+"""Errors of devices.
 
 HardwareError
 ├── MotionRefused        before a motion: nothing has moved
 ├── ArmFault             during a motion: the arm has stopped
-│   └── StoppedByPedal   because the operator let go of the enabling pedal
+│   └── StoppedByPedal   because the operator released the enabling pedal
 ├── NoContact            a guarded motion touched nothing: the arm is back at its start
 ├── HandError            the hand did not do what was asked
 ├── CameraError          no frame, or not in time
@@ -29,11 +29,11 @@ class StoppedByPedal(ArmFault):
 
 
 class NoContact(HardwareError):
-    """A guarded motion came to its end in the air; the arm is back at its start."""
+    """A guarded motion ended without a touch; the arm is back at its start."""
 
 
 class HandError(HardwareError):
-    """The hand could not do its task: not homed, nothing between the fingers, or something lost."""
+    """The hand could not do its task: not homed, nothing between the fingers, or the tool lost."""
 
 
 class CameraError(HardwareError):
@@ -41,7 +41,7 @@ class CameraError(HardwareError):
 
 
 class BalanceError(HardwareError):
-    """The balance gave no stable mass: it answered otherwise, or was unplugged."""
+    """The balance gave no stable mass: an unexpected answer, or it was unplugged."""
 
 
 class DeviceUnavailable(HardwareError):

@@ -1,4 +1,4 @@
-"""What a guarded motion must keep to: slow, tool first, and weak enough that the arm never stops itself.
+"""Limits of a guarded motion: slow, tool first, and weak enough that the arm never stops itself.
 
 A guarded motion searches for the table, so it may be commanded deeper than any other motion; it ends at the force.
 """
@@ -18,15 +18,15 @@ from hw.workcell import Workcell
 
 SPEED_M_S = 0.020
 DEPTH_M = 0.035
-"""How far below where the table is taken to be a guarded motion may search."""
+"""How far below the assumed table a guarded motion may search."""
 LEAD_M = 0.002
-"""By so much the tool's points are lower than all the rest of arm and tool while it searches."""
+"""How much lower the tool's points must be than the rest of arm and tool during the search."""
 GUARD_SHARE = 0.5
-"""Share of the arm's own collision threshold that the guard's force may be."""
+"""Largest force of the guard, as a share of the arm's own collision threshold."""
 
 
 def check_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: ArrayLike | None = None) -> LimitReport:
-    """`Workcell.check` with the table's part replaced: speed, depth of the search, tool first, forces."""
+    """`Workcell.check` with other rules for the table: speed, depth of the search, tool first, forces."""
     plain = cell.check(JointPath(path.t_s, path.q_rad), q_now_rad)
     checks = [check for check in plain.checks if check.quantity not in ("table", "depth in the table")]
     force_N = guard.force_N if path.contact is None else max(path.contact.force_N, guard.force_N)
@@ -57,7 +57,7 @@ def require_guarded(path: JointPath, guard: Guard, cell: Workcell, q_now_rad: Ar
 
 
 def withdrawal(braked: JointPath) -> JointPath:
-    """The way back to the start of a path that was braked to rest: the same samples, backwards."""
+    """The way back to the start of a path that was braked to rest: its samples in reverse."""
     return JointPath(braked.t_s, braked.q_rad[::-1])
 
 
@@ -71,7 +71,7 @@ def _speed(path: JointPath, guard: Guard) -> Worst:
 
 
 def _search(path: JointPath, tool: Tool, table: Table) -> list[Worst]:
-    """How deep it searches, and whether the tool's points come first all the way."""
+    """The depth of the search, and whether the tool's points stay lowest all the way."""
     poses = link_poses(path.q_rad[:: round(0.01 * PATH_RATE_HZ)])
     lowest: Array = point_heights(poses, tool, table).min(axis=1)
     others, names = table_clearance(poses, tool, table)

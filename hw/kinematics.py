@@ -1,10 +1,10 @@
 """The one numpy model of the Franka Panda and the FR3, which share their kinematics.
 
 Source: the maker's Denavit-Hartenberg table in Craig's convention ("Robot and interface specifications").
-Joint i turns about the Z axis of frame i. Frame 0 is the base B; the flange F lies 0.107 m along the
-Z axis of frame 7 and is not turned against it (the 45° of the hand belong to the hand).
+Joint i rotates about the Z axis of frame i. Frame 0 is the base B. The flange F lies 0.107 m along the Z axis of frame
+7, with the same orientation (the 45° of the hand belong to the hand).
 
-Everything takes joint positions (..., 7) in rad and works on all leading axes at once.
+Every function takes joint positions (..., 7) in rad and is vectorised over the leading axes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FLANGE = 8
 D1_M, D3_M, D5_M, FLANGE_M = 0.333, 0.316, 0.384, 0.107
 A4_M, A7_M = 0.0825, 0.088
 
-# a_{i-1}, d_i in metres, sine of alpha_{i-1} (its cosine is 1 where the sine is 0, else 0)
+# a_{i-1}, d_i in m, sine of alpha_{i-1} (the cosine is 1 if the sine is 0, else 0)
 CRAIG = (
     (0.0, D1_M, 0),
     (0.0, 0.0, -1),

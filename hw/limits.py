@@ -1,4 +1,4 @@
-"""What an arm refuses to do: the parts of the check that `hw.workcell` makes of a whole path before anything moves.
+"""The limits of an arm: parts of the check of a whole path that `hw.workcell` makes before anything moves.
 
 Every check reports its tightest moment.
 """
@@ -34,15 +34,15 @@ SELF_CLEARANCE_M = 0.005
 KEEP_OUT_CLEARANCE_M = 0.01
 TABLE_CLEARANCE_M = 0.002
 TOUCH_TOLERANCE_M = 0.0005
-"""How deep a tool may be commanded below the table top outside of a contact window: resting on it."""
+"""How deep a tool may be commanded below the table top outside a contact window: it rests on the table."""
 CONTACT_DEPTH_M = 0.006
-"""The deepest window that a path may declare: deeper is a reflex on a real arm."""
+"""The deepest window that a path may declare: a deeper one causes a reflex on a real arm."""
 CONTACT_FORCE_N = 60.0
 COLLISION_SHARE = 0.8
 """Share of an arm's own collision threshold that a predicted contact may use."""
 GEOMETRY_STEP_S = 0.01
 SAG_M = 0.0005
-"""By so much two bodies may come nearer within a `GEOMETRY_STEP_S` than on straight lines: 13 m/s² make 0.2 mm each."""
+"""How much nearer two bodies may come within a `GEOMETRY_STEP_S` than on straight lines: 0.2 mm each at 13 m/s²."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Worst:
 
     quantity: str
     ratio: float
-    where: str  # "joint 4", or the pair of bodies that comes close
+    where: str  # "joint 4", or the pair of bodies
     t_s: float
     value: float
     limit: float
@@ -105,7 +105,7 @@ def start_check(path: JointPath, q_now_rad: ArrayLike) -> Worst:
 
 
 def refuse_beyond(report: LimitReport) -> None:
-    """Raises MotionRefused with every broken limit of a report, the worst first."""
+    """Raises MotionRefused naming every broken limit of a report, the worst first."""
     if not report.ok:
         broken = sorted((c for c in report.checks if c.ratio > 1.0), key=lambda c: -c.ratio)
         raise MotionRefused(
@@ -138,8 +138,8 @@ def _rest(path: JointPath) -> Worst:
 def geometry_checks(path: JointPath, tool: Tool, table: Table, keep_out: tuple[KeepOut, ...]) -> list[Worst]:
     """Self-collision, table and boxes, for a path of true joints.
 
-    What lies between two samples counts too: there, two bodies may be nearer than at either by half of what they move
-    from one to the other. Where that could matter, all samples of the path are looked at.
+    Times between two samples count too: two bodies may be nearer there by half of their travel from one sample to the
+    next. If that could break a limit, all samples of the path are checked.
     """
     pairs, over = partial(self_clearance, tool=tool), partial(table_clearance, tool=tool, table=table)
     checks = [
@@ -155,12 +155,12 @@ def geometry_checks(path: JointPath, tool: Tool, table: Table, keep_out: tuple[K
 
 
 def contact_limit_N(stops_at_N: float) -> float:
-    """The largest force that a contact may be predicted with, on an arm that stops by itself at `stops_at_N`."""
+    """The largest contact force that a path may predict, for an arm that stops by itself at `stops_at_N`."""
     return min(CONTACT_FORCE_N, COLLISION_SHARE * stops_at_N)
 
 
 def contact_checks(path: JointPath, tool: Tool, stops_at_N: float) -> list[Worst]:
-    """What the path declares of its contact, against what any arm, and this one, takes."""
+    """The path's declared contact against the limits of any arm and of this one."""
     if path.contact is None:
         return []
     window = path.contact
@@ -175,7 +175,9 @@ def contact_checks(path: JointPath, tool: Tool, stops_at_N: float) -> list[Worst
 
 
 def _depth(path: JointPath, tool: Tool, table: Table) -> Worst:
-    """How deep the tool's lowest point is commanded, against the window's depth inside and none outside."""
+    """The commanded depth of the tool's lowest point: at most the window's depth inside the window, and on the table
+    outside it.
+    """
     depth = -point_heights(link_poses(path.q_rad), tool, table).min(axis=1)
     allowed = np.full(len(depth), TOUCH_TOLERANCE_M)
     if path.contact is not None:
@@ -189,11 +191,14 @@ def _depth(path: JointPath, tool: Tool, table: Table) -> Worst:
 Clearances = Callable[[Array], tuple[Array, tuple[str, ...]]]
 """Link poses (N, 9, 4, 4) -> clearances (N, P) and names."""
 Travels = Callable[[Array], Array]
-"""Link poses (N, 9, 4, 4) -> (N - 1, P) by how much each of them may shrink in a step, at most."""
+"""Link poses (N, 9, 4, 4) -> (N - 1, P): the most by which each clearance may shrink in a step."""
 
 
 def _swept(quantity: str, path: JointPath, least_m: float, clearances: Clearances, travels: Travels | None) -> Worst:
-    """The least clearance of a path, between its samples too. No `travels`: a clearance changes by itself alone."""
+    """The least clearance of a path, between its samples too.
+
+    `travels` None: only the change of a clearance itself bounds it between samples.
+    """
     every, last = max(1, round(GEOMETRY_STEP_S * PATH_RATE_HZ)), len(path.t_s) - 1
     rows = np.unique(np.append(np.arange(0, last, every), last))
     near, names = _between(path, rows, clearances, travels)
@@ -224,7 +229,7 @@ def _clearance(quantity: str, clearance: Array, names: tuple[str, ...], least_m:
 
 
 def _worst(what: tuple[str, str], ratio: Array, value: Array, limit: ArrayLike, t_s: Array) -> Worst:
-    """The entry with the largest ratio of (n, 7); `what` is the quantity and its unit."""
+    """The entry with the largest ratio of (n, 7); `what` is (quantity, unit)."""
     i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     bound = float(np.broadcast_to(np.asarray(limit, dtype=np.float64), ratio.shape)[i, j])
     return Worst(what[0], float(ratio[i, j]), f"joint {j + 1}", float(t_s[i]), float(value[i, j]), bound, what[1])

@@ -1,4 +1,4 @@
-"""What a device's own process hears of the program that started it: go on, stop, or nothing any more."""
+"""How a device's process listens to the program that started it: continue, stop, or silence."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
 WHY = {PEDAL: "pedal", REQUESTED: "request"}
 SILENT, ORPHANED = "silence", "orphaned"
 SILENCE_S = 0.06
-"""The longest silence of the program during a motion, as of the pedal."""
+"""The longest silence of the program during a motion; the same as for the pedal."""
 WORD_EVERY_S = 0.005
-"""How often the program says, during a motion, to go on or to stop."""
+"""How often the program writes a word (continue or stop) during a motion."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -29,12 +29,12 @@ class Listener:
         self._heard_s = clock()
 
     def begin(self) -> None:
-        """Forget what was said before this motion: a program that still wants a stop says so again."""
+        """Forget words from before this motion: a program that still wants a stop repeats it."""
         self.wanted()
         self._heard_s = self._clock()
 
     def wanted(self) -> str:
-        """Why the motion shall stop, or an empty string."""
+        """The reason to stop the motion, or ""."""
         try:
             said = os.read(self._pipe, 4096)
         except BlockingIOError:
@@ -47,10 +47,10 @@ class Listener:
 
 
 def die_with_parent(parent: int) -> None:
-    """Have the system kill this process when the one that started it, `parent`, ends: also while it hangs in a driver.
+    """Have the system kill this process when its `parent` ends, even while a driver blocks it.
 
-    The parent starts it from its main thread: the system counts the end of that thread.
+    The parent must start it from its main thread, because the system watches the end of that thread.
     """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it ended before
+    if os.getppid() != parent:  # the parent ended before
         os._exit(1)

@@ -1,4 +1,4 @@
-"""How a rigid body weighs: mass, centre of mass and inertia in one frame, and how bodies add up."""
+"""Mass, centre of mass and inertia of a rigid body in one frame; bodies can be added."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Mass:
         object.__setattr__(self, "inertia_kg_m2", inertia)
 
     def placed(self, X: Array) -> Mass:
-        """The same body in another frame, in which its present frame stands at `X` (4, 4)."""
+        """The same body in another frame; `X` (4, 4) is the pose of its present frame there."""
         R = X[:3, :3]
         inertia = R @ self.inertia_kg_m2 @ R.T
         return Mass(self.kg, R @ self.com_m + X[:3, 3], (inertia + inertia.T) / 2.0)
@@ -48,17 +48,17 @@ class Mass:
 
 
 NOTHING = Mass(0.0, np.zeros(3), np.zeros((3, 3)))
-"""What an empty hand holds."""
+"""The load of an empty hand."""
 
 
 def box(kg: float, size_m: ArrayLike, centre_m: ArrayLike) -> Mass:
-    """An even box with edges `size_m` (3,) along the axes around `centre_m` (3,)."""
+    """A homogeneous box with edges `size_m` (3,) along the axes, centred at `centre_m` (3,)."""
     squares = np.square(np.asarray(size_m, dtype=np.float64))
     return Mass(kg, np.asarray(centre_m), np.diag(kg / 12.0 * (squares.sum() - squares)))
 
 
 def bar(kg: float, start_m: ArrayLike, end_m: ArrayLike, edge_m: float) -> Mass:
-    """An even bar from `start_m` (3,) to `end_m` (3,), square across with that edge."""
+    """A homogeneous bar from `start_m` (3,) to `end_m` (3,), with a square cross section of edge `edge_m`."""
     start, end = np.asarray(start_m, dtype=np.float64), np.asarray(end_m, dtype=np.float64)
     length = float(np.linalg.norm(end - start))
     along = np.outer(end - start, end - start) / length**2

@@ -1,11 +1,11 @@
-"""What a motion may ask of joints and flange beyond what each joint may do by itself: torques, and how it travels.
+"""Limits of a motion as a whole: joint torques, and velocity and acceleration of the flange.
 
-Torques are those of `hw.dynamics` with what hangs on the flange. The arm's friction is not among them, and the maker
-publishes no inertia of the FR3, so paths may use `TORQUE_SHARE` of a joint's rating.
+Torques are those of `hw.dynamics` with the load on the flange. They leave out the arm's friction, and the maker
+publishes no inertia of the FR3. So paths may use only `TORQUE_SHARE` of a joint's rating.
 
-The maker states limits of the flange for motions that are commanded in Cartesian coordinates. Ours are commanded in
-joints, where an arm does not enforce them; they are kept all the same, as a sane bound. The elbow is joint 3, and what
-the maker states of it are the limits of that joint.
+The maker states flange limits for motions commanded in Cartesian coordinates. Ours are commanded in joints, for which
+the arm does not enforce them; they are kept as a sane bound. The elbow is joint 3: the maker's limits of the elbow are
+those of that joint.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from hw.mass import Mass
 from hw.types import Array, ContactWindow, JointPath, frozen_array
 
 RATED_NM = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
-"""What the joints of both arms give (the maker's `robot_specifications`)."""
+"""Rated torques of the joints of both arms (the maker's `robot_specifications`)."""
 
 TORQUE_SHARE = 0.9
 TORQUE_RATE_NM_S = 1000.0
-"""Of every joint of both arms (the same source)."""
+"""Largest torque rate of every joint of both arms (the same source)."""
 
 
 @dataclass(frozen=True)
 class FlangeLimits:
-    """How fast the flange travels and turns at most, with the two derivatives of each."""
+    """The flange's largest velocity, acceleration and jerk, in translation and rotation."""
 
     m_s: float
     m_s2: float
@@ -52,7 +52,7 @@ FLANGE = {
 @dataclass(frozen=True)
 class _Quantity:
     name: str
-    where: str  # empty: the joint is named
+    where: str  # empty: the message names the joint
     values: Array  # (N, ..., 7) or (N, ...)
     limit: Array  # (7,) or ()
     unit: str
@@ -64,11 +64,11 @@ class _Quantity:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """What one arm may do with what it carries: its joints by themselves, and all of them together."""
+    """The limits of one arm with its load: of each joint, and of all joints together."""
 
     joints: JointLimits  # for the joints that the arm reports
     zeros_rad: Array  # (7,) true joints are those reported plus these
-    load: Mass  # on the flange, the hand included
+    load: Mass  # on the flange, hand included
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "zeros_rad", frozen_array(self.zeros_rad, (JOINTS,), "joint zeros"))
@@ -89,7 +89,7 @@ class MotionLimits:
         return worst
 
     def checks(self, path: JointPath) -> list[Worst]:
-        """Each of these quantities at its tightest moment along a path of reported joints."""
+        """Each quantity at its tightest moment along a path of reported joints."""
         dq, ddq, _ = derivatives(path.q_rad)
         q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
         return [
@@ -121,7 +121,7 @@ class MotionLimits:
 
 
 def _tightest(quantity: _Quantity) -> Worst:
-    """Of a path: values (N, 7) or (N,), a sample a millisecond."""
+    """For values (N, 7) or (N,) of a path, one sample per millisecond."""
     ratio = quantity.ratio
     at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     limit = float(np.broadcast_to(quantity.limit, ratio.shape)[at])
@@ -132,9 +132,9 @@ def _tightest(quantity: _Quantity) -> Worst:
 
 
 def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: float, stops_at_Nm: Array) -> list[Worst]:
-    """What `force_N`, upwards on the tool's lowest point, asks of the joints of a path of true joints, in its window.
+    """The joint torques of `force_N`, upwards on the tool's lowest point, along the window of a path of true joints.
 
-    The arm takes it for a collision from `stops_at_Nm` (7,) on. Nothing without a window, or points that may touch.
+    From `stops_at_Nm` (7,) on, the arm takes them for a collision. Empty without a window or points that may touch.
     """
     inside = _inside(path, path.contact)
     if not inside.any() or not len(tool.points_F_m):

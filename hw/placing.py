@@ -9,7 +9,7 @@ from hw.types import Array, frozen_array
 
 @dataclass(frozen=True, eq=False)
 class Placing:
-    """Where the object is wanted, and for which attempt at which trial. Raises ValueError."""
+    """The wanted place of the object, for an attempt of a trial. Raises ValueError."""
 
     xy_m: Array  # (2,) in the base frame
     trial: int  # from 1

@@ -1,4 +1,4 @@
-"""What the rest of the program asks of devices; real and simulated ones are siblings behind these.
+"""The interfaces of all devices; real and simulated devices implement the same ones.
 
 Devices are context managers: constructing one touches nothing, entering connects.
 """
@@ -39,11 +39,11 @@ class GuardedArm(Arm, Protocol):
     """An arm that feels external forces in its joints, and can stop at the first touch."""
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Play `path` until the guard's force, brake along it, and go back to its start the way it came.
+        """Play `path` until the force reaches the guard's, brake along the path, and return the same way to its start.
 
-        The path is one that `hw.guarding.require_guarded` lets through. On return the arm rests at the path's start,
-        away from what it touched. Raises NoContact where the path ends in the air (the arm is back at its start),
-        MotionRefused (nothing moved) or ArmFault (stopped where it is).
+        `hw.guarding.require_guarded` must accept the path. On return the arm rests at the path's start, clear of the
+        surface. Raises NoContact if the path ends without a touch (the arm is back at its start), MotionRefused
+        (nothing moved) or ArmFault (stopped where it is).
         """
         ...
 
@@ -63,13 +63,13 @@ class Hand(Protocol):
         ...
 
     def move(self, width_m: float) -> None:
-        """Bring the fingers, slowly and with next to no force, to `width_m`. Raises HandError."""
+        """Move the fingers slowly, with almost no force, to `width_m`. Raises HandError."""
         ...
 
     def grasp(self, width_m: float, force_N: float) -> None:
-        """Close on something about `width_m` wide and hold it with `force_N`.
+        """Close on an object about `width_m` wide and hold it with `force_N`.
 
-        Raises HandError where nothing of that width is between the fingers.
+        Raises HandError if nothing of that width is between the fingers.
         """
         ...
 
@@ -89,13 +89,13 @@ class Camera(Protocol):
         ...
 
     def start_recording(self) -> None:
-        """Keep every frame from now on. Raises CameraError when a recording runs."""
+        """Keep every frame from now on. Raises CameraError if a recording runs."""
         ...
 
     def stop_recording(self) -> Sequence[Frame]:
-        """All frames since `start_recording`, in order of time.
+        """All frames since `start_recording`, in time order.
 
-        Raises CameraError when no recording runs, or too much of it was lost; the recording is over either way.
+        Raises CameraError if no recording runs, or too many images were lost; the recording is over either way.
         """
         ...
 
@@ -106,9 +106,9 @@ class Bench(Protocol):
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """Ask for the object at `xy_m` (2,) in the base frame, for `trial` (numbered from 1 in a session).
 
-        `attempt` counts the operator's redos of that trial, from 0. The object ends up near there;
-        the camera says where. A simulated bench derives all its randomness from (seed, trial, attempt).
-        Raises ValueError for a trial under 1, an attempt under 0, or a place that is not two finite numbers.
+        `attempt` counts the operator's redos of that trial, from 0. The object ends up nearby; the camera measures
+        where. A simulated bench derives all its randomness from (seed, trial, attempt). Raises ValueError for a trial
+        under 1, an attempt under 0, or a place that is not two finite numbers.
         """
         ...
 
@@ -124,16 +124,16 @@ class Pedal(Protocol):
         ...
 
     def why_not(self) -> str:
-        """Why it does not enable, for a person."""
+        """Why it does not enable, in words for a person."""
         ...
 
 
 class Balance(Protocol):
-    """What weighs the object. Entering raises DeviceUnavailable where nothing answers."""
+    """A balance for the object. Entering raises DeviceUnavailable if nothing answers."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exc: object) -> None: ...
 
     def mass_kg(self) -> float:
-        """Of what is on it, at rest. Raises BalanceError."""
+        """The mass on the pan, at rest. Raises BalanceError."""
         ...

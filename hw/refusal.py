@@ -1,4 +1,4 @@
-"""What every arm does before a motion, real or not: no motion out of a fault, and none beyond a limit."""
+"""The check of every arm, real or simulated, before a motion: no fault is pending and every limit is kept."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ def refuse_while_stopped(fault: str | None) -> None:
 
 
 def refuse_unless_safe(path: JointPath, cell: Workcell, q_now_rad: Array, *, fault: str | None) -> None:
-    """Raises ArmFault while the arm is stopped by `fault`, MotionRefused for what `cell` refuses from (7,)."""
+    """Raises ArmFault while the arm is stopped by `fault`, MotionRefused if `cell` refuses `path` from `q_now_rad`
+    (7,).
+    """
     refuse_while_stopped(fault)
     cell.require(path, q_now_rad)

@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PATH_RATE_HZ = 1000.0
-"""Sampling rate of every `JointPath`: the rate at which the Franka interfaces take set points."""
+"""Sampling rate of every `JointPath`: the rate at which the Franka interfaces accept set points."""
 
 
 def frozen_array(value: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
-    """A read-only float64 copy of `value`; `shape` may leave sizes open with None.
+    """A read-only float64 copy of `value`; None in `shape` allows any size.
 
-    Raises ValueError when the shape differs or a value is not finite.
+    Raises ValueError if the shape differs or a value is not finite.
     """
     array = np.array(value, dtype=np.float64)
     if shape is not None and (
@@ -68,12 +68,12 @@ class Frame:
     t_s: float  # middle of the exposure, on the arm's clock
     colour: NDArray[np.uint8]  # (Hc, Wc, 3) RGB
     depth_mm: NDArray[np.uint16]  # (Hd, Wd) distance along the depth camera's optical axis; 0 = no reading
-    infrared: NDArray[np.uint16] | None = None  # (Hd, Wd) what the depth camera sees; None where it was not asked for
+    infrared: NDArray[np.uint16] | None = None  # (Hd, Wd) image of the depth camera; None: not requested
 
 
 @dataclass(frozen=True, eq=False)
 class ContactWindow:
-    """The only stretch of a path in which the tool may be commanded to touch the table."""
+    """The only part of a path in which the tool may be commanded to touch the table."""
 
     start_s: float
     end_s: float
@@ -105,33 +105,33 @@ class JointPath:
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """What the arm reports of itself."""
+    """The state that the arm reports."""
 
     t_s: float
     q_rad: Array  # (7,)
     dq_rad_s: Array  # (7,)
     fault: str | None = None
-    by_hand: bool = False  # the fault is what a person does at this moment, and ends with it: nothing to recover from
+    by_hand: bool = False  # a person causes the fault now; it ends by itself, without recovery
 
 
 @dataclass(frozen=True, eq=False)
 class Execution:
-    """What the arm did with a path: commanded and measured joints on one clock."""
+    """The execution of a path: commanded and measured joints on one clock."""
 
     t_start_s: float  # arm clock at the path's t = 0
     t_s: Array  # (M,) since t_start_s
     q_commanded_rad: Array  # (M, 7)
     q_measured_rad: Array  # (M, 7)
-    control_success_rate: float  # share of 1 kHz cycles that were answered in time
+    control_success_rate: float  # share of 1 kHz cycles answered in time, 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """When a slow motion has touched: the vertical force on one point of the tool reaches `force_N`."""
+    """The touch criterion of a slow motion: the vertical force on one point of the tool reaches `force_N`."""
 
     force_N: float
-    p_F_m: Array  # (3,) where the tool is expected to touch, in the flange
-    tare_s: float = 0.2  # the mean of this first stretch, in the air, counts as no force
+    p_F_m: Array  # (3,) expected point of contact on the tool, in the flange
+    tare_s: float = 0.2  # the mean force of this first stretch, in the air, counts as zero
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p_F_m", frozen_array(self.p_F_m, (3,), "p_F_m"))
@@ -141,7 +141,7 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A guarded motion that touched: when, where, how hard, and what the arm felt on the way there."""
+    """A guarded motion that touched: when, where, how hard, and the arm's readings on the way there."""
 
     t_s: float  # path time at which the guard's force was reached
     q_rad: Array  # (7,) measured then
@@ -150,7 +150,7 @@ class Contact:
     felt_commanded_rad: Array  # (M, 7)
     felt_measured_rad: Array  # (M, 7)
     felt_torque_Nm: Array  # (M, 7) the arm's estimate of the torque that external forces put on its joints
-    control_success_rate: float = 1.0  # share of 1 kHz cycles that were answered in time, on the way there
+    control_success_rate: float = 1.0  # share of 1 kHz cycles answered in time on the way there, 0 to 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "q_rad", frozen_array(self.q_rad, (7,), "q_rad"))
@@ -162,7 +162,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class HandState:
-    """What the hand reports of itself."""
+    """The state that the hand reports."""
 
     width_m: float  # between the fingers
     holds: bool  # something was grasped, and is still there

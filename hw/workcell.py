@@ -1,8 +1,8 @@
-"""The one value that says where an arm may move, and the check of a motion against it.
+"""The one value that defines where an arm may move, and the check of a motion against it.
 
-Two kinds of joint positions differ by the joint zeros: those that the arm reports and is commanded, and the true ones.
-Every `JointPath` holds reported joints. Joint limits count for these, because the arm itself enforces them there.
-Geometry counts for the true ones, because that is where the arm is.
+Reported joint positions (which the arm reports and is commanded in) and true ones differ by the joint zeros. Every
+`JointPath` holds reported joints. Joint limits apply to these, because the arm itself enforces them there. Geometry is
+checked for the true ones, because that is where the arm is.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hw.motion_limits import MotionLimits, contact_torque_check
 from hw.types import Array, JointPath, frozen_array
 
 STOPS_AT_N = 80.0
-"""Where an arm stops by itself as it ships: the default of `hw.franka.settings`, and of the simulated lab."""
+"""The contact force at which an arm stops by itself: the default of `hw.franka.settings` and of the simulated lab."""
 
 
 STOPS_AT_NM = (60.0, 60.0, 54.0, 54.0, 10.0, 10.0, 10.0)
@@ -39,10 +39,10 @@ STOPS_AT_NM = (60.0, 60.0, 54.0, 54.0, 10.0, 10.0, 10.0)
 
 @dataclass(frozen=True, eq=False)
 class ArmModel:
-    """Which arm it is, and what it does not know of its own joints."""
+    """The model of an arm, and the zeros of its joints."""
 
-    limits: JointLimits  # of the joints that it reports
-    zeros_rad: Array  # (7,) true joints are those reported plus these
+    limits: JointLimits  # of the reported joints
+    zeros_rad: Array  # (7,) true joints minus reported joints
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "zeros_rad", frozen_array(self.zeros_rad, (JOINTS,), "joint zeros"))
@@ -57,19 +57,19 @@ class ArmModel:
         return np.asarray(np.asarray(q_rad, dtype=np.float64) + self.zeros_rad)
 
     def reported_rad(self, q_rad: ArrayLike) -> Array:
-        """True joints (..., 7) -> what the arm reports there."""
+        """True joints (..., 7) -> the reported ones."""
         return np.asarray(np.asarray(q_rad, dtype=np.float64) - self.zeros_rad)
 
     def true(self, path: JointPath) -> JointPath:
-        """A path that the arm takes -> the same in true joints."""
+        """A path in reported joints -> the same in true joints."""
         return replace(path, q_rad=self.true_rad(path.q_rad))
 
     def reported(self, path: JointPath) -> JointPath:
-        """A path in true joints -> as the arm takes it."""
+        """A path in true joints -> the same in reported joints."""
         return replace(path, q_rad=self.reported_rad(path.q_rad))
 
     def in_true_joints(self) -> ArmModel:
-        """The same arm for somebody who plans in true joints: the limits move along, the zeros are gone."""
+        """The same arm for planning in true joints: limits shifted by the zeros, zeros 0."""
         low_rad, high_rad = self.true_rad(self.limits.q_min_rad), self.true_rad(self.limits.q_max_rad)
         return ArmModel(replace(self.limits, q_min_rad=low_rad, q_max_rad=high_rad), np.zeros(JOINTS))
 
@@ -83,11 +83,11 @@ def arm_model(name: str, zeros_rad: ArrayLike) -> ArmModel:
 
 @dataclass(frozen=True, eq=False)
 class Workcell:
-    """Everything that decides whether a motion is allowed: which arm, what it holds, what stands around it."""
+    """Everything that decides whether a motion is allowed: arm, tool, surroundings."""
 
     arm: ArmModel
     tool: Tool
-    table: Table  # where the table top is taken to be
+    table: Table  # the assumed table top
     keep_out: tuple[KeepOut, ...]
     stops_at_N: float  # the contact force along any axis at which this arm stops by itself
     stops_at_Nm: Array  # (7,) the same for the torque on each joint
@@ -99,14 +99,13 @@ class Workcell:
 
     @property
     def motion(self) -> MotionLimits:
-        """What the arm may do with what it holds."""
+        """The motion limits of the arm with its tool."""
         return MotionLimits(self.arm.limits, self.arm.zeros_rad, self.tool.mass)
 
     def check(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
-        """Everything that an arm refuses: limits of joints, torques and flange, rest, start, self-collision, boxes,
-        table, contact.
+        """Check every limit: joints, torques, flange, rest at both ends, start, self-collision, boxes, table, contact.
 
-        `q_now_rad` (7,) is where the arm reports to be now; without it the start is not checked.
+        `q_now_rad` (7,) are the arm's present reported joints; without it the start is not checked.
         """
         start = [] if q_now_rad is None else [start_check(path, q_now_rad)]
         geometry = geometry_checks(self.arm.true(path), self.tool, self.table, self.keep_out)
@@ -115,14 +114,17 @@ class Workcell:
         return LimitReport(self.arm.name, (*joints, *self.motion.checks(path), *start, *geometry, *contact))
 
     def contact_torques(self, path: JointPath, force_N: float | None = None) -> list[Worst]:
-        """What `force_N`, None: the force that `path` predicts, does to the joints. Nothing without a contact."""
+        """The joint torques of `force_N` (None: the force that `path` predicts). Empty without a contact."""
         if path.contact is None:
             return []
         felt_N = path.contact.force_N if force_N is None else force_N
         return contact_torque_check(self.arm.true(path), self.tool, self.table, felt_N, self.stops_at_Nm)
 
     def require(self, path: JointPath, q_now_rad: ArrayLike | None = None) -> LimitReport:
-        """`check`, and a stop along the path at any time. Raises MotionRefused with every broken limit."""
+        """`check`, and that the arm can stop along the path at any time.
+
+        Raises MotionRefused naming every broken limit.
+        """
         report = self.check(path, q_now_rad)
         refuse_beyond(report)
         stops = check_braking(path, self.motion)
@@ -134,13 +136,13 @@ class Workcell:
         return report
 
     def holding(self, tool: Tool) -> Workcell:
-        """The same with another tool on the flange."""
+        """The same workcell with another tool on the flange."""
         return replace(self, tool=tool)
 
     def over(self, table: Table) -> Workcell:
-        """The same with the table top elsewhere."""
+        """The same workcell with another table top."""
         return replace(self, table=table)
 
     def in_true_joints(self) -> Workcell:
-        """The same for somebody who plans in true joints: a path passes here if its reported one passes `self`."""
+        """The same workcell for planning in true joints: a path passes it if its reported version passes `self`."""
         return replace(self, arm=self.arm.in_true_joints())

@@ -1,4 +1,4 @@
-"""What one capture of libk4a holds, copied out of the library's memory; and how it becomes a `Frame`."""
+"""One capture of libk4a, copied out of the library's memory, and its conversion to a `Frame`."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from hw.camera.k4a_types import COLOR_MJPG, DEPTH16, IR16
 from hw.errors import CameraError
 from hw.types import Frame
 
-_LATE_S = 1.0  # a stamp of arrival further from now is of another clock
+_LATE_S = 1.0  # an arrival stamp further from now comes from another clock
 
 
 @dataclass(frozen=True, eq=False)
 class Captured:
-    """One instant: the colour image still as JPEG, so that nothing is decoded while the arm moves."""
+    """One instant. The colour image is still a JPEG, so that nothing is decoded while the arm moves."""
 
     device_s: float  # middle of the colour image's exposure, on the device's clock
     arrived_s: float  # on the host's monotonic clock
     jpeg: bytes
     depth_mm: NDArray[np.uint16]  # (Hd, Wd)
     infrared: NDArray[np.uint16] | None  # (Hd, Wd)
-    exposure_us: int  # of the colour image, as the device says; 0: it does not say
+    exposure_us: int  # of the colour image, as the device reports; 0: not reported
     white_balance_K: int
 
     def frame(self, t_s: float) -> Frame:
@@ -40,8 +40,8 @@ class Captured:
 def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Captured | None:
     """Copy a capture; None where colour or depth is missing, or infrared where it is asked for.
 
-    `now_s` is the host's monotonic time. It serves as time of arrival where the library's own stamp is of another
-    clock or missing (recordings, Orbbec's library). Raises CameraError on a format that was not asked for.
+    `now_s` is the host's monotonic time. It replaces the library's arrival stamp if that is missing or comes from
+    another clock (recordings, Orbbec's library). Raises CameraError on a format that was not asked for.
     """
     with (
         _image(library, library.k4a_capture_get_color_image, capture) as colour,

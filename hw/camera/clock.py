@@ -1,8 +1,8 @@
-"""A camera's own clock against the clock of this machine.
+"""Maps a camera's own clock to the clock of this machine.
 
-The device stamps the middle of each exposure with its own clock; the host stamps the moment at which the image has
-arrived. Their difference is the offset of the two clocks plus a delay that is never negative and varies: transfer,
-scheduling. The smallest difference within a window is therefore the best one, and one late image changes nothing.
+The device stamps the middle of each exposure with its own clock; the host stamps the arrival of the image. The
+difference is the offset of the two clocks plus a varying, never negative delay (transfer, scheduling). So the smallest
+difference within a window is the best estimate, and one late image changes nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hw.errors import CameraError
 WINDOW_S = 20.0
 """A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
 LEAST_PAIRS = 15
-"""Half a second of images: before that the smallest difference may still be a late one."""
+"""Half a second of images. With fewer, even the smallest difference may belong to a late image."""
 
 
 @dataclass(frozen=True)
@@ -24,18 +24,18 @@ class ClockMap:
 
     offset_s: float
     spread_s: float  # median less smallest difference: how unevenly images arrive
-    pairs: int  # that it rests on
+    pairs: int  # pairs of stamps behind the map
 
     def host_s(self, device_s: float) -> float:
-        """Seconds of the host's clock at `device_s` of the device's."""
+        """Seconds on the host's clock at `device_s` on the device's clock."""
         return device_s + self.offset_s
 
 
 class DeviceClock:
     """Collects pairs of stamps; `delay_s` is the smallest possible time from the middle of an exposure to its arrival.
 
-    What of that delay is not known stays in the offset: all stamps are then late by the same amount, which the
-    calibration's swing measures (`calib.timing`).
+    Any further delay stays in the offset: all stamps are then late by the same amount, which the calibration's swing
+    measures (`calib.timing`).
     """
 
     def __init__(self, delay_s: float = 0.0, window_s: float = WINDOW_S) -> None:
@@ -47,9 +47,9 @@ class DeviceClock:
         self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
 
     def add(self, device_s: float, arrived_s: float) -> None:
-        """One image: the middle of its exposure on the device's clock, its arrival on the host's.
+        """Add one image: the middle of its exposure on the device's clock, and its arrival on the host's.
 
-        A device clock that goes back has been started anew: what was known of it is dropped.
+        A device clock that jumps back was restarted: earlier pairs are dropped.
         """
         if self._pairs and device_s < self._pairs[-1][0]:
             self._pairs.clear()

@@ -15,9 +15,9 @@ from hw.camera.clock import ClockMap, DeviceClock
 from hw.errors import CameraError, HardwareError
 
 MOST_MISSES = 4
-"""So many waits of half a second without a complete image, and the camera counts as gone."""
+"""After this many waits of half a second without a complete image, the camera counts as gone."""
 LONGEST_S = 60.0
-"""Of a recording: about 2 GB in memory."""
+"""The longest recording, in images: about 2 GB in memory."""
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,21 @@ class TimedCapture:
 
 @dataclass(frozen=True)
 class Film:
-    """What became of one recording."""
+    """One recording, with the number of images that were dropped."""
 
     shots: tuple[TimedCapture, ...]  # in order of time
-    dropped: int  # images that should be between start and end and are not
+    dropped: int  # images missing between start and end
     longest_gap_s: float
     clock: ClockMap
 
     @property
     def lost(self) -> float:
-        """Share of the images that are missing."""
+        """Share of images that are missing, 0 to 1."""
         return self.dropped / max(self.dropped + len(self.shots), 1)
 
 
 class Grabber:
-    """Owns the thread. `next_capture` waits for the next image and returns None when none came in its time."""
+    """Owns the thread. `next_capture` waits for the next image and returns None if none came in time."""
 
     def __init__(self, next_capture: Callable[[], Captured | None], clock: DeviceClock, rate_hz: float) -> None:
         self._next, self._clock, self._rate_hz = next_capture, clock, rate_hz
@@ -57,18 +57,18 @@ class Grabber:
         self._since_s = 0.0
 
     def start(self) -> None:
-        """Returns when the two clocks are known, half a second later. Raises CameraError."""
+        """Start, and return once the two clocks are mapped, half a second later. Raises CameraError."""
         self._thread.start()
         self._wait(lambda: self._clock.is_settled)
 
     def stop(self) -> None:
-        """Ends the thread; safe to call again, and before `start`."""
+        """End the thread; safe to call again, and before `start`."""
         self._wanted = False
         if self._thread.ident is not None:
             self._thread.join()
 
     def shot_after(self, t_s: float) -> TimedCapture:
-        """The newest image whose exposure has its middle at `t_s` of the host's clock or later. Raises CameraError."""
+        """The newest image, exposed (middle of exposure) at `t_s` of the host's clock or later. Raises CameraError."""
         with self._changed:
             self._wait(lambda: self._newest_s() >= t_s)
             assert self._newest is not None

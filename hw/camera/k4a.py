@@ -20,7 +20,7 @@ from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
 
 MOST_LOST = 0.25
-"""A recording that lacks a larger share of its images is refused: too little is known of the motion."""
+"""A recording that misses a larger share of its images is refused: it shows too little of the motion."""
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ def probed_library() -> K4aLibrary:
 
 
 class KinectCamera:
-    """Entering takes about three seconds: probing, starting, and getting to know the device's clock."""
+    """Entering takes about three seconds: probe, start, and map the device's clock."""
 
     def __init__(
         self,
@@ -58,12 +58,15 @@ class KinectCamera:
         self._film: Film | None = None
 
     def __enter__(self) -> Self:
-        """Raises DeviceUnavailable without library or camera, CameraError when it does not start."""
+        """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
         self.connect(lambda doing: None)
         return self
 
     def connect(self, progress: Callable[[str], None]) -> None:
-        """What entering does. `progress` is called with each step before it begins. Raises as entering does."""
+        """Connect, as entering does; `progress` is called with the name of each step before it begins.
+
+        Raises as entering does.
+        """
         progress("looking for libk4a and its cameras")
         device = self._device = K4aDevice(self._library(), self._now_s)
         try:
@@ -90,7 +93,7 @@ class KinectCamera:
             self._device = None
 
     def model(self) -> CameraModel:
-        """Factory calibration; known from the first entering on. Raises DeviceUnavailable before."""
+        """The factory calibration, known once the camera was entered. Raises DeviceUnavailable before that."""
         if self._model is None:
             raise _closed()
         return self._model
@@ -108,7 +111,7 @@ class KinectCamera:
         return self._film
 
     def facts(self) -> dict[str, Any]:
-        """For a session's record: which camera, how it was set, and how its last recording went."""
+        """For a session's record: which camera, its settings, and the quality of its last recording."""
         film = self._film
         last = None
         if film is not None:
@@ -133,7 +136,7 @@ class KinectCamera:
         return frame_of(self.shot())
 
     def shot(self) -> TimedCapture:
-        """What a snapshot is made of. Raises CameraError."""
+        """The raw image of a snapshot, not yet decoded. Raises CameraError."""
         return self._running.shot_after(self._now_s())
 
     def start_recording(self) -> None:
@@ -141,13 +144,19 @@ class KinectCamera:
         self._running.keep_from(self._now_s())
 
     def stop_recording(self) -> Sequence[Frame]:
-        """Everything exposed since `start_recording`, decoded. Raises CameraError, also when too much was lost."""
+        """Everything exposed since `start_recording`, decoded.
+
+        Raises CameraError, also if too many images were lost.
+        """
         film = self.end_film()
         require_whole(film, self.model().serial)
         return decoded(film.shots)
 
     def end_film(self) -> Film:
-        """What a recording is made of, whatever it lacks. Raises CameraError when none runs, or the camera is gone."""
+        """End the recording and return its raw images, complete or not.
+
+        Raises CameraError if none runs, or the camera is gone.
+        """
         film = self._film = self._running.film_until(self._now_s())
         return film
 
@@ -170,7 +179,7 @@ def decoded(shots: Sequence[TimedCapture]) -> Sequence[Frame]:
 
 
 def require_whole(film: Film, serial: str) -> None:
-    """Raises CameraError where too many images of a recording are missing; a few are a warning."""
+    """Raises CameraError if too many images of a recording are missing; a few give only a warning."""
     every = film.dropped + len(film.shots)
     if film.dropped:
         _log.warning("camera %s dropped %d of %d frames", serial, film.dropped, every)

@@ -19,17 +19,17 @@ from hw.types import CameraModel, Intrinsics
 COLOUR_MODE, DEPTH_MODE = "720P", "NFOV_UNBINNED"
 RATE_HZ = 30.0
 _WAIT_MS = 500
-_MAINS = {50: 1, 60: 2}  # Hz -> value of the control
+_MAINS = {50: 1, 60: 2}  # Hz -> value of libk4a's control
 
 
 @dataclass(frozen=True)
 class ColourSettings:
-    """How the colour camera exposes. The device keeps it until it loses power."""
+    """Settings of the colour camera. The device keeps them until it loses power."""
 
     exposure_us: int = 8000  # the device rounds up to its next step: 8330 in 60 Hz mode, 10000 in 50 Hz mode
     white_balance_K: int = 4500  # a multiple of 10
-    gain: int | None = None  # 0 to 255; None: as it is
-    mains_hz: int = 60  # of the lamps: which steps of the exposure do not flicker
+    gain: int | None = None  # 0 to 255; None: unchanged
+    mains_hz: int = 60  # of the lamps; decides which exposure steps do not flicker
 
     def __post_init__(self) -> None:
         if not 500 <= self.exposure_us <= 33330:
@@ -47,14 +47,14 @@ class ColourSettings:
 
 
 class K4aDevice:
-    """Opens on `open`. Not for several threads, except that `next_capture` may run in one and the rest in another."""
+    """Opens on `open`. Not thread-safe, except that `next_capture` may run in a thread of its own."""
 
     def __init__(self, library: K4aLibrary, now_s: Callable[[], float] = time.monotonic) -> None:
         self._library, self._now_s = library, now_s
         self._device: ctypes.c_void_p | None = None
         self._running = False
         self._said = ""
-        self._handler = DebugHandler(self._hear)  # the library keeps its address: it must live as long
+        self._handler = DebugHandler(self._hear)  # the library keeps its address, so it must live as long
         self.serial = ""
         self.infrared = False
 
@@ -87,7 +87,7 @@ class K4aDevice:
         self._library.k4a_set_debug_message_handler(DebugHandler(), None, k4a.LOG_ERROR)
 
     def model(self) -> CameraModel:
-        """Factory calibration in the modes that are used. Raises CameraError."""
+        """The factory calibration, for the modes in use. Raises CameraError."""
         raw = k4a.Calibration()
         colour, depth = k4a.COLOUR_RESOLUTIONS[COLOUR_MODE], k4a.DEPTH_MODES[DEPTH_MODE]
         self._need(
@@ -97,7 +97,7 @@ class K4aDevice:
         return model_of(raw, self.serial)
 
     def set_colour(self, wanted: ColourSettings) -> ColourSettings:
-        """Fix exposure, white balance and gain; what the device then says of them. Raises CameraError."""
+        """Fix exposure, white balance and gain; return the values that the device then reports. Raises CameraError."""
         self._set(k4a.POWERLINE_FREQUENCY, _MAINS[wanted.mains_hz], "mains frequency")
         self._set(k4a.EXPOSURE_TIME_ABSOLUTE, wanted.exposure_us, "exposure")
         self._set(k4a.WHITEBALANCE, wanted.white_balance_K, "white balance")
@@ -128,13 +128,13 @@ class K4aDevice:
         self._running = True
 
     def stop(self) -> None:
-        """Stop the images; nothing happens where none run."""
+        """Stop the images; does nothing if none run."""
         if self._running and self._device is not None:
             self._library.k4a_device_stop_cameras(self._device)
         self._running = False
 
     def next_capture(self) -> Captured | None:
-        """The next instant with all images; None where none came within half a second, or one lacks an image.
+        """The next capture with all images; None if none came within half a second, or an image is missing.
 
         Raises CameraError when the camera is gone.
         """
@@ -181,12 +181,12 @@ class K4aDevice:
             )
 
     def _hear(self, _context: int, _level: int, file: bytes, line: int, message: bytes) -> None:
-        """The first error of a call is its cause; those after it are its echo through the library."""
+        """Keep the first error of a call: it is the cause, and later ones echo it through the library."""
         self._said = self._said or message.decode("utf-8", "replace").strip()
 
 
 def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:
-    """libk4a's calibration as ours. Raises CameraError on a lens model that is not known."""
+    """libk4a's calibration as a `CameraModel`. Raises CameraError on an unknown lens model."""
     X_CD = np.eye(4)
     pose = raw.extrinsics[k4a.TYPE_DEPTH][k4a.TYPE_COLOUR]
     X_CD[:3, :3] = np.reshape(pose.rotation, (3, 3))

@@ -1,4 +1,4 @@
-"""libk4a through ctypes: where it is, and the prototypes of the functions that are used of it.
+"""libk4a through ctypes: where it is, and the prototypes of the functions in use.
 
 Loading or calling a vendor's library may end the process: `hw.camera.probe` does it in a child first.
 """
@@ -17,7 +17,7 @@ from hw.camera.k4a_types import Calibration, DeviceConfiguration, HardwareVersio
 from hw.errors import DeviceUnavailable
 
 ENVIRONMENT = "ADAPTSIM_K4A_LIBRARY"
-"""Names the library file where the loader does not find the right one by itself."""
+"""Environment variable that names the library file, if the loader does not find the right one by itself."""
 _NAMES = ("libk4a.so.1.4", "libk4a.so.2.0", "libk4a.so")
 _FOLDERS = (
     "/usr/lib/x86_64-linux-gnu",
@@ -69,13 +69,13 @@ PROTOTYPES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class K4aLibrary(Protocol):
-    """A library with the functions of `PROTOTYPES`: the maker's, or one that a test makes of C callbacks."""
+    """A library with the functions of `PROTOTYPES`: the maker's, or one that a test builds from C callbacks."""
 
     def __getattr__(self, name: str) -> Any: ...
 
 
 def library_file() -> str | None:
-    """What to load: the file named by the environment, else what usual folders or the loader have; None: nothing."""
+    """The file to load: named by the environment, else from the usual folders or the loader; None: not found."""
     if named := os.environ.get(ENVIRONMENT):
         return named
     for folder in _FOLDERS:
@@ -101,7 +101,7 @@ def load(file: str) -> K4aLibrary:
 
 
 def serial_of(library: K4aLibrary, device: c_void_p) -> str:
-    """Serial number of an open device, "" where it does not tell."""
+    """Serial number of an open device, "" if it reports none."""
     size = c_size_t(0)
     library.k4a_device_get_serialnum(device, None, ctypes.byref(size))
     text = ctypes.create_string_buffer(max(size.value, 1))

@@ -1,6 +1,6 @@
-"""The factory calibration of an Azure Kinect, as the device and its recordings carry it, for a mode of its cameras.
+"""The factory calibration of an Azure Kinect, read from the device's JSON for one mode of its cameras.
 
-The file gives lengths as shares of a reference image, of which each mode is a part: the tables below are those of the
+The file gives lengths as shares of a reference image; each mode is a part of it. The tables below are those of the
 maker's SDK.
 """
 
@@ -21,7 +21,7 @@ _MODELS = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_LensDisto
 
 @dataclass(frozen=True)
 class Mode:
-    """What a mode keeps of the reference image."""
+    """The part of the reference image that a mode keeps."""
 
     reference: tuple[int, int]  # width, height
     offset: tuple[int, int]
@@ -45,9 +45,9 @@ DEPTH_MODES: Mapping[str, Mode] = {
 
 
 def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> CameraModel:
-    """`calibration` is the JSON of the device; the modes are keys of the tables above.
+    """The camera model from the device's JSON; the modes are keys of the tables above.
 
-    Raises CameraError naming what is lacking or unknown.
+    Raises CameraError naming the missing or unknown field.
     """
     try:
         content = parse_table(calibration.rstrip(b"\0"), is_toml=False)["CalibrationInformation"]
@@ -74,7 +74,7 @@ def _intrinsics(camera: dict[str, Any], mode: Mode) -> Intrinsics:
         raise ValueError(f"lens model {camera['Intrinsics']['ModelType']}")
     cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = camera["Intrinsics"]["ModelParameters"]
     width, height = mode.reference
-    # in the file pixel centres are at + 0.5
+    # in the file, pixel centres lie at + 0.5
     K = [[fx * width, 0, cx * width - mode.offset[0] - 0.5], [0, fy * height, cy * height - mode.offset[1] - 0.5]]
     return Intrinsics(*mode.size, np.array([*K, [0, 0, 1]]), np.array([k1, k2, p1, p2, k3, k4, k5, k6]))
 

@@ -1,4 +1,4 @@
-"""What the program and the camera's process say to each other."""
+"""The messages between the program and the camera's process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StartRecording:
 
 @dataclass(frozen=True)
 class StopRecording:
-    """Ask for all images that were kept: a `Recorded`, then each of them."""
+    """Ask for all images kept. The answer: a `Recorded`, then each image."""
 
 
 Request = Open | Snapshot | StartRecording | StopRecording
@@ -41,7 +41,7 @@ Request = Open | Snapshot | StartRecording | StopRecording
 
 @dataclass(frozen=True)
 class Step:
-    """What the process does next while it connects; no answer yet."""
+    """The next step of connecting; not the final answer."""
 
     doing: str
 
@@ -62,7 +62,7 @@ class Started:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording is over; so many `TimedCapture`s follow."""
+    """A recording is over; `shots` images follow, each a `TimedCapture`."""
 
     shots: int
     dropped: int
@@ -73,7 +73,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Failed:
-    """It went wrong: CameraError, or DeviceUnavailable where there is no camera."""
+    """The request failed: CameraError, or DeviceUnavailable if there is no camera."""
 
     text: str
     unavailable: bool = False

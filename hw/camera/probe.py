@@ -1,4 +1,4 @@
-"""What there is of libk4a and its cameras, asked in a child process: a library that crashes takes only that along."""
+"""Looks for libk4a and its cameras in a child process: a library that crashes ends only the child."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ class FoundDevice:
 
     index: int
     serial: str  # "" where it could not be opened
-    firmware: str  # "colour 1.6.110, depth 1.6.80"; "" where it does not tell
-    error: str | None = None  # why it cannot be used now, with what to do
+    firmware: str  # "colour 1.6.110, depth 1.6.80"; "" if not reported
+    error: str | None = None  # why it cannot be used now, and the remedy
 
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """What a child process found out about libk4a."""
+    """The child's findings about libk4a."""
 
-    library: str | None  # the file that was loaded; None: none was found
+    library: str | None  # the file loaded; None: none found
     version: str | None  # of the library, from the name of its file
     maker: str | None  # "Microsoft" or "Orbbec"
-    depth_engine: bool  # the closed library that turns raw readings into depth can be found
+    depth_engine: bool  # whether the closed library that turns raw readings into depth is found
     devices: tuple[FoundDevice, ...]
-    error: str | None  # what is wrong, None when at least one camera can be used
-    fix: str | None  # what to do about it
+    error: str | None  # None if at least one camera can be used
+    fix: str | None  # the remedy
 
     @property
     def serials(self) -> tuple[str, ...]:
-        """Of the cameras that can be used."""
+        """Serial numbers of the cameras that can be used."""
         return tuple(device.serial for device in self.devices if device.error is None)
 
     def require(self) -> None:
-        """Raises DeviceUnavailable with what is wrong and what to do."""
+        """Raises DeviceUnavailable with the problem and its remedy."""
         if self.error is not None:
             raise DeviceUnavailable(f"{self.error}. {self.fix}")
 
@@ -65,8 +65,8 @@ class ProbeReport:
 def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: Sequence[str] = _CHILD) -> ProbeReport:
     """Load libk4a (`file`, else what `k4a_library.library_file` finds) in a child, and open every camera for a moment.
 
-    Never raises for what is wrong with library or camera, and never ends this process: it says so in the report.
-    A camera that another program uses is listed with its error. `child` is the command that is given the file.
+    A defect of library or camera never raises and never ends this process; the report states it. A camera in use by
+    another program is listed with its error. `child` is the command that gets the file as its argument.
     """
     chosen = file or k4a_library.library_file()
     if chosen is None:
@@ -92,7 +92,7 @@ def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: S
 
 
 def look(library: K4aLibrary, file: str, maps: str) -> ProbeReport:
-    """What `library`, loaded from `file`, says; `maps` is the content of /proc/self/maps after loading it."""
+    """Query `library`, loaded from `file`; `maps` is the content of /proc/self/maps after loading."""
     maker = "Orbbec" if "OrbbecSDK" in maps else "Microsoft"
     devices = tuple(_device(library, index) for index in range(library.k4a_device_get_installed_count()))
     usable = any(device.error is None for device in devices)
@@ -125,7 +125,7 @@ def _device(library: K4aLibrary, index: int) -> FoundDevice:
 
 
 def _version(file: str) -> str | None:
-    """The library has no function that tells; its file is called libk4a.so.1.4.1 or libk4a-….so.1.4.2."""
+    """The version from the file's name (libk4a.so.1.4.1, libk4a-….so.1.4.2): the library has no function for it."""
     _, found, version = Path(file).resolve().name.partition(".so.")
     return version if found else None
 

@@ -1,4 +1,4 @@
-"""A Kinect behind `hw.ports.Camera`, in a process of its own: every answer has a deadline, and nothing waits longer."""
+"""A Kinect behind `hw.ports.Camera`, in a process of its own: every answer has a deadline."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
 
 ANSWER_S = 3.0
-"""The longest silence of a camera that runs; while it connects, the silence after which a message says so."""
+"""The longest silence of a running camera; while it connects, a message reports a silence of this length."""
 STEP_S = 20.0
-"""The longest step of connecting: the library, the depth engine, the first images."""
+"""The longest time for one step of connecting: the library, the depth engine, the first images."""
 _END_S = 1.0
 KINECT = "hw.camera.served:kinect"
 
@@ -39,7 +39,7 @@ _Kind = TypeVar("_Kind")
 
 
 class CameraProcess:
-    """Entering starts the process and connects. A process that hangs is ended; enter again to begin another."""
+    """Entering starts the process and connects. A process that hangs is ended; entering again starts another."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class CameraProcess:
         answer_s: float = ANSWER_S,
         step_s: float = STEP_S,
     ) -> None:
-        """As `hw.camera.k4a.KinectCamera`; `maker` (module:function) makes that in the process. Raises ValueError."""
+        """As `hw.camera.k4a.KinectCamera`, which `maker` (module:function) makes in the process. Raises ValueError."""
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
         self._asked, self._maker = Open(serial, settings, infrared, latency_s), maker
@@ -60,11 +60,11 @@ class CameraProcess:
         self._child: Child | None = None
         self._model: CameraModel | None = None
         self._facts: dict[str, Any] = {}
-        self._ended = ""  # why the process is gone
+        self._ended = ""  # why the process ended
         self._film: Film | None = None
 
     def __enter__(self) -> Self:
-        """Raises DeviceUnavailable without library or camera, CameraError when it does not start."""
+        """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
         self._ended = ""
         child = self._child = Child("hw.camera.served", self._maker, end_s=_END_S)
         try:
@@ -82,18 +82,18 @@ class CameraProcess:
             self._child = None
 
     def model(self) -> CameraModel:
-        """Factory calibration; known from the first entering on. Raises DeviceUnavailable before."""
+        """The factory calibration, known once the camera was entered. Raises DeviceUnavailable before that."""
         if self._model is None:
             raise _closed()
         return self._model
 
     @property
     def film(self) -> Film | None:
-        """The last recording: its images, those that were dropped, longest gap, clock."""
+        """The last recording: images, dropped images, longest gap, clock."""
         return self._film
 
     def facts(self) -> dict[str, Any]:
-        """For a session's record: which camera, how it was set, how its last recording went. Asks nobody."""
+        """For a session's record: which camera, its settings, the quality of its last recording. Asks no device."""
         return self._facts | ({"ended": self._ended} if self._ended else {})
 
     def snapshot(self) -> Frame:
@@ -105,7 +105,10 @@ class CameraProcess:
         self._ask(StartRecording(), Started)
 
     def stop_recording(self) -> Sequence[Frame]:
-        """Everything exposed since `start_recording`, decoded. Raises CameraError, also when too much was lost."""
+        """Everything exposed since `start_recording`, decoded.
+
+        Raises CameraError, also if too many images were lost.
+        """
         head = self._ask(StopRecording(), Recorded)
         shots = tuple(_known(self._receive(self._answer_s), TimedCapture) for _ in range(head.shots))
         self._facts = head.facts
@@ -182,9 +185,9 @@ def open_kinect(
 ) -> CameraProcess:
     """The camera with this serial number, or the only one; connects on entering.
 
-    `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing finds it;
-    half of the exposure is known and taken off by itself. With `infrared` every frame carries what the depth camera
-    sees, for calibrating.
+    `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing measures
+    it; half of the exposure is known and subtracted automatically. With `infrared` every frame carries the depth
+    camera's infrared image, for calibrating.
     """
     return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s)
 

@@ -23,26 +23,26 @@ if TYPE_CHECKING:
 
 _TOGETHER_S = 0.010  # colour and depth of one instant differ by less
 MOST_ALONE = 300
-"""Images, some 1 GB, that may wait for their partner in another track."""
+"""Most images (about 1 GB) that may wait for their partner in another track."""
 _PIXELS = {"gray16be": ">u2", "gray16le": "<u2"}
 
 
 class KinectRecording:
-    """Frames and calibration of one file. Opens on entering; the time of a frame is that of the device's clock."""
+    """Frames and calibration of one file. Opens on entering; frames are timed on the device's clock."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._container: av.container.InputContainer | None = None
 
     def __enter__(self) -> Self:
-        """Raises DeviceUnavailable without PyAV, CameraError for a file that is no such recording."""
+        """Raises DeviceUnavailable without PyAV, CameraError for a file that is not such a recording."""
         try:
             import av  # noqa: PLC0415 an optional extra
         except ImportError as error:
             raise DeviceUnavailable("recordings need PyAV: install it with pip install 'adaptsim[kinect]'") from error
         try:
             require_file(self._path, VIDEO_BYTES)
-            # As Matroska alone: a playlist under this name could have FFmpeg open other files.
+            # Matroska only: a playlist under this name could make FFmpeg open other files.
             self._container = av.open(str(self._path), format="matroska", options={"protocol_whitelist": "file"})
             self._require_bounds(self._container)
         except Unreadable as error:
@@ -57,9 +57,9 @@ class KinectRecording:
             self._container = None
 
     def _require_bounds(self, container: av.container.InputContainer) -> None:
-        """Raises CameraError on images or attachments of a size that no camera makes."""
+        """Raises CameraError on images or attachments too large for any camera."""
         for stream in container.streams.video:
-            width, height = getattr(stream, "width", 0), getattr(stream, "height", 0)  # none of an unknown codec
+            width, height = getattr(stream, "width", 0), getattr(stream, "height", 0)  # an unknown codec has none
             if width * height > IMAGE_PIXELS:
                 self.__exit__()
                 raise CameraError(f"{self._path} claims images of {width} x {height} pixels: too many")
@@ -70,9 +70,9 @@ class KinectRecording:
         return camera_model(self._attached("calibration.json"), colour.removeprefix("MJPG_"), depth)
 
     def frames(self) -> Iterator[Frame]:
-        """Every instant with both a colour and a depth image, in order of time.
+        """Every instant with both a colour and a depth image, in time order.
 
-        With the infrared image where it was recorded. Raises CameraError.
+        With the infrared image if it was recorded. Raises CameraError.
         """
         container = self._open
         tracks = [self._track(title) for title in ("COLOR", "DEPTH")]
@@ -100,7 +100,7 @@ class KinectRecording:
     def _packets(
         self, container: av.container.InputContainer, tracks: Sequence[Any]
     ) -> Iterator[tuple[int, Sequence[Any]]]:
-        """(index of the track, its images), packet by packet. Raises CameraError where one is damaged."""
+        """(index of the track, its images), packet by packet. Raises CameraError on a damaged packet."""
         import av  # noqa: PLC0415 an optional extra
 
         try:

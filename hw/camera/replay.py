@@ -1,4 +1,4 @@
-"""A camera that shows what another one saw: the frames of a session, tracked again."""
+"""A camera that replays stored frames, so that a session can be tracked again."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hw.types import CameraModel, Frame
 
 @dataclass(frozen=True, eq=False)
 class Take:
-    """What the camera saw of one motion: a still before it, and the film of it."""
+    """The pictures of one motion: a still before it, and its film."""
 
     still: Frame
     film: tuple[Frame, ...]
@@ -26,7 +26,7 @@ class Take:
 class RecordedCamera:
     """A `hw.ports.Camera`: every snapshot shows the still of the present take, every recording is its film.
 
-    Ending a recording goes on to the next take; the still of the last one stays. Times are those of the recording.
+    Ending a recording moves to the next take; the still of the last take stays. Times are those of the recording.
     """
 
     def __init__(self, model: CameraModel, takes: Sequence[Take]) -> None:
@@ -54,7 +54,7 @@ class RecordedCamera:
         return self._takes[min(self._number, len(self._takes) - 1)].still
 
     def start_recording(self) -> None:
-        """Raises CameraError when one runs, or every film has been shown."""
+        """Raises CameraError if a recording runs, or every film has been shown."""
         self._need_connection()
         if self._running:
             raise CameraError("the camera is recording already: call stop_recording first")

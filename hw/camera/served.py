@@ -1,6 +1,6 @@
 """The process that speaks to the camera: `python -m hw.camera.served`. A driver that hangs hangs here alone.
 
-It ends with the program: at once where it is idle, and within a second where the driver holds it.
+It ends with the program: at once if idle, within a second if the driver blocks it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hw.camera.messages import (
 from hw.errors import CameraError, DeviceUnavailable
 
 ORPHAN_S = 1.0
-"""How long a driver may hold the process when the program is gone."""
+"""How long a driver may block the process after the program has ended."""
 
 Make = Callable[[Open], KinectCamera]
 
@@ -78,7 +78,7 @@ def _answer(program: Connection, camera: KinectCamera, request: Request) -> None
 
 
 def end_with(pipe: int) -> None:
-    """End this process soon after the program has closed its end of the pipe, whatever a driver does."""
+    """End this process soon after the program has closed its end of the pipe, even if a driver blocks."""
 
     def watch() -> None:
         with suppress(OSError):
@@ -91,7 +91,7 @@ def end_with(pipe: int) -> None:
 
 
 def main(connection_fd: str, pipe_fd: str, maker: str) -> None:
-    """Serve one program; the arguments are file descriptors and what makes the camera, as module:function."""
+    """Serve one program; the arguments are two file descriptors and the camera's maker as module:function."""
     end_with(int(pipe_fd))
     module, _, name = maker.partition(":")
     with Connection(int(connection_fd)) as program:

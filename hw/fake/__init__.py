@@ -1,4 +1,4 @@
-"""Scripted arm, hand, camera, bench and clock: no physics, no pictures of their own, no waiting."""
+"""Scripted arm, hand, camera, bench and clock: no physics, no rendering, no waiting."""
 
 from hw.fake.arm import FakeArm
 from hw.fake.bench import FakeBench

@@ -1,4 +1,4 @@
-"""An arm that plays paths at once, for tests of what surrounds it."""
+"""An arm that plays paths instantly, for tests of the code around an arm."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from hw.workcell import Workcell
 
 
 class FakeArm:
-    """Refuses what its `cell` refuses, else is at the end of the path at once, its clock moved by the duration.
+    """Refuses what its `cell` refuses; else it jumps to the end of the path and advances its clock by the duration.
 
     `executed` holds the paths that were begun, oldest first. `faults` maps the number of an execution (from 1)
-    to the fault that stops it half way. What it holds changes with `cell`.
+    to the fault that stops it half way. To change the tool, replace `cell`.
     """
 
     def __init__(

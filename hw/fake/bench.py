@@ -1,4 +1,4 @@
-"""A bench that only remembers what it was asked for."""
+"""A bench that only records its requests."""
 
 from __future__ import annotations
 

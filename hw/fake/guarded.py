@@ -1,4 +1,4 @@
-"""An arm that feels a plane, for tests of what surrounds a guarded motion: no physics, no waiting."""
+"""An arm that feels a plane, for tests of the code around guarded motions: no physics, no waiting."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ STIFFNESS_N_M = 4000.0
 
 
 class FakeGuardedArm(AroundArm[FakeArm]):
-    """`arm` with a table that its tool truly meets at `plane`; measured joints are those commanded, its zeros true.
+    """`arm` with a table that its tool meets at `plane`; measured joints equal the commanded ones.
 
-    `torque_Nm(path)` (N, 7) is added to what a contact gives: noise, spikes, a push of somebody's hand.
+    `torque_Nm(path)` (N, 7) is added to the torque of the contact: noise, spikes, a push by somebody's hand.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class FakeGuardedArm(AroundArm[FakeArm]):
         return self._arm.execute(path)
 
     def carry(self, tool: Tool, payload: Payload) -> None:
-        """What hangs on the flange from now on; `carried` keeps all that was."""
+        """Set the load on the flange from now on; `carried` records all loads."""
         self._arm.cell = self._arm.cell.holding(tool)
         self.carried.append(payload)
 

@@ -1,4 +1,4 @@
-"""A hand that does what it is told, for tests of what surrounds it."""
+"""A hand that obeys at once, for tests of the code around a hand."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ WIDEST_M, STRONGEST_N = 0.08, 70.0
 
 
 class FakeHand:
-    """Closes at once on what `between_m` says is between its fingers (None: nothing). `commands` remembers all."""
+    """Closes at once on an object `between_m` wide (None: nothing is between the fingers).
+
+    `commands` records every call.
+    """
 
     def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:
-        """`holds`: it has grasped what is between its fingers before the program came."""
+        """`holds`: it already grasps the object when the program connects."""
         self.between_m = between_m
         self.commands: list[str] = []
         self._width_m, self._holds, self._homed, self._connected = WIDEST_M, holds, False, False

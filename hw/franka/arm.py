@@ -1,4 +1,4 @@
-"""A Franka arm behind `hw.ports.GuardedArm`: what is refused, what is asked of the player, what a failure means.
+"""A Franka arm behind `hw.ports.GuardedArm`: it checks motions, sends them to the player, and interprets failures.
 
 Times are `time.monotonic()`, which all processes of a computer share.
 """
@@ -38,8 +38,8 @@ _THEN = "look at the arm and recover it, then redo the trial"
 class FrankaArm:
     """`hw.ports.GuardedArm`. `open_franka` makes one.
 
-    `last_execution` and `last_stop` tell of the last motion, stopped ones included; of a guarded motion they tell of
-    its way there, or of its way back where that was stopped.
+    `last_execution` and `last_stop` describe the last motion, stopped or not. For a guarded motion they describe the
+    way there, or the way back if that was stopped.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class FrankaArm:
         *,
         pedal: Pedal | None = None,
     ) -> None:
-        """Raises ValueError where `cell` and `settings` do not agree on where the arm stops by itself."""
+        """Raises ValueError if `cell` and `settings` state different forces at which the arm stops by itself."""
         stops_at_N = settings.collision.contact_force_limit_N
         if abs(cell.stops_at_N - stops_at_N) > 1e-9:
             raise ValueError(
@@ -68,7 +68,7 @@ class FrankaArm:
         self._entered = False
         self._fault: str | None = None
         self._stop = threading.Event()
-        self._carried: Payload | None = None  # since the settings were given to the player
+        self._carried: Payload | None = None  # set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
 
@@ -79,7 +79,7 @@ class FrankaArm:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the computer does not give the process that plays motions; empty before it is entered."""
+        """Real-time properties that the computer denies the player's process; empty before entering."""
         return () if self._player is None else self._player.notes
 
     def __enter__(self) -> Self:
@@ -112,17 +112,17 @@ class FrankaArm:
     def execute(self, path: JointPath) -> Execution:
         """Play `path` and return at rest.
 
-        Raises MotionRefused, ArmFault or StoppedByPedal; the two last with the way to standstill where it was braked.
+        Raises MotionRefused, ArmFault or StoppedByPedal; if it braked, the last two carry the path to standstill.
         """
         self._play(self._admitted(path, self._cell.require, FADE_S))
         assert self.last_execution is not None
         return self.last_execution
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Play `path` until the guard's force, brake, and go back to its start.
+        """Play `path` until the force reaches the guard's, brake, and go back to the start of `path`.
 
-        Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped where
-        it is, on the way there or back).
+        Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped on the
+        way there or back, and still there).
         """
         motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
         played = self._play(motion, guard)
@@ -140,14 +140,14 @@ class FrankaArm:
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
 
-        It holds until `recover`: where no motion runs, none begins.
+        It holds until `recover`: no motion begins before.
         """
         self._stop.set()
 
     def carry(self, tool: Tool, payload: Payload) -> None:
-        """What hangs on the flange from now on: for the checks, and for the arm's own compensation of weight.
+        """Set the load on the flange from now on, for the checks and for the arm's own weight compensation.
 
-        Nothing moves. Raises DeviceUnavailable, or ArmFault where the arm does not take it.
+        Nothing moves. Raises DeviceUnavailable, or ArmFault if the arm does not accept it.
         """
         try:
             self._connected().carry(payload)
@@ -156,9 +156,9 @@ class FrankaArm:
         self._cell, self._carried = self._cell.holding(tool), payload
 
     def recover(self) -> None:
-        """Clear a fault, with a new player where the old one is gone. Never resumes a motion.
+        """Clear a fault, with a new player if the old one is gone. Never resumes a motion.
 
-        Raises ArmFault if the arm needs a person first, DeviceUnavailable if it cannot be reached.
+        Raises ArmFault if a person must act first, DeviceUnavailable if the arm cannot be reached.
         """
         player = self._connected()
         try:
@@ -171,7 +171,7 @@ class FrankaArm:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
 
     def _admitted(self, path: JointPath, check: PathCheck, fade_s: float) -> PlayableMotion:
-        """`path` as the player takes it. Raises ArmFault and MotionRefused; nothing has moved."""
+        """`path` in the player's form. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
         refuse_while_stopped(self._stopped_by() or reading.unwilling)
         check(path, frozen_array(reading.q_rad))
@@ -181,12 +181,15 @@ class FrankaArm:
             raise MotionRefused(
                 f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
             )
-        refuse_while_stopped(self._stopped_by())  # asked for while the path was checked
+        refuse_while_stopped(self._stopped_by())  # a stop may have come while the path was checked
         self.last_execution = self.last_stop = None
         return motion
 
     def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
-        """From where a guarded motion has ended to its start. Raises ArmFault and StoppedByPedal: it stays there."""
+        """From the end of a guarded motion back to its start.
+
+        Raises ArmFault and StoppedByPedal: the arm stays where it is.
+        """
         assert self._player is not None
         try:
             held_rad = frozen_array(self._player.reading().q_held_rad)
@@ -208,7 +211,7 @@ class FrankaArm:
             outcome = self._player.play(motion, self._word, guard)
         except Failure as failure:
             raise self._error(failure, moving=failure.kind != UNMOVED) from failure
-        except BaseException:  # Ctrl-C: the player hears no word any more and brakes
+        except BaseException:  # Ctrl-C: the player no longer hears from the program and brakes
             self._fault = "the program was interrupted during a motion"
             self._drop_player()
             raise
@@ -230,13 +233,13 @@ class FrankaArm:
         return kind(f"{self._model}: {why}{how}; {_THEN}")
 
     def _pedal_now(self, kind: type[ArmFault]) -> str:
-        """What is the matter with a pedal that stopped the arm, if it still is: let go, silent, or unplugged."""
+        """The present state of a pedal that stopped the arm: released, silent, or unplugged; "" if it is held again."""
         if kind is not StoppedByPedal or self._pedal is None or self._pedal.enabled():
             return ""
         return f" ({self._pedal.why_not()})"
 
     def _stopped_by(self) -> str | None:
-        """What keeps the arm from moving until `recover`."""
+        """The reason why the arm may not move until `recover`, or None."""
         return self._fault or (WHY["request"] if self._stop.is_set() else None)
 
     def _word(self) -> bytes:
@@ -251,7 +254,7 @@ class FrankaArm:
             raise self._error(failure) from failure
 
     def _connected(self) -> Player:
-        """The player, a new one where the last has ended. Raises DeviceUnavailable."""
+        """The player; a new one if the last has ended. Raises DeviceUnavailable."""
         if not self._entered:
             raise DeviceUnavailable(f"the {self._model} is not connected: use it inside a `with` block")
         if self._player is not None and not self._player.alive:
@@ -268,9 +271,9 @@ class FrankaArm:
         return self._player
 
     def _error(self, failure: Failure, *, moving: bool = False, after_s: float | None = None) -> Exception:
-        """What to raise for a failure; one during a motion is a fault that lasts until `recover`."""
+        """The error to raise for a failure; during a motion it is a fault that lasts until `recover`."""
         if failure.kind in (LOST, UNAVAILABLE):
-            self._drop_player()  # a connection that broke stays broken: the next call makes a new one
+            self._drop_player()  # a broken connection stays broken: the next call makes a new one
         if not moving:
             kind = DeviceUnavailable if failure.kind in (LOST, UNAVAILABLE) else ArmFault
             return kind(f"{self._model}: {failure.text}")
@@ -287,7 +290,7 @@ class FrankaArm:
 def open_franka(cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None = None) -> FrankaArm:
     """The arm of `cell` at `settings.host`; entering it connects.
 
-    With a pedal no motion begins unless it is held, and letting go of it stops the one that runs.
+    With a pedal, a motion begins only while it is held, and releasing it stops the running motion.
     """
     return franka(cell, settings, Timing(), pedal=pedal)
 

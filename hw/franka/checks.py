@@ -1,4 +1,4 @@
-"""What every path is checked against before an arm is asked to play it."""
+"""The checks of a path before an arm plays it."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from hw.workcell import Workcell
 
 
 class PathCheck(Protocol):
-    """Raises MotionRefused for a path, begun where the arm is now (7,) if that is given."""
+    """Raises MotionRefused for a path that must not be played; given `q_now_rad` (7,), it has to begin there."""
 
     def __call__(self, path: JointPath, q_now_rad: Array | None = None) -> object:
-        """Check `path`; what it returns does not matter."""
+        """Check `path`; the return value is not used."""
         ...
 
 
 def until(guard: Guard, cell: Workcell) -> PathCheck:
-    """Of a motion that ends at a touch. One that is played to its end has `Workcell.require`."""
+    """The check of a motion that ends at a touch. A motion played to its end is checked by `Workcell.require`."""
 
     def check(path: JointPath, q_now_rad: Array | None = None) -> None:
         require_guarded(path, guard, cell, q_now_rad)
@@ -28,7 +28,7 @@ def until(guard: Guard, cell: Workcell) -> PathCheck:
 
 
 def back_from(guard: Guard, cell: Workcell) -> PathCheck:
-    """Of the way back from there, which declares no contact any more."""
+    """The check of the way back from the touch, which declares no contact."""
 
     def check(path: JointPath, q_now_rad: Array | None = None) -> None:
         refuse_beyond(check_guarded(path, guard, cell, q_now_rad))

@@ -1,8 +1,7 @@
-"""A connected arm of either model: what both SDKs do alike. How a motion is driven differs (`fr3.py`, `panda.py`).
+"""A connected arm of either model: the common part of both SDKs. Driving a motion differs (`fr3.py`, `panda.py`).
 
-An arm takes settings in its mode Idle alone: after a reflex, or while somebody holds the stop button, it rejects
-them. So connecting sets nothing. It can be read then, whatever its mode, explained, and recovered; the settings are
-given to it before every motion.
+An arm accepts settings only in its mode Idle, not after a reflex or while the stop button is pressed. So connecting
+sets nothing: in any mode the arm can be read, explained and recovered. The settings are sent before every motion.
 """
 
 from __future__ import annotations
@@ -16,28 +15,28 @@ from hw.franka.driver import LOST, UNMOVED, Failure, Reading, Step, error_names,
 from hw.franka.settings import FrankaSettings, Payload
 
 Drive = Callable[[Any, Any, Step], None]
-"""(SDK module, its Robot, step): call `step` every millisecond until it says that its joints are the last."""
+"""(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last."""
 
 
 RECOVERY_READINGS = 1000
-"""How many states, one a millisecond, an arm may need until it says that it has recovered."""
+"""How many states (one per millisecond) an arm may need until it reports that it has recovered."""
 
 IDLE_READINGS = 500
-"""As many after a motion or a recovery, until it says that it is Idle."""
+"""The same after a motion or a recovery, until it reports Idle."""
 
 _PASSING = ("Move", "AutomaticErrorRecovery")
 """Modes that end by themselves."""
 
 
 class Connection:
-    """`hw.franka.driver.Driver` over an SDK's module. Connects when it is made, and sets nothing yet."""
+    """`hw.franka.driver.Driver` over an SDK's module. Its constructor connects and sets nothing."""
 
     def __init__(self, model: str, sdk: Any, drive: Drive, settings: FrankaSettings, *, realtime: bool) -> None:
         """Raises Failure."""
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
         self.notes: tuple[str, ...] = ()
-        # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
+        # The errors of both SDKs. Of these, only pylibfranka's version mismatch is not a RuntimeError.
         self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
         config = sdk.RealtimeConfig.kEnforce if realtime else sdk.RealtimeConfig.kIgnore
         try:
@@ -99,9 +98,9 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
-        """See `Driver`; an arm that is not idle takes it with its next motion."""
+        """See `Driver`; an arm that is not idle gets the payload with its next motion."""
         self._payload = payload
-        if self._settled().mode != "Idle":  # with the settings of the next motion, then
+        if self._settled().mode != "Idle":  # it is sent with the settings of the next motion
             return
         try:
             _load(self._robot, payload)
@@ -123,7 +122,7 @@ class Connection:
             return said
         try:
             reasons = _reading(self._robot.read_once()).reasons
-        except self._errors:  # it no longer answers: its last words are what there is
+        except self._errors:  # it no longer answers: use its last state
             return said
         return self._failure(error, reasons)
 
@@ -132,7 +131,7 @@ class Connection:
 
 
 def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:
-    """Collision thresholds, joint impedance and payload; everything else of the arm stays as Desk has it."""
+    """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk."""
     collision = settings.collision
     robot.set_collision_behavior(
         collision.torque_contact_Nm.tolist(),

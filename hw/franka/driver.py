@@ -1,4 +1,4 @@
-"""What the player asks of an arm's SDK, and how an SDK's exceptions become one of three failures."""
+"""The player's view of an arm's SDK. An SDK's exceptions become a `Failure` of one of four kinds."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Reading:
     """The arm at one moment."""
 
     q_rad: tuple[float, ...]  # (7,) measured
-    q_held_rad: tuple[float, ...]  # (7,) what the arm's controller holds, where the next motion has to begin
+    q_held_rad: tuple[float, ...]  # (7,) held by the arm's controller: the next motion has to begin there
     dq_rad_s: tuple[float, ...]  # (7,)
     mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
-    reasons: tuple[str, ...] = ()  # reflexes that are present, or that ended the last motion while the mode is Reflex
+    reasons: tuple[str, ...] = ()  # present reflexes; in mode Reflex, those that ended the last motion
 
     @property
     def unwilling(self) -> str | None:
@@ -29,12 +29,12 @@ class Reading:
 
     @property
     def by_hand(self) -> bool:
-        """Whether it is unwilling only as long as a person guides it, or holds it stopped."""
+        """Whether it refuses to move only while a person guides it, or keeps it stopped."""
         return self.mode in reflexes.BY_HAND and not self.reasons
 
 
 class SdkState(Protocol):
-    """What a cycle reads of either SDK's RobotState."""
+    """The fields of either SDK's RobotState that a cycle reads."""
 
     @property
     def q(self) -> Sequence[float]:
@@ -48,7 +48,7 @@ class SdkState(Protocol):
 
     @property
     def tau_ext_hat_filtered(self) -> Sequence[float]:
-        """(7,) torques that external forces put on the joints, estimated, Nm."""
+        """(7,) estimated joint torques of external forces, Nm."""
         ...
 
     @property
@@ -58,7 +58,7 @@ class SdkState(Protocol):
 
 
 Step = Callable[[SdkState, float], tuple[list[float], bool]]
-"""One cycle: the state, the seconds since the cycle before -> joints to command (7,), and whether they are the last."""
+"""One cycle: (state, seconds since the last cycle) -> (joints to command (7,), whether they are the last)."""
 
 
 class Driver(Protocol):
@@ -66,7 +66,7 @@ class Driver(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the computer does not give the process that drives it (`hw.franka.realtime.settle`)."""
+        """Real-time properties that the computer denies this process (`hw.franka.realtime.settle`)."""
         ...
 
     def reading(self) -> Reading:

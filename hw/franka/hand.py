@@ -1,4 +1,4 @@
-"""The Franka Hand behind `hw.ports.Hand`, through the SDK of either arm: both speak of it in the same words."""
+"""The Franka Hand behind `hw.ports.Hand`, through the SDK of either arm: both have the same interface to it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from hw.grasping import TOLERANCE_M, narrower_m
 from hw.types import HandState
 
 SPEED_M_S = 0.03
-"""Of the fingers: slow enough to take a hand away."""
+"""Speed of the fingers: slow enough to pull a hand away."""
 STRONGEST_N = 70.0
-"""What the hand holds with continuously (the maker's data sheet)."""
+"""The hand's continuous grasping force (the maker's data sheet)."""
 STEPS_OF_WIDTH_M = 0.002
-"""A width this far from what was asked is another one."""
+"""A width that differs by more than this from the request is an error."""
 
 Sdk = Callable[[], Any]
 
@@ -41,7 +41,7 @@ SDKS: dict[str, Sdk] = {"panda": panda_sdk, "fr3": fr3_sdk}
 
 
 class FrankaHand:
-    """Entering connects; every command returns when the fingers stand."""
+    """Entering connects; every command returns once the fingers stand still."""
 
     def __init__(self, host: str, sdk: Sdk) -> None:
         """`host` is the arm's address; `sdk` one of `SDKS`."""
@@ -52,7 +52,7 @@ class FrankaHand:
 
     def __enter__(self) -> Self:
         sdk = self._load()
-        # What both SDKs raise; pylibfranka's version mismatch alone is no RuntimeError.
+        # The errors of both SDKs. Of these, only pylibfranka's version mismatch is not a RuntimeError.
         self._errors = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
         try:
             self._gripper = sdk.Gripper(self._host)

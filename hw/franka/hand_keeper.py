@@ -1,8 +1,8 @@
-"""The process that keeps watch over the hand: `python -m hw.franka.hand_keeper`, started by the program.
+"""The process that watches over the hand: `python -m hw.franka.hand_keeper`, started by the program.
 
-It has a worker do what moves the fingers, since an SDK may block its process until they stand. Meanwhile it hears the
-program, and stops the hand over a connection of its own (`Gripper.stop`): when the program says so, is silent for
-60 ms, or is gone. A worker whose command does not end by that is killed with its connection.
+A worker moves the fingers, because an SDK may block its process until they stand still. Meanwhile the keeper listens to
+the program. It stops the hand over its own connection (`Gripper.stop`) if the program asks for it, is silent for 60 ms,
+or has ended. A worker that goes on nevertheless is killed with its connection.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State,
 from hw.listening import WORD_EVERY_S, Listener
 
 WORKER_S = 0.5
-"""How long a stopped worker has for its last word."""
+"""How long a stopped worker may take for its last answer."""
 OPEN_S = 30.0
-"""libfranka takes its time where nobody answers."""
+"""The longest wait for a connection: libfranka is slow to give up on an address that does not answer."""
 READ_S = 3.0
 """The longest wait for a state."""
 
 
 class Worker(Protocol):
-    """What is asked of the worker's process (`hw.child.Child`)."""
+    """The worker's process as the keeper uses it (`hw.child.Child`)."""
 
     def send(self, request: object) -> None:
         """See `hw.child.Child`."""
@@ -56,7 +56,7 @@ class Keeper:
         self._ended = False
 
     def ask(self, request: Request) -> Answer:
-        """Do it, and stop it where the program wants that. A worker that ended is not begun again."""
+        """Have the worker do it, and stop it if the program wants that. A worker that ended is not restarted."""
         if self._ended:
             return NotDone("the hand was stopped in the middle of a command: connect again, and home it", lost=True)
         try:
@@ -64,7 +64,7 @@ class Keeper:
             return self._wait(READ_S) if isinstance(request, State) else self._watch()
         except ChildGone as how:
             self._ended = True
-            with suppress(Exception):  # what moved is to stop, whatever the SDK says
+            with suppress(Exception):  # the fingers must stop, whatever the SDK raises
                 self._stop()
             return NotDone(f"the process that moves the hand was {how}; a stop was sent to the hand", lost=True)
 
@@ -85,7 +85,7 @@ class Keeper:
         began_s = time.monotonic()
         try:
             self._stop()
-        except Exception as error:  # noqa: BLE001 each SDK has its own, and the worker must end in any case
+        except Exception as error:  # noqa: BLE001 each SDK has its own errors, and the worker must end in any case
             self._end()
             return NotDone(f"the hand could not be stopped ({error}); its connection was closed", lost=True)
         after_s = time.monotonic() - began_s
@@ -102,7 +102,7 @@ class Keeper:
 
 
 def serve(program: Connection, listener: Listener) -> None:
-    """Answer requests until the program is gone. One that goes in the middle of a command has the hand stopped."""
+    """Answer requests until the program is gone. If it goes during a command, the hand is stopped."""
     keeper: Keeper | None = None
     while not listener.orphaned:
         try:
@@ -115,12 +115,12 @@ def serve(program: Connection, listener: Listener) -> None:
             answer = NotDone("the hand is not connected", lost=True)
         else:
             answer = keeper.ask(request)
-        with suppress(OSError):  # nobody is there any more
+        with suppress(OSError):  # the program is gone
             program.send(answer)
 
 
 def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
-    """The worker's connection, and a second one to stop it through."""
+    """Open the worker's connection to the hand, and a second one through which to stop it."""
     worker = Child("hw.franka.hand_worker", str(os.getpid()))
     try:
         worker.send(request)

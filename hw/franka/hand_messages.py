@@ -1,4 +1,4 @@
-"""What the program, the hand's keeper and its worker say to each other."""
+"""The messages between the program, the hand's keeper and its worker."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ Request = Open | State | Command
 
 @dataclass(frozen=True)
 class Done:
-    """The answer where all went well."""
+    """The answer if the request succeeded."""
 
     state: HandState
 
 
 @dataclass(frozen=True)
 class NotDone:
-    """The answer where it did not: HandError, or DeviceUnavailable where the hand is lost."""
+    """The answer if it failed: HandError, or DeviceUnavailable if the hand is lost."""
 
     text: str
     lost: bool = False
@@ -64,7 +64,7 @@ class Stopped:
     """The answer to a command that was stopped."""
 
     why: str  # a value of `hw.listening.WHY`, SILENT or ORPHANED
-    after_s: float  # from the word to stop until the hand had taken the stop
+    after_s: float  # from the request to stop until the hand accepted it
 
 
 Answer = Done | NotDone | Stopped

@@ -1,4 +1,4 @@
-"""The Franka Hand behind `hw.ports.Hand`, in processes of its own: nothing in here waits for its SDK."""
+"""The Franka Hand behind `hw.ports.Hand`, in processes of its own, so that the program never waits for the SDK."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hw.ports import Pedal
 from hw.types import HandState
 
 LONGEST_S = 30.0
-"""Of a command: the fingers need three seconds for their whole travel."""
+"""The longest time for a command: the fingers need three seconds for their whole travel."""
 _STOPPED_S = 2.0
-"""How long the hand's process may take to say that the hand was stopped."""
+"""How long the hand's process may take to report that the hand was stopped."""
 _WHY = {
     "pedal": "the enabling pedal was released",
     "request": "a stop was requested",
@@ -29,8 +29,8 @@ _THEN = "look at it, then run the command again: it homes the hand again"
 class HandProcess:
     """Entering connects. With a pedal the fingers move only while it is held.
 
-    A released pedal, Ctrl-C, a program that hangs and one that was killed stop the hand (`Gripper.stop`) within 80 ms.
-    After a stop it is not connected any more: it is entered again, and homed.
+    The hand is stopped (`Gripper.stop`) within 80 ms if the pedal is released, on Ctrl-C, and if the program hangs or
+    is killed. After a stop it is disconnected: enter it again, and home it.
     """
 
     def __init__(self, model: str, host: str, *, pedal: Pedal | None = None, silence_s: float = SILENCE_S) -> None:
@@ -38,7 +38,7 @@ class HandProcess:
         self._model, self._host, self._pedal, self._silence_s = model, host, pedal, silence_s
         self._child: Child | None = None
         self.stopped_after_s: float | None = None
-        """From the word to stop to the hand's answer to it, of the last command that was stopped."""
+        """Of the last stopped command: the time in s from the request to stop to the hand's answer."""
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable."""
@@ -84,7 +84,7 @@ class HandProcess:
             raise self._gone(how) from how
 
     def _do(self, command: Command) -> None:
-        """Raises HandError, also where it was stopped, and DeviceUnavailable."""
+        """Raises HandError, also if it was stopped, and DeviceUnavailable."""
         child = self._connected()
         if self._pedal is not None and not self._pedal.enabled():
             raise HandError(f"{self._pedal.why_not()}; the hand has not moved, hold the pedal and try again")
@@ -101,7 +101,7 @@ class HandProcess:
             self._told(child.receive())
         except ChildGone as how:
             raise self._gone(how) from how
-        except BaseException as error:  # Ctrl-C: the hand's process is told, and stops the hand
+        except BaseException as error:  # Ctrl-C: the hand's process is told and stops the hand
             if not isinstance(error, HandError | DeviceUnavailable):
                 self._interrupted(child)
             raise

@@ -1,7 +1,7 @@
 """The process that moves the hand: `python -m hw.franka.hand_worker`, started by `hw.franka.hand_keeper`.
 
-An SDK may hold Python's global lock until the fingers stand, which can take minutes. Nothing else runs in here, and the
-system ends the process with its keeper.
+An SDK may hold Python's global lock until the fingers stand still, which can take minutes. Nothing else runs in this
+process, and the system ends it with its keeper.
 """
 
 from __future__ import annotations

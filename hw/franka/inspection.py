@@ -1,4 +1,4 @@
-"""What an arm says of itself over FCI, and how evenly its states come, without a motion: for the doctor."""
+"""For the doctor: an arm's state over FCI, and how evenly its states arrive. Nothing moves."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from hw.franka.process import PlayerProcess
 from hw.franka.settings import FrankaSettings
 
 STATES = 1000
-"""One second."""
+"""States to take: one second of them."""
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """One look at a connected arm."""
+    """The findings about a connected arm."""
 
     reading: Reading
     rhythm: Rhythm
-    notes: tuple[str, ...]  # what the computer does not give the player
+    notes: tuple[str, ...]  # real-time properties that the computer denies the player
 
 
 def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int = STATES) -> Inspection:
-    """Connect, read mode and joints, and take so many states at 1 kHz. Nothing moves, no setting is made.
+    """Connect, read mode and joints, and take `states` states at 1 kHz. Nothing moves, and no setting changes.
 
     `realtime` as far as the kernel permits it. Raises DeviceUnavailable.
     """

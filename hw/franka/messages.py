@@ -1,4 +1,4 @@
-"""What the program and its player process say to each other."""
+"""The messages between the program and its player process."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from hw.types import Guard
 
 @dataclass(frozen=True)
 class Timing:
-    """How strict the player is with time. Everything but tests uses the defaults."""
+    """How strict the player is with time. Only tests change the defaults."""
 
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
-    overrun_s: float = 5.0  # how long after its end a motion may still be unanswered
+    overrun_s: float = 5.0  # how long after its end a motion may go unanswered
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Carry:
 
 @dataclass(frozen=True)
 class Listen:
-    """Read so many states in a row, one a millisecond; nothing moves."""
+    """Read `states` states in a row, one per millisecond; nothing moves."""
 
     states: int
 

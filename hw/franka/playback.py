@@ -1,9 +1,9 @@
-"""One motion, cycle by cycle: which joints to command next, when to brake, when it is over. No device in here.
+"""One motion, cycle by cycle: the next joints to command, when to brake, when it is over. Knows no device.
 
-The path is followed on the arm's own clock: after a lost cycle the next sample is the one that is due, not the next
-in line. A stop bends the path's time as `hw.braking` does, from the next moment for which a stop within the limits was
-found beforehand; each cycle computes one sample of it. At the end the last sample is held until the arm stands still.
-A guarded motion stops itself so, in the cycle in which its detector has felt a touch.
+The path follows the arm's own clock: after a lost cycle the sample that is due comes next, and the missed one is
+skipped. A stop slows the path's time as `hw.braking` does. It begins at the next moment for which a stop within the
+limits was computed beforehand, and each cycle computes one sample of it. At the end the last sample is held until the
+arm stands still. A guarded motion stops itself in the same way, in the cycle in which its detector feels a touch.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ HOLD_S = 0.5
 """The longest wait for standstill after the last sample."""
 
 TOUCH = "touch"
-"""Why a guarded motion stops, where nobody else stopped it before."""
+"""The reason of a guarded motion that stopped at a touch."""
 
 RATE_WINDOW = 100
-"""Cycles over which the arm computes its own success rate; it means nothing before (libfranka, `RobotState`)."""
+"""Cycles over which the arm computes its success rate, which is meaningless before (libfranka, `RobotState`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayableMotion:
-    """A checked path, and how long a stop takes from the moments at which one may begin."""
+    """A checked path, the moments at which a stop may begin, and its duration from each."""
 
     path: JointPath
-    stop_at: Array  # (K,) rising indices of samples
-    stop_s: Array  # (K,) duration of the time scaling
+    stop_at: Array  # (K,) rising sample indices at which a stop may begin
+    stop_s: Array  # (K,) duration of the stop's time scaling, s
 
 
 def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
-    """Raises MotionRefused if the path cannot be stopped within the limits every now and then."""
+    """Raises MotionRefused if the path has a moment at which no stop keeps the limits."""
     stops = check_braking(path, limits, STOPS_EVERY_S)
     known = np.isfinite(stops.duration_s)
     at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
@@ -60,7 +60,7 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What was commanded and measured, up to standstill or to whatever ended it."""
+    """The log of a motion: commanded and measured, up to standstill or to the fault that ended it."""
 
     t_s: Array  # (M,) the arm's clock since its first cycle
     clock_s: Array  # (M,) the computer's clock when each cycle was answered
@@ -68,13 +68,13 @@ class Played:
     q_measured_rad: Array  # (M, 7)
     dq_measured_rad_s: Array  # (M, 7)
     answered: float  # share of the arm's cycles that got an answer
-    reported: float  # mean of the arm's own success rate; 1 before it means anything
-    stop_wanted: str = ""  # why it braked; empty where it did not
-    wanted_at: int = -1  # row in which the stop was wanted
-    braked_at: int = -1  # row of the first sample off the path's own time
-    braked_from: int = -1  # sample of the path from which it was braked; -1: it went to its end
-    torque_Nm: Array = field(default_factory=lambda: np.zeros((0, 7)))  # (M, 7) external, of a guarded motion alone
-    largest_N: float = 0.0  # the largest force that its detector felt
+    reported: float  # mean of the arm's own success rate; 1 until it is meaningful
+    stop_wanted: str = ""  # why it braked; empty: it did not
+    wanted_at: int = -1  # row at which the stop was requested
+    braked_at: int = -1  # row of the first slowed sample
+    braked_from: int = -1  # sample of the path where braking began; -1: played to its end
+    torque_Nm: Array = field(default_factory=lambda: np.zeros((0, 7)))  # (M, 7) external; guarded motions only
+    largest_N: float = 0.0  # the largest force felt by its detector
 
     @property
     def success_rate(self) -> float:
@@ -83,7 +83,7 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle; `wanted` says why to stop now, or nothing; `detector` when it has touched."""
+    """`step` is the arm's cycle. `wanted` returns the reason to stop now, or ""; `detector` detects a touch."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class Playback:
         detector: Detector | None = None,
     ) -> None:
         self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
-        self._samples = motion.path.q_rad.tolist()  # what is commanded where no stop is
+        self._samples = motion.path.q_rad.tolist()  # commanded unless it brakes
         self._last = len(self._samples) - 1  # tick of the last sample, of the path or of its stop
         self._between = _Between(motion.path)
         self._stop_at, self._stop_ticks = motion.stop_at.astype(int).tolist(), _ticks(motion.stop_s)
@@ -130,7 +130,7 @@ class Playback:
         return q, tick >= last and self._stands(row, tick - last)
 
     def played(self) -> Played:
-        """The log up to now."""
+        """The log so far."""
         n = self._rows
         elapsed = self._tick + 1 if n else 1
         reported = self._rate_sum / self._rate_count if self._rate_count else 1.0
@@ -149,7 +149,7 @@ class Playback:
 
     def _brake(self, tick: int) -> None:
         i = bisect_left(self._stop_at, tick + 1)
-        if i == len(self._stop_at):  # the end is nearer than the next moment to brake
+        if i == len(self._stop_at):  # the end comes before the next moment to brake
             return
         self._stop_tick = self._stop_at[i]
         self._last = self._stop_tick + self._stop_ticks[i]
@@ -165,16 +165,16 @@ def _ticks(duration_s: Array) -> list[int]:
 
 
 def _slowed(step: int, at: int, steps: int) -> float:
-    """Path time, in samples, so many cycles into a stop that begins at sample `at` and takes `steps`.
+    """Path time, in samples, `step` cycles into a stop that begins at sample `at` and takes `steps` cycles.
 
-    `hw.braking.path_time` of one moment, in plain floats.
+    `hw.braking.path_time` for one moment, in plain floats.
     """
     u = step / steps
     return at + step - steps * u**4 * (2.5 - 3.0 * u + u**2)
 
 
 class _Between:
-    """A path between its samples, as `hw.braking.joint_spline` has it, for one moment at a time in plain floats."""
+    """A path between its samples: `hw.braking.joint_spline`, one moment at a time, in plain floats."""
 
     def __init__(self, path: JointPath) -> None:
         spline = joint_spline(path)

@@ -1,9 +1,9 @@
 """The process that speaks to the arm, and does nothing else: `python -m hw.franka.player`.
 
-The SDKs hold Python's global lock while a motion runs, and the arm waits a millisecond for an answer. So the arm has a
-process of its own: it knows no camera, no policy and no screen. It is asked over a connection (`Request`s), and told
-over a pipe, while a motion runs, that the program is alive (ALIVE) or wants a stop. Silence on the pipe, or its end, is
-a stop too: a program that hangs or was killed lets go of the arm.
+The SDKs hold Python's global lock while a motion runs, and the arm waits only a millisecond for an answer. So the arm
+has a process of its own, which knows no camera, no policy and no screen. The program sends it `Request`s over a
+connection. While a motion runs, the program also writes to a pipe that it is alive (ALIVE) or wants a stop. Silence on
+the pipe, or its end, stops the motion too, so a program that hangs or was killed cannot keep the arm moving.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
 
 
 def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guard | None = None) -> PlayOutcome:
-    """Play `motion`, with a guard until it touches. A failure on the way is part of the outcome.
+    """Play `motion`; with a guard, until it touches. A failure during the motion is part of the outcome.
 
-    Raises Failure where the arm does not take its settings, or no motion: nothing has moved.
+    Raises Failure if the arm rejects its settings, or rejects the motion: nothing has moved.
     """
     driver.prepare()
     playback = Playback(motion, listener.wanted, time.monotonic, None if guard is None else Detector(guard))
@@ -52,7 +52,7 @@ def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guar
 
 
 def wait_for_rest(driver: Driver) -> None:
-    """Read, a thousand times a second, until the arm that stopped by itself stands still or does not answer."""
+    """After the arm stopped by itself: read at 1 kHz until it stands still or does not answer."""
     still = 0
     with suppress(Failure):
         for _ in range(REST_READINGS):
@@ -90,12 +90,12 @@ def serve(program: Connection, listener: Listener, connect: Callable[[Connect], 
             answer = failure
         try:
             program.send(answer)
-        except OSError:  # nobody is there any more
+        except OSError:  # the program is gone
             return
 
 
 def connect(request: Connect) -> Driver:
-    """The real thing: real-time priority, the SDK, the arm. Raises Failure."""
+    """Connect to the real arm: real-time priority, SDK, arm. Raises Failure."""
     model, timing = request.model, request.timing
     try:
         if timing.realtime:
@@ -105,7 +105,7 @@ def connect(request: Connect) -> Driver:
         raise Failure(UNAVAILABLE, str(error)) from error
     driver = connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
     if timing.realtime:
-        driver.notes = realtime.settle()  # once all is loaded
+        driver.notes = realtime.settle()  # once everything is loaded
     return driver
 
 

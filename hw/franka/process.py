@@ -27,13 +27,13 @@ from hw.listening import WORD_EVERY_S
 from hw.types import Guard
 
 ANSWER_S = 60.0
-"""The longest wait for anything but a motion: the process starts, and libfranka takes its time where nobody answers."""
+"""The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""
 
 _T = TypeVar("_T")
 
 
 class PlayerProcess:
-    """A running player. `pid` is its process; every method raises Failure when it is gone."""
+    """A running player. `pid` is its process; every method raises Failure once it is gone."""
 
     def __init__(self, model: str, settings: FrankaSettings, timing: Timing | None = None) -> None:
         """Start the process and connect to the arm. Raises Failure."""
@@ -62,7 +62,7 @@ class PlayerProcess:
         return self._connected.notes
 
     def listen(self, states: int) -> Rhythm:
-        """Read so many states as they come; nothing moves."""
+        """Read `states` states as they come; nothing moves."""
         return _known(self._ask(Listen(states)), Rhythm)
 
     def reading(self) -> Reading:
@@ -78,9 +78,9 @@ class PlayerProcess:
         return _known(self._ask(Carry(payload)), Reading)
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        """Play `motion`, with a guard until it touches.
+        """Play `motion`; with a guard, until it touches.
 
-        `word` is asked every 5 ms what to tell the player: ALIVE, PEDAL or REQUESTED.
+        `word` is called every 5 ms and returns the word for the player: ALIVE, PEDAL or REQUESTED.
         """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
@@ -95,7 +95,7 @@ class PlayerProcess:
         )
 
     def close(self) -> None:
-        """End the process: the end of its pipes tells it to."""
+        """End the process by closing its pipes."""
         self._child.close()
 
     def _ask(self, request: Request) -> Any:

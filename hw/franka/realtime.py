@@ -1,4 +1,4 @@
-"""What the computer must give a process that speaks to an arm a thousand times a second."""
+"""The real-time properties that a process needs in order to answer an arm at 1 kHz."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KERNEL_FLAG = Path("/sys/kernel/realtime")
 
 
 def kernel_is_real_time(flag: Path = KERNEL_FLAG) -> bool:
-    """Whether the running kernel is a PREEMPT_RT one (it says so under /sys, as libfranka asks)."""
+    """Whether the running kernel is PREEMPT_RT, by the file under /sys that libfranka reads as well."""
     try:
         return flag.read_text().strip() == "1"
     except OSError:
@@ -24,7 +24,7 @@ def kernel_is_real_time(flag: Path = KERNEL_FLAG) -> bool:
 
 
 def claim(flag: Path = KERNEL_FLAG) -> None:
-    """Give this process real-time priority. Raises DeviceUnavailable with what the computer lacks."""
+    """Give this process real-time priority. Raises DeviceUnavailable naming the missing kernel or permission."""
     if not kernel_is_real_time(flag):
         raise DeviceUnavailable(
             f"the running kernel {os.uname().release} is not a real-time one, and late cycles abort motions; "
@@ -40,19 +40,19 @@ def claim(flag: Path = KERNEL_FLAG) -> None:
 
 
 LATENCY = Path("/dev/cpu_dma_latency")
-"""Holds the processor out of its sleep states while it is open with a 0 written to it (kernel: PM QoS)."""
+"""Keeps the processor out of its sleep states while it is open with a 0 written to it (kernel: PM QoS)."""
 ISOLATED = Path("/sys/devices/system/cpu/isolated")
-"""Cores that the kernel was started to leave alone."""
+"""The cores that the kernel was booted to keep free of other processes."""
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _LEAST_LOCKED_BYTES = 2**30
-"""All that the player maps, its libraries included, must fit; a smaller limit would fail in the middle."""
+"""Everything that the player maps, libraries included, must fit; a smaller limit would fail during a motion."""
 
 
 def settle(latency: Path = LATENCY, isolated: Path = ISOLATED) -> tuple[str, ...]:
     """Lock and touch this process's memory, bind it to one core, and keep the processor awake while it lives.
 
-    Call it once, when everything is loaded. -> a sentence for each of the three that the computer does not permit;
-    motions work without, and their success rate tells.
+    Call it once, after everything is loaded. Returns a sentence for each of the three that the computer does not
+    permit. Motions work without them, perhaps with a lower success rate.
     """
     return tuple(filter(None, (_lock_memory(), _keep_to_a_core(isolated), _stay_awake(latency))))
 
@@ -63,7 +63,7 @@ def _lock_memory() -> str:
     if os.geteuid() != 0 and allowed != resource.RLIM_INFINITY and allowed < _LEAST_LOCKED_BYTES:
         return f"the player's memory is not locked ({allowed / 2**20:.0f} MB are allowed): {hint}"
     libc = ctypes.CDLL(None, use_errno=True)
-    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:  # every page is there from now on: that touches them
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:  # this also touches every page
         return f"the player's memory is not locked ({os.strerror(ctypes.get_errno())}): {hint}"
     return ""
 
@@ -81,7 +81,7 @@ def _keep_to_a_core(isolated: Path) -> str:
 
 
 def _listed(file: Path) -> list[int]:
-    """The cores of a list such as 2-3,5; none where there is no such file."""
+    """The cores of a list such as 2-3,5; none if the file does not exist."""
     try:
         parts = [part.split("-") for part in file.read_text().strip().split(",") if part]
     except OSError:

@@ -1,8 +1,8 @@
-"""Why a Franka arm stopped by itself, in words, and what to do. Names as in libfranka's `Errors`.
+"""Explains why a Franka arm stopped by itself, and what to do. Names as in libfranka's `Errors`.
 
-Every error of both arms has words of its own: what happened, what to look at, what to do. What an error means is said
-by the maker in the documentation of `franka::Errors`. We command joint positions, so an error of Cartesian commands, of
-elbows or of the arm's own movements can only come from another program or from a task in Desk, and its words say so.
+Every error of both arms has its own text: what happened, what to check, what to do. The meanings are the maker's, from
+the documentation of `franka::Errors`. This program commands joint positions. So an error of Cartesian commands, of
+elbows or of the arm's own movements can only come from another program or from a task in Desk, and its text says so.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class Reason:
     """One error of the arm."""
 
     happened: str
-    look: str  # at what, and what it should be
+    look: str  # what to check, and the right value
     do: str
 
 
@@ -204,7 +204,7 @@ REASONS: dict[str, Reason] = {
 
 
 def reason(name: str) -> Reason:
-    """The words for an error, also for one that only a later arm knows."""
+    """The text for an error, also for one that only a later arm knows."""
     return REASONS.get(name) or Reason(
         name.replace("_", " "),
         "this error is unknown to the program: look at the arm's page in Desk",
@@ -213,7 +213,7 @@ def reason(name: str) -> Reason:
 
 
 def in_words(names: Iterable[str]) -> str:
-    """Names of errors -> what happened, what to look at, what to do, each once; empty for no names."""
+    """Names of errors -> what happened, what to check, what to do, each once; empty for no names."""
     found = {name: reason(name) for name in names}
     happened = [f"{one.happened} ({name})" for name, one in found.items()]
     looks = dict.fromkeys(one.look for one in found.values())
@@ -222,13 +222,13 @@ def in_words(names: Iterable[str]) -> str:
 
 
 BY_HAND = ("UserStopped", "Guiding")
-"""The modes that a person brings about, and ends by letting go."""
+"""The modes that a person causes, and ends by letting go."""
 
 
 def of_mode(mode: str, *, busy: bool = False) -> str | None:
-    """The arm's mode (libfranka's `RobotMode` without k) -> why it will not move; None where it will.
+    """The arm's mode (libfranka's `RobotMode` without k) -> why it will not move; None if it will.
 
-    `busy`: also for the mode Move, which is a fault only where it lasts.
+    `busy`: also explain the mode Move, which is a fault only if it lasts.
     """
     if mode == "Move" and busy:
         return (

@@ -1,6 +1,6 @@
-"""What a lab says of its Franka arm, checked once.
+"""A lab's settings of its Franka arm, checked once.
 
-Whether the real-time kernel is demanded is no setting: it always is.
+The real-time kernel is not a setting: it is always required.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from hw.types import Array, frozen_array
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM
 
 HIGHEST_PAYLOAD_KG = 3.0
-"""What both arms may carry, hand included (the maker's data sheets)."""
+"""The largest load of both arms, hand included (the maker's data sheets)."""
 
 STIFFEST_NM_RAD = 14250.0
-"""Highest joint impedance that the arm takes (libfranka, `setJointImpedance`)."""
+"""Highest joint impedance that the arm accepts (libfranka, `setJointImpedance`)."""
 
 MOST_FORCE_N = 100.0
-"""Above this a collision threshold would never stop anything."""
+"""A higher collision threshold would never stop anything."""
 
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """What the hand holds, in the flange frame F. The hand itself is set in the arm's own web page (Desk)."""
+    """The load in the hand, in the flange frame F. The hand itself is set on the arm's web page (Desk)."""
 
     mass_kg: float = 0.0
     com_F_m: Array = field(default_factory=lambda: np.zeros(3))  # (3,) centre of mass
     inertia_F_kg_m2: Array = field(default_factory=lambda: np.zeros((3, 3)))  # (3, 3) about the centre of mass
 
     def __post_init__(self) -> None:
-        """Raises ValueError: too heavy, or no inertia of a body."""
+        """Raises ValueError: too heavy, or an inertia that no body has."""
         if not 0.0 <= self.mass_kg <= HIGHEST_PAYLOAD_KG:
             raise ValueError(f"payload of {self.mass_kg:g} kg: it must be 0 to {HIGHEST_PAYLOAD_KG:g} kg")
         object.__setattr__(self, "com_F_m", frozen_array(self.com_F_m, (3,), "centre of mass of the payload"))
@@ -48,10 +48,10 @@ class Payload:
 
 @dataclass(frozen=True, eq=False)
 class CollisionThresholds:
-    """From `contact` on the arm reports a contact, from `collision` on it stops with a reflex.
+    """Above `contact` the arm reports a contact; above `collision` it stops with a reflex.
 
-    The same values hold while it accelerates. Every joint's are below what it gives (`RATED_NM`): one that is not would
-    never stop anything. The defaults of joints 1 to 4 are the maker's example times one and times three.
+    The same values hold while it accelerates. Each joint's threshold lies below its rated torque (`RATED_NM`); a higher
+    one would never stop anything. The defaults of joints 1 to 4 are the maker's example, times one and times three.
     """
 
     torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 8.0, 8.0, 8.0]))
@@ -85,7 +85,7 @@ class CollisionThresholds:
 
 @dataclass(frozen=True, eq=False)
 class FrankaSettings:
-    """One arm: where it answers, what it carries, when it stops by itself, how stiff it is."""
+    """One arm: address, payload, thresholds at which it stops by itself, joint impedance."""
 
     host: str
     payload: Payload = field(default_factory=Payload)
@@ -96,7 +96,7 @@ class FrankaSettings:
     """(7,) the arm's own default."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError with what is wrong."""
+        """Raises ValueError naming the setting."""
         if not self.host.strip() or any(c.isspace() or c in "/:" for c in self.host):
             raise ValueError(
                 f"address of the arm {self.host!r}: give the name or IP address alone, without https:// or a port, "

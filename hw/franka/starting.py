@@ -1,4 +1,4 @@
-"""Where a path begins on an arm that hangs a little under its load."""
+"""Begins a path at the joints that the arm holds, which sag a little under its load."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from hw.types import Array, JointPath
 
 FADE_S = 0.5
 SLOW_FADE_S = 2.0
-"""For guarded motions, whose speed is limited too."""
+"""For guarded motions: their speed is limited too."""
 SAME_RAD = 1e-6
-"""States come in single precision: the held joints may differ by as much from what was commanded last."""
+"""States come in single precision, so the held joints may differ by this much from the last command."""
 
 
 def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, fade_s: float) -> JointPath:
-    """`path`, begun at the joints (7,) that the arm's controller holds: a jump would be an error to the arm.
+    """`path`, begun at the joints (7,) that the arm's controller holds: the arm rejects a jump.
 
-    The difference is a bending of the arm under load; it fades over `fade_s`, and what results is checked again by
-    `check`. Raises MotionRefused where the difference is none of a bending, and what `check` raises.
+    The difference is the sag under load. It fades over `fade_s`, and `check` checks the result again. Raises
+    MotionRefused if the difference is too large for a sag, and the errors of `check`.
     """
     off = q_held_rad - path.q_rad[0]
     if np.abs(off).max() <= SAME_RAD:

@@ -1,4 +1,4 @@
-"""What a stop took: from the log of a motion that was braked."""
+"""Time and distance of a stop, from the log of a braked motion."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ WHY = {
 
 @dataclass(frozen=True)
 class StopReport:
-    """Times on the arm's clock, ways of the flange as measured, all counted from when the player wanted the stop."""
+    """Times on the arm's clock and the measured travel of the flange, counted from the player's decision to stop."""
 
     why: str  # "pedal", "request", "silence", "orphaned" or "touch"
     at_s: float  # path time
-    braking_after_s: float  # until the first command off the path's own time
-    still_after_s: float  # until every joint was measured slower than `STILL_RAD_S`, for good
-    way_m: float  # of the flange until then
-    braked_clock_s: float  # time.monotonic() of the first command off the path's own time
+    braking_after_s: float  # until the first slowed command
+    still_after_s: float  # until every joint stays slower than `STILL_RAD_S`
+    way_m: float  # travel of the flange until then
+    braked_clock_s: float  # time.monotonic() of the first slowed command
 
     def __str__(self) -> str:
         return (
@@ -36,7 +36,7 @@ class StopReport:
 
 
 def stop_report(played: Played) -> StopReport | None:
-    """None where nothing was braked."""
+    """None if nothing was braked."""
     if not played.stop_wanted or played.braked_at < 0:
         return None
     first = played.wanted_at

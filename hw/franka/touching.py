@@ -1,4 +1,4 @@
-"""From the log of a guarded motion to what it felt, and to its way back."""
+"""From the log of a guarded motion to its contact, and to its way back."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hw.types import PATH_RATE_HZ, Array, Contact, JointPath
 
 
 def contact_of(played: Played, path: JointPath) -> Contact | None:
-    """What was felt on the way along `path`; None where it did not end by a touch.
+    """The contact felt along `path`; None if it did not end by a touch.
 
-    A cycle that was lost is filled in: commanded joints from the path, measured ones and torques on a straight line.
+    Lost cycles are filled in: commanded joints from the path, measured joints and torques by linear interpolation.
     """
     if played.stop_wanted != TOUCH:
         return None
@@ -38,9 +38,9 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
 def way_back(
     played: Played, path: JointPath, q_held_rad: Array, limits: MotionLimits, check: PathCheck
 ) -> PlayableMotion:
-    """From where a motion along `path` has ended to its start, the way it came, begun at the held joints (7,).
+    """From the end of a motion along `path` back to its start, the way it came, begun at the held joints (7,).
 
-    Lost cycles of the way there are not repeated. Raises MotionRefused.
+    Cycles lost on the way there are filled in. Raises MotionRefused.
     """
     there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
     back = withdrawal(there)

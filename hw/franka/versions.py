@@ -1,6 +1,6 @@
-"""Which arm's software speaks with which driver, and what to install.
+"""Which driver fits which arm software, and what to install.
 
-libfranka refuses an arm whose interface has another version than its own. The matrix is the maker's
+libfranka refuses an arm with another interface version than its own. The matrix is the maker's
 (libfranka documentation, "Robot System Version Compatibility"); the builds of panda-python are those of its README.
 """
 
@@ -25,7 +25,7 @@ class Package:
     version: str
     module: str
     libfranka: str
-    interface: int  # version of the arm's research interface that it speaks
+    interface: int  # version of the arm's research interface
 
     @property
     def install(self) -> str:
@@ -96,7 +96,7 @@ def load(package: Package) -> Any:
 
 
 def explain_mismatch(model: str, text: str) -> str | None:
-    """libfranka's words about another interface version -> row of the matrix and remedy; None for other words."""
+    """libfranka's message about another interface version -> row of the matrix and remedy; None for other messages."""
     found = _MISMATCH.search(text)
     if found is None:
         return None

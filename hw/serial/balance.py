@@ -1,4 +1,4 @@
-"""A laboratory balance on its serial port: the mass of what was pushed or scooped."""
+"""A laboratory balance on its serial port: the mass of the object."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import serial
 from hw.errors import BalanceError, DeviceUnavailable
 
 ANSWER_S = 3.0
-"""How long a balance may take to come to rest."""
+"""How long a balance may take to settle."""
 ASK_S = 1.0
-"""How long the question may take to leave the port."""
+"""How long the request may take to leave the port."""
 _LOST = (OSError, serial.SerialException, termios.error)
-"""What pyserial lets through of a port that is gone."""
+"""The errors that pyserial raises for a port that is gone."""
 
 _KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
 
@@ -89,7 +89,7 @@ PROTOCOLS = {
 
 
 class SerialBalance:
-    """Asks for the mass on the pan."""
+    """A balance that answers requests for the mass on the pan."""
 
     def __init__(self, port: str, protocol: str) -> None:
         """`protocol` is a key of PROTOCOLS."""
@@ -113,9 +113,9 @@ class SerialBalance:
             line.close()
 
     def mass_kg(self) -> float:
-        """The stable mass on the pan. A balance that was unplugged is looked for again at the next call.
+        """The stable mass on the pan. After an unplugging, the next call opens the port again.
 
-        Raises BalanceError (no number to be had, or unplugged), DeviceUnavailable (no answer).
+        Raises BalanceError (no stable mass, or unplugged), DeviceUnavailable (no answer).
         """
         if self._line is None:
             raise DeviceUnavailable("the balance is not connected: use it inside a `with` block")

@@ -13,7 +13,7 @@ from hw.serial.pedal_protocol import SILENCE_S, PedalState
 
 BAUD = 115_200
 _GREETING_S = 3.0
-"""The longest wait for the first line: an Arduino restarts when its port is opened, which takes it 1.2 s and more."""
+"""The longest wait for the first line: an Arduino restarts when its port is opened, which takes 1.2 s or more."""
 
 
 class EnablePedal:
@@ -28,7 +28,7 @@ class EnablePedal:
         self._listener: threading.Thread | None = None
         self._closing = threading.Event()
         self._heard = threading.Event()
-        self._state = PedalState()  # replaced whole by the listener alone
+        self._state = PedalState()  # only the listener replaces it, and always as a whole
         self._lost = ""
 
     def __enter__(self) -> Self:
@@ -62,7 +62,7 @@ class EnablePedal:
         return not self._lost and not self._closing.is_set() and self._state.enabled(time.monotonic())
 
     def why_not(self) -> str:
-        """What to tell the operator when it is not."""
+        """The reason for the operator why motion is not allowed."""
         if self._closing.is_set():
             return "the pedal is no longer connected"
         return self._lost or self._state.why_not(time.monotonic())
@@ -73,7 +73,7 @@ class EnablePedal:
             try:
                 data = self._line.read(1)
                 data += self._line.read(self._line.in_waiting) if data else b""
-            except (OSError, TypeError, serial.SerialException) as error:  # pulled out while being read
+            except (OSError, TypeError, serial.SerialException) as error:  # unplugged during a read
                 self._lost = f"the pedal was unplugged ({error}): plug it in and connect again"
                 self._heard.set()
                 return

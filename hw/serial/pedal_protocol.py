@@ -1,12 +1,12 @@
-"""What the enabling pedal says, and when that allows motion. Pure: bytes and times in, a verdict out.
+"""The protocol of the enabling pedal, and when it allows motion. Pure: bytes and times in, a verdict out.
 
 The box sends a line every 20 ms (docs/guide/enable-pedal.md):
 
     AP1 <counter, 5 digits> <0 released | 1 pressed> <CRC-8 of all before it, 2 hex digits>\\n
 
-Motion is allowed while the pedal is held and the lines keep coming. A release, 60 ms without a valid line, or a
-counter that does not go on (the box was unplugged or restarted) end it, and only a new press, seen from its beginning,
-allows it again. So a wedged or replugged pedal never does. It is an operator's convenience, not a safety device.
+Motion is allowed while the pedal is held and lines keep coming. It ends on a release, after 60 ms without a valid line,
+or if the counter does not continue (the box was unplugged or restarted). Only a new press, seen from its beginning,
+allows motion again; a wedged or replugged pedal never does. The pedal is a convenience, not a safety device.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ class PedalLine:
 
 @dataclass(frozen=True)
 class PedalState:
-    """What is known of the pedal. `feed` gives the next state; `enabled` is the verdict."""
+    """The state of the pedal. `feed` gives the next state; `enabled` is the verdict."""
 
     last: PedalLine | None = None
     heard_s: float = float("-inf")
     armed: bool = False  # it has been seen released since the last interruption
     held: bool = False  # pressed since then, without interruption
     invalid: int = 0  # lines that were not valid
-    other_version: str = ""  # of a line that was whole but of another version
-    unread: bytes = b""  # the beginning of a line
+    other_version: str = ""  # version of a complete line of another version
+    unread: bytes = b""  # the start of an incomplete line
 
     def feed(self, data: bytes, t_s: float) -> PedalState:
         """The state after `data` arrived at `t_s`, on a clock that never goes back."""
@@ -56,7 +56,7 @@ class PedalState:
         return self.held and t_s - self.heard_s <= SILENCE_S
 
     def why_not(self, t_s: float) -> str:
-        """What to tell the operator when it is not."""
+        """The reason for the operator why motion is not allowed."""
         if self.last is None:
             if self.other_version:
                 return f"the pedal speaks version {self.other_version}, this program {VERSION}: flash the sketch again"
@@ -80,7 +80,7 @@ class PedalState:
 
 
 def parse(line: bytes) -> PedalLine | None:
-    """A line without its end -> what it says; None unless every character is as it must be."""
+    """A line without its end -> its content; None unless every character is valid."""
     parts = line.split(b" ")
     if len(parts) != 4 or parts[0] != b"AP%d" % VERSION or len(line) != 14:
         return None
@@ -92,14 +92,14 @@ def parse(line: bytes) -> PedalLine | None:
 
 
 def version_of(line: bytes) -> str:
-    """The version that a line with a right checksum claims, or an empty string."""
+    """The version stated by a line with a correct checksum, or ""."""
     if line[:2] != b"AP" or line[-2:] != b"%02X" % crc8(line[:-2]):
         return ""
     return line[2:].split(b" ")[0].decode("ascii", "replace")
 
 
 def line_for(counter: int, pressed: bool) -> bytes:
-    """A line as the box sends it, with its end."""
+    """A line as the box sends it, with its line end."""
     body = b"AP%d %05d %d " % (VERSION, counter % _COUNTS, pressed)
     return body + b"%02X\n" % crc8(body)
 

@@ -1,8 +1,9 @@
-"""Hand and flange as a camera sees them, after the outer dimensions of the maker's meshes.
+"""Hand and flange as a camera sees them, from the outer dimensions of the maker's meshes.
 
-The capsules of `hw.collision` are the maker's coarse model. On links 1 to 6 no point of the mesh is more than 21 mm
-outside of them. On the hand and on link 7 some are 36 and 41 mm outside: the hand's plug, its ends, and the buttons,
-which lie between X and Y of link 7. Masks of the arm count these too (`SEEN`); planning keeps the maker's.
+The capsules of `hw.collision` are the maker's coarse model. On links 1 to 6 no point of the mesh lies more than 21 mm
+outside them. On the hand some points lie 36 mm outside, on link 7 up to 41 mm: the hand's plug and ends, and the
+buttons, which lie between X and Y of link 7. Masks of the arm include these (`SEEN`); planning uses the maker's
+capsules.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ HAND_BODY: tuple[Array, ...] = (
 """Convex parts of the hand, each (n, 3) in the flange: the body, and the plug of its cable."""
 
 FINGERS: tuple[Array, ...] = (_box((-0.011, -0.030, 0.058), (0.011, 0.030, FINGERTIP_M)),)
-"""Where the fingers are when they are closed, in the flange."""
+"""The closed fingers, in the flange."""
 
 LINK7: tuple[Array, ...] = (
     _disc(0.046, 0.030 - _LINK7_TO_FLANGE_M, 0.090 - _LINK7_TO_FLANGE_M),
@@ -54,7 +55,7 @@ LINK7: tuple[Array, ...] = (
 
 
 def _across(name: str, y_m: tuple[float, float], z_m: float, radius_m: float) -> Capsule:
-    """Along the hand."""
+    """A capsule along the hand."""
     start, end = (np.array([_S * y, _S * y, z_m]) for y in y_m)
     return Capsule(name, FLANGE, start, end, radius_m)
 
@@ -66,4 +67,4 @@ SEEN: tuple[Capsule, ...] = (
     _across("plug of the hand", (-0.085, -0.060), -0.008, 0.022),
     Capsule("buttons of link 7", 7, np.array([0.020, 0.068, 0.078]), np.array([0.060, 0.050, 0.090]), 0.025),
 )
-"""What masks of the arm take for the arm. With the mask's own slack of 25 mm it holds every point of the meshes."""
+"""The capsules that masks of the arm use. With the mask's slack of 25 mm they contain every point of the meshes."""

@@ -11,7 +11,7 @@ from perception.scan import Mask
 from perception.tool_mask import ToolMask
 
 _ARM_SLACK_M = 0.025  # capsules follow the arm roughly
-_TOOL_SLACK_M = 0.009  # the tool's mesh is exact; what is left is the camera's error
+_TOOL_SLACK_M = 0.009  # the tool's mesh is exact; this covers the camera's error
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Capsules:
         object.__setattr__(self, "radii_m", frozen_array(self.radii_m, (len(self.ends_m),), "radii of the capsules"))
 
     def hold(self, points_m: Array, slack_m: float) -> Mask:
-        """(n,) whether points (n, 3) lie in one of them, or within `slack_m`."""
+        """(n,) whether points (n, 3) lie in a capsule, or within `slack_m` of one."""
         held = np.zeros(len(points_m), dtype=bool)
         for (start, end), radius_m in zip(self.ends_m, self.radii_m, strict=True):
             reach = radius_m + slack_m
@@ -40,7 +40,7 @@ class Capsules:
 
 
 NOTHING = Capsules(np.zeros((0, 2, 3)), np.zeros(0))
-"""Of an arm that is out of the picture."""
+"""The capsules of an arm outside the picture: none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,4 +62,4 @@ class Arm:
 
 
 NO_ARM = Arm()
-"""Out of the picture, or too high to matter."""
+"""An arm outside the picture, or too high to matter."""

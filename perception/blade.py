@@ -1,4 +1,7 @@
-"""The blade of the spatula in its tool frame T, and when something lies on it: for the camera and for a simulation."""
+"""The blade of the spatula in its tool frame T, and when a piece lies on it.
+
+Cameras and simulations share this rule.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,10 @@ BLADE_LENGTH_M, BLADE_WIDTH_M = 0.10, 0.08
 """The blade's face in T: x from -length to 0, |y| up to half the width, at z = 0."""
 
 BEHIND_M = 0.010
-"""So far behind the root of the blade a piece may be: there the neck of the tool holds it."""
+"""How far behind the root of the blade a piece may lie (m): the neck of the tool holds it there."""
 
 ABOVE_FACE_M = 0.001
-"""The centre of what lies on the blade is more than so much above its face."""
+"""The centre of a piece on the blade is higher than this above the blade's face (m)."""
 
 
 def is_on_blade(p_TO_m: Array) -> bool:

@@ -1,4 +1,4 @@
-"""What stands on the table: the parts of a depth image that rise above it, each by itself."""
+"""The objects on the table: connected parts of a depth image that rise above it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from perception.arm_mask import Arm
 from perception.scan import Raw, Scan
 
 LOW_M, HIGH_M = 0.015, 0.22
-"""Heights over the table between which things are looked for: what is higher hangs there, like the arm at home."""
-_SMALLEST_M2 = 4e-4  # of the face that is seen; less is what edges and noise make up
+"""Heights over the table (m) between which objects are searched. Higher parts hang there, like the arm at home."""
+_SMALLEST_M2 = 4e-4  # of the visible face; smaller parts are edges and noise
 _KERNEL = np.ones((3, 3), np.uint8)
 
 
@@ -26,23 +26,23 @@ class Thing:
 
     @property
     def centre_m(self) -> Array:
-        """(3,) median of what is seen of it."""
+        """(3,) median of its visible points."""
         return np.asarray(np.median(self.points_m, axis=0))
 
     @property
     def height_m(self) -> float:
-        """Over the table, but for the highest readings, which may be noise."""
+        """Height over the table, without the highest readings, which may be noise."""
         return float(np.percentile(self.points_m[:, 2], 98))
 
     @property
     def words(self) -> str:
-        """Where it is and how large, for a message."""
+        """Its place and size, for a message."""
         x, y, _ = self.centre_m
         return f"({x:.3f}, {y:+.3f}) m, {1e2 * self.height_m:.0f} cm high"
 
 
 def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
-    """Everything on the table of the scan but the arm, largest first. Only each `step`-th row and column is read."""
+    """All objects on the table except the arm, largest first. Only every `step`-th row and column is read."""
     thin = np.s_[::step, ::step]
     depth_m = scan.depth(raw[thin])
     heights = scan.heights(depth_m, thin)
@@ -53,7 +53,7 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
     mask[up] = kept
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _KERNEL)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    of_point = labels[up]  # 0: of none
+    of_point = labels[up]  # 0: no object
     rows, columns, camera = scan.view.rows, scan.view.columns, scan.view.camera
     found = []
     for label in range(1, count):

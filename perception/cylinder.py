@@ -1,7 +1,7 @@
-"""Fitting a cylinder to points of its visible side: upright with its radius known or not, or in any pose.
+"""Fit a cylinder to points of its visible side: upright with known or unknown radius, or in any pose.
 
-Least squares with Tukey's weights, so that points of whatever touches the cylinder, and of the edges where a depth
-camera mixes two surfaces, lose their say.
+Least squares with Tukey's weights. Points of an object that touches the cylinder, and points at edges where a depth
+camera mixes two surfaces, get no weight.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from hw.types import Array
 
 _LEVELS = np.array([-0.5, 0.0, 0.5])
-_WIDE_M, _NARROW_M = 0.016, 0.006  # where a point stops counting: at first, and in the end
+_WIDE_M, _NARROW_M = 0.016, 0.006  # distance at which a point gets no weight: first and last iteration
 _STEPS = 16
 _POINT_STD_M = 0.002
 _LONGEST_STEP_M, _LONGEST_TURN_RAD = 0.02, 0.25
@@ -23,7 +23,7 @@ _LONGEST_STEP_M, _LONGEST_TURN_RAD = 0.02, 0.25
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A solid of revolution about the Z axis of its frame O, which is at its centre."""
+    """A solid of revolution about the Z axis of its frame O, with the origin at its centre."""
 
     radius_m: float
     height_m: float
@@ -48,14 +48,14 @@ class Circle:
 
     centre_m: Array  # (2,)
     radius_m: float
-    rms_m: float  # of the points that count
-    share: float  # of the points that count
+    rms_m: float  # of the points with weight
+    share: float  # of the points with weight
 
 
 def fit_circle(xy_m: Array, start_m: Array, radius_m: float, radius_std_m: float = 0.0) -> Circle:
     """The circle near `start_m` (2,) through (n, 2) points, n at least 3.
 
-    The radius is `radius_m`, known to `radius_std_m`; 0: exactly.
+    The radius is `radius_m` with a standard deviation of `radius_std_m`; 0: exact.
     """
     x = np.array([*start_m, radius_m])
     free = 3 if radius_std_m > 0 else 2
@@ -140,7 +140,7 @@ def tilt_rad(X_BO: Array) -> float:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """As numpy's, for (n, 3) and a third of the time."""
+    """`numpy.cross` for (n, 3), in a third of the time."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.column_stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 

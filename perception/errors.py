@@ -1,11 +1,11 @@
-"""What can go wrong in tracking.
+"""Errors of perception.
 
 PerceptionError
 ├── ObjectNotFound       nothing in the search area looks like the object
 ├── TableNotFound        the table is not seen, or not where the calibration puts it
-├── TrackingFailed       found at first, then too little evidence to go on
+├── TrackingFailed       found at first, then too little evidence to continue
 ├── BoardNotFound        too little of the calibration board is seen
-├── WrongBoard           markers are seen, but not those of the board stated
+├── WrongBoard           markers are seen, but not those of the stated board
 └── BoardMirrored        the markers can be read only in the mirror
 """
 
@@ -15,7 +15,7 @@ class PerceptionError(Exception):
 
 
 class ObjectNotFound(PerceptionError):
-    """The object is not where it should be; the message says where was searched."""
+    """The object is not where it should be; the message names the searched area."""
 
 
 class TableNotFound(PerceptionError):
@@ -31,7 +31,7 @@ class BoardNotFound(PerceptionError):
 
 
 class WrongBoard(PerceptionError):
-    """What is seen is not the board, or not the image, that was stated."""
+    """The picture shows another board than the stated one, or is not the stated image."""
 
 
 class BoardMirrored(PerceptionError):

@@ -1,4 +1,4 @@
-"""Cameras in the base frame: projection, and the rays of a part of an image with the lens distortion undone.
+"""Cameras in the base frame: projection, and the undistorted rays of a part of an image.
 
 Image coordinates here are "ideal pixels": normalised coordinates (x / z, y / z) times the focal length, so that
 a pixel keeps its size and no distortion is left.
@@ -93,7 +93,7 @@ class View:
         return float(transform(self.X_VB, point_B_m)[2])
 
     def window(self, centre_B_m: Array, reach_m: float) -> View | None:
-        """The part of this view around a point of the base frame; None when it lies outside."""
+        """The part of this view around a point of the base frame; None if it lies outside."""
         depth_m = self.depth_of(centre_B_m)
         if depth_m < 0.05:
             return None

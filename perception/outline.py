@@ -1,8 +1,8 @@
-"""How well the outline of a body fits pictures of one fixed camera, against what changes from picture to picture.
+"""How well the predicted outline of a moving body fits pictures of one fixed camera.
 
-The median of the pictures is the room without the body. Where the body is, a picture differs from it. Along a true
-outline the inner rim differs and the outer one does not; the shift of the whole outline in the picture at which this
-holds best is how far the outline lies off.
+The median of the pictures is the room without the body; a picture differs from it where the body is. Along the true
+outline the inner rim differs and the outer rim does not. The shift of the outline for which this holds best is the
+error of the prediction.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hw.types import Array, Intrinsics
 
 FEWEST = 5
-"""Pictures from which the room can be told from what moves in it."""
+"""Fewest pictures that tell the room from the bodies moving in it."""
 _WIDTH_PX = 640  # pictures are made this wide before they are compared
 _RIM_PX, _SEARCH_PX, _BESIDE_PX = 4, 16, 9
 _LEAST_RIM_PX = 150
@@ -35,26 +35,26 @@ class Seen:
 
     colour: NDArray[np.uint8]  # (H, W, 3) RGB
     body: tuple[Array, ...]
-    beside: tuple[Array, ...]  # what hides its outline, or continues it
+    beside: tuple[Array, ...]  # parts that hide its outline, or continue it
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineFit:
-    """By how much outlines lie off, in pixels of the pictures."""
+    """The offset of outlines, in pixels of the pictures."""
 
-    shift_px: Array  # (2,) right and down: all outlines moved together by this fit best
-    off_px: float  # the middle one of the pictures, each moved by itself
+    shift_px: Array  # (2,) right and down: the common shift with the best fit
+    off_px: float  # median over the pictures, each shifted by itself
     pictures: int  # in which the outline stands out from the room
     metres_per_px: float  # at the body
 
     @property
     def shift_m(self) -> float:
-        """Across the line of sight, at the body."""
+        """The shift in m across the line of sight, at the body."""
         return float(np.linalg.norm(self.shift_px)) * self.metres_per_px
 
 
 def fit(seen: Sequence[Seen], camera: Intrinsics) -> OutlineFit | None:
-    """None where there are too few pictures, or the outline stands out in too few of them."""
+    """None if there are too few pictures, or the outline stands out in too few of them."""
     if len(seen) < FEWEST:
         return None
     scale = min(1.0, _WIDTH_PX / camera.width)
@@ -74,7 +74,7 @@ def fit(seen: Sequence[Seen], camera: Intrinsics) -> OutlineFit | None:
 
 
 def changes(pictures: Sequence[NDArray[np.uint8]], scale: float = 1.0) -> list[Map]:
-    """How much each picture (H, W, 3 RGB) differs from the median of all, 0 to 1, made smaller by `scale`."""
+    """How much each picture (H, W, 3 RGB) differs from the median of all, 0 to 1, scaled by `scale`."""
     lab = [
         cv2.cvtColor(
             cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2LAB
@@ -90,7 +90,7 @@ def changes(pictures: Sequence[NDArray[np.uint8]], scale: float = 1.0) -> list[M
 
 
 def silhouette(parts: Sequence[Array], camera: Intrinsics) -> Mask | None:
-    """(H, W) 1 where one of the convex parts is seen; None where one is behind the camera, or at it."""
+    """(H, W) 1 where one of the convex parts is seen; None if a part is at or behind the camera."""
     mask = np.zeros((camera.height, camera.width), np.uint8)
     for part in parts:
         if part[:, 2].min() < _NEAREST_M:
@@ -102,7 +102,7 @@ def silhouette(parts: Sequence[Array], camera: Intrinsics) -> Mask | None:
 
 
 def _map(one: Seen, moved: Map, camera: Intrinsics) -> Map | None:
-    """(2 S + 1, 2 S + 1) contrast over the outline by its shift, None where too little of the outline is in view."""
+    """(2 S + 1, 2 S + 1) contrast over the outline by its shift; None if too little of the outline is in view."""
     body, beside = silhouette(one.body, camera), silhouette(one.beside, camera)
     if body is None or beside is None:
         return None

@@ -1,4 +1,4 @@
-"""A depth image as points of the base frame, lens distortion undone, above a table whose plane is known."""
+"""A depth image as undistorted points of the base frame, above a table with a known plane."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WHOLE: Part = np.s_[:, :]
 
 @dataclass(frozen=True)
 class DepthError:
-    """What a depth camera reports too much: metres, and a share of the distance."""
+    """The systematic error of a depth camera: an offset in m, and a share of the distance."""
 
     bias_m: float = 0.0
     gain: float = 0.0
@@ -53,11 +53,11 @@ class Scan:
         return np.where(depth > 0, depth, np.float32(np.inf))
 
     def raw(self, frame: Frame) -> Raw:
-        """(h, w) readings in mm as the camera gave them; a view, nothing is copied."""
+        """(h, w) raw readings in mm; a view, not a copy."""
         return frame.depth_mm[self.view.rows, self.view.columns]
 
     def depth(self, raw: Raw) -> Array32:
-        """Readings in metres without the camera's known error; 0 where there is none."""
+        """Readings in m, corrected for the camera's known error; 0 where there is none."""
         depth = raw.astype(np.float32)
         depth *= np.float32(1e-3 / (1 + self.error.gain))
         depth -= np.float32(self.error.bias_m / (1 + self.error.gain))
@@ -65,12 +65,14 @@ class Scan:
         return depth
 
     def heights(self, depth_m: Array32, part: Part = WHOLE) -> Array32:
-        """Height above the table of readings in `part` of the scan; that of the camera where there is none."""
+        """Heights (m) above the table of readings in `part` of the scan; without a reading, the camera's height."""
         height: Array32 = depth_m * self.along_z[part] + np.float32(self.view.X_BV[2, 3])
         return height
 
     def points(self, depth_m: Array32, chosen: Mask, part: Part = WHOLE) -> Array:
-        """(n, 3) in the base frame of the `chosen` pixels of `part`, of which `depth_m` is, row by row."""
+        """(n, 3) points in the base frame of the `chosen` pixels of `part`, row by row; `depth_m` has the shape of
+        `part`.
+        """
         moved = depth_m[chosen][:, None] * self.along[part][chosen]
         return np.asarray(moved, dtype=np.float64) + self.view.X_BV[:3, 3]
 
@@ -84,5 +86,5 @@ class Scan:
 
 
 def scan_of(model: CameraModel, X_BC: Array, area: Area, height_m: float, error: DepthError = DepthError()) -> Scan:
-    """The part of the depth image that shows `area` up to `height_m`. Raises ValueError when it is not seen."""
+    """The part of the depth image that shows `area` up to `height_m`. Raises ValueError if it is not in view."""
     return Scan(view_of(model.depth, X_BC @ model.X_CD, area, height_m), error)

@@ -1,7 +1,7 @@
 """The table as the depth camera sees it, which refines the calibration.
 
-A camera pose that is a little off tilts and lifts the table; a depth camera that reads too much does so too, in
-another pattern. Both are estimated at once, each with the size it is expected to have.
+A small error of the camera pose tilts and lifts the table; a systematic depth error does so in another pattern. Both
+are estimated at once, each with a prior of its expected size.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from perception.scan import DepthError, Mask, Scan
 
 _CELL_PX = 24
 _CELL_MIN_READINGS = 60
-_CELL_STD_M = 0.0010  # what a camera's slow ripple leaves in the median of a cell
+_CELL_STD_M = 0.0010  # the camera's slow ripple, in the median of a cell
 _FEWEST_CELLS = 12
-_NEAR_M = 0.03  # farther off the expected plane is not table
+_NEAR_M = 0.03  # readings farther from the expected plane are not table
 _BIAS_STD_M, _GAIN_STD = 0.0020, 0.0006  # of the depth camera
 _SHIFT_STD_M, _TURN_STD_RAD = 0.0012, float(np.deg2rad(0.12))  # of the calibration, along each axis
 
 
 @dataclass(frozen=True, eq=False)
 class TableFit:
-    """What the table says of the camera."""
+    """The camera, refined by the table."""
 
     X_BV: Array  # (4, 4) refined pose of the depth camera in the base frame
     error: DepthError
-    rms_m: float  # what is left, over the cells
-    off_m: float  # how far along the rays the table appeared from z = 0 before, at most
-    turned_rad: float  # by how much the pose was turned
+    rms_m: float  # residual over the cells
+    off_m: float  # largest distance of the table from z = 0 before, along the rays
+    turned_rad: float  # rotation of the pose by the fit
 
 
 def refine(scan: Scan, depth_m: Array32, clear: Mask | None = None) -> TableFit:
-    """Camera pose and depth error that put the readings (h, w) on the table onto z = 0, most probably.
+    """The most probable camera pose and depth error that put the table's readings (h, w) onto z = 0.
 
-    `clear` (h, w) leaves out what is known not to be table. Turn about the vertical and shifts along the table
-    cannot be seen and stay. Raises TableNotFound where too little of the table is seen near z = 0.
+    `clear` (h, w) excludes pixels known not to be table. The rotation about the vertical and shifts along the table are
+    not observable and stay. Raises TableNotFound if too little of the table is seen near z = 0.
     """
     off_m, rows, columns = _cells(scan, depth_m, clear)
     ray = scan.view.directions.reshape(*scan.table_m.shape, 3)[rows, columns].astype(np.float64)
@@ -66,7 +66,9 @@ def refine(scan: Scan, depth_m: Array32, clear: Mask | None = None) -> TableFit:
 
 
 def _cells(scan: Scan, depth_m: Array32, clear: Mask | None) -> tuple[Array, Array, Array]:
-    """Median of measured minus expected depth on the table in cells of the image: (n,), their middles' row, column."""
+    """Median of measured minus expected depth on the table in cells of the image: (n,), and the cells' middle rows and
+    columns.
+    """
     off = depth_m - scan.table_m
     use = (depth_m > 0) & (np.abs(off) < _NEAR_M)
     if clear is not None:

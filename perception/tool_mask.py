@@ -1,4 +1,4 @@
-"""Where the tool stands between the camera and the object, from its mesh and its kinematic pose."""
+"""Where the tool hides the object, from its mesh and its kinematic pose."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from perception.geometry import Array32, View
 
 
 class ToolMask:
-    """The tool's mesh, ready for rays. Single-threaded, so that its cost is that of one core."""
+    """The tool's mesh, ready for ray casting. Single-threaded: it uses one core."""
 
     def __init__(self, vertices_m: Array, triangles: NDArray[np.integer]) -> None:
         """`vertices_m` (V, 3) in the tool frame T, `triangles` (F, 3)."""
@@ -24,7 +24,7 @@ class ToolMask:
         )
 
     def depth(self, X_BT: Array, view: View, directions: Array32) -> Array32:
-        """Depth (n,) of the tool along rays (n, 3) with z = 1 of `view`; inf where they miss it."""
+        """Depth (n,) of the tool along rays (n, 3) with z = 1 of `view`; inf for a miss."""
         X_TV = inverse(X_BT) @ view.X_BV
         rays = np.empty((len(directions), 6), dtype=np.float32)
         rays[:, :3] = X_TV[:3, 3]

@@ -1,4 +1,4 @@
-"""What tracking hands on: one value, whether the frames came from a camera or a simulation."""
+"""The result of tracking: one value, the same for camera frames and simulations."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from hw.types import Array, frozen_array
 REST_M_S, REST_RAD_S = 0.003, 0.1
 REST_S = 0.1
 SETTLE_S = 2.0
-"""When a trial is over, in training, in the lab and before a camera: once the object has been slower than this against
-the table, or against the tool that carries it, for `REST_S`; at the latest `SETTLE_S` after the tool's motion. Then it
-is judged, with the tool held where its motion ended (docs/decisions/0003)."""
+"""When a trial is over, in training, in the lab and before a camera: once the object has been slower than this (m/s),
+relative to the table or to the tool that carries it, for `REST_S`; at the latest `SETTLE_S` after the tool's motion.
+Then it is judged, with the tool still where its motion ended (docs/decisions/0003).
+"""
 
 
 class Outcome(StrEnum):
@@ -27,23 +28,23 @@ class Outcome(StrEnum):
     SETTLED = "settled"
     LOST = "lost"  # out of sight, or off the table
     SOLVER_FAILED = "solver_failed"  # simulation only
-    DIVERGED = "diverged"  # the pendulum, under a feedback that does not hold it
+    DIVERGED = "diverged"  # the pendulum, under a feedback that does not stabilise it
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectTrack:
     """The object's state through one trial, in the base frame.
 
-    `t_s` counts from the start of the tool's motion. `state` has one row a time: the object's
+    `t_s` counts from the start of the tool's motion. `state` has one row per time: the object's
     centre (x, y, z) in metres for the contact tasks, joint angles in rad for the pendulum.
     """
 
     t_s: Array  # (N,)
     state: Array  # (N, d)
     outcome: Outcome
-    end_in_tool_m: Array  # (3,) object centre in the tool frame at the end; NaN where there is no tool
+    end_in_tool_m: Array  # (3,) object centre in the tool frame at the end; NaN without a tool
     confidence: Array  # (N,) 0 lost ... 1 fully visible and well fitted; simulation: 1
-    flags: tuple[str, ...] = ()  # what an operator should know, in words
+    flags: tuple[str, ...] = ()  # warnings for the operator, in words
 
     def __post_init__(self) -> None:
         t_s = frozen_array(self.t_s, (None,), "t_s")

@@ -1,8 +1,8 @@
 """One iteration of a session, from the first question to the next proposal. Read from the top.
 
-`run_iteration` asks `stages.next_stage` what is missing and does that: a trial, or the adaptation. Whatever
-completes is stored before the next thing begins, so a session can stop or be killed between any two lines. What
-a trial is made of depends on where it happens: `on_rig` or `in_simulation`.
+`run_iteration` asks `stages.next_stage` for the next missing step and does it: a trial, or the adaptation. Each step is
+stored before the next one begins, so a session can stop or be killed between any two lines. The steps of a trial are in
+`on_rig` and `in_simulation`.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ from sim.errors import NotExecutable
 from sim.tasks.solver import SolvedPolicy
 
 TOTAL, REJECTED = "total", "rejected attempts"
-"""Of the times of an iteration: their sum, and what attempts took that do not count."""
+"""Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
-"""Share of the area at each side in which nobody is asked to place the object: hands are not that steady."""
+"""Nobody is asked to place the object in this outer share of the area, because hands are not that steady."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """A stored session together with the parts, the operator and the screen that carry it on."""
+    """A stored session with the parts, the operator and the screen that run it."""
 
     store: SessionStore
     parts: Parts
@@ -66,15 +66,15 @@ class Session:
     screen: Screen
     watcher: Watcher = field(default_factory=Unwatched)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
-    beside_s: dict[str, float] = field(default_factory=dict)  # of the iteration, beside the trials that count
+    beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
     def seed(self) -> int:
-        """The seed of everything that is drawn in this session."""
+        """The seed of all random numbers of this session."""
         return self.store.facts.seed
 
     def beside(self, stage: str | None = None) -> None:
-        """The time since the last lap belongs to the iteration, and to no trial; all of it to `stage`, if given."""
+        """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
         spent = added(self.beside_s, lap_s if stage is None else {stage: sum(lap_s.values())})
         self.beside_s.clear()
@@ -82,9 +82,10 @@ class Session:
 
 
 def run_iteration(session: Session) -> dict[str, Any]:
-    """Do what is missing of the present iteration, show what changed, and return its summary.
+    """Do the missing steps of the present iteration, show the result, and return its summary.
 
-    Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; what completed is stored.
+    Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
+    stored.
     """
     facts = session.store.facts
     while True:
@@ -98,9 +99,9 @@ def run_iteration(session: Session) -> dict[str, Any]:
 
 
 def run_trial(session: Session, stage: RunTrial) -> None:
-    """Make and record one motion, then track, review and store the trial; or note why it does not count.
+    """Execute and record one motion, then track, review and store the trial; or note why it does not count.
 
-    The recording is on the disk before anyone looks at it. A trial that was cut short afterwards goes on from there.
+    The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
     """
     session.beside()
     if stage.recorded:
@@ -116,7 +117,7 @@ def run_trial(session: Session, stage: RunTrial) -> None:
 
 
 def _move(session: Session, stage: RunTrial) -> bool:
-    """Set up, propose, confirm, execute, and store what was recorded; False to try again, where nothing has moved."""
+    """Set up, propose, confirm, execute, and store the recording. False: nothing has moved, try again."""
     store, operator = session.store, session.operator
     try:
         policy = _policy(session, stage.iteration, stage.particle)
@@ -148,14 +149,14 @@ def _move(session: Session, stage: RunTrial) -> bool:
 
 
 def _say_drift(session: Session) -> None:
-    """Compare what the camera sees with the session's first motion."""
+    """Tell the operator if the camera's picture differs from that of the session's first motion."""
     seen = list(session.store.rigs())
     if seen and (said := drift(seen[0], seen[-1])) is not None:
         session.screen.note(said)
 
 
 def _look(session: Session, stage: RunTrial) -> None:
-    """Track what was recorded, have it reviewed and store the trial; everything is read from the disk."""
+    """Track the recording, have the result reviewed and store the trial; everything is read from the disk."""
     store, operator = session.store, session.operator
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:
@@ -230,7 +231,7 @@ def adapt(session: Session, stage: Adapt) -> None:
 
 
 def tell(session: Session) -> None:
-    """Let who looks on see the session as it now stands."""
+    """Show watchers the present state of the session."""
     learner, last = session.parts.learner, session.store.iterations() - 1
 
     def posterior() -> Posterior | None:
@@ -259,7 +260,7 @@ def _summary(session: Session, trials: Sequence[TrialRecord], result: ResultReco
 
 
 def _set_up(session: Session, stage: RunTrial) -> Ready:
-    """Say what is going to happen and why, and have everything put in its place."""
+    """Announce the trial, then have the object placed and found."""
     task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
@@ -328,7 +329,7 @@ def _trial_record(
 
 
 def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
-    """The task policy of a particle, trained again where an earlier process did: it is the same."""
+    """The task policy of a particle. If an earlier process trained it, training again gives the same policy."""
     if (iteration, particle) not in session.policies:
         _train(session, iteration, particle, particles_of(session.store, iteration)[particle])
     return session.policies[iteration, particle]

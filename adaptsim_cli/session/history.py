@@ -1,4 +1,4 @@
-"""What a stored session has tried and seen, as learning takes it."""
+"""The trials of a stored session, in the form that learning methods take."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
 
 
 def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
-    """The trials that count of the iterations 0 to `last`, as learning sees them. Raises SessionError."""
+    """The counting trials of iterations 0 to `last`, as learning methods take them. Raises SessionError."""
 
     def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
         return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle + 1)

@@ -1,4 +1,4 @@
-"""A trial in a simulated target: the context is set, the policy acts, the trajectory returns. No devices."""
+"""A trial in a simulated target, without devices: set the context, apply the action, take the trajectory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
 Rollout = Callable[[Array, Array], ObjectTrack]
-"""(context, action) -> what the target does. Deterministic; which target it is stays hidden in it."""
+"""(context (c,), action (a,)) -> the target's response. Deterministic; the target's parameters stay hidden in it."""
 
 FILE = "trajectory.json"
 
@@ -28,19 +28,19 @@ class InSimulation:
     """A `Target` without arm, camera or bench."""
 
     object_name: str
-    duration_s: float  # of a trial, simulated time
+    duration_s: float  # simulated time of a trial
     title: str
     rollout: Rollout
     is_real: bool = False
-    outcomes: tuple[Outcome, ...] = ()  # nobody sees it otherwise
+    outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
 
     def checks(self) -> tuple[Readiness, ...]:
         """See `Target`; there are no devices to check."""
         return (Readiness("devices", True, "none needed"),)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """See `Target`; never, because nothing can have moved."""
-        return False  # nothing can have moved
+        """See `Target`; never: nothing can have moved."""
+        return False
 
     def replay(self, context: Array, action: Array, folder: Path) -> SimulatedReplay:
         """See `Target`: the stored trajectory of a trial. Raises SessionError."""
@@ -98,13 +98,13 @@ class SimulatedPlan:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTrial:
-    """A simulated trial that was executed; nothing stops one."""
+    """A finished simulated trial; nothing can stop one."""
 
     trajectory: ObjectTrack
     stopped: None = None
 
     def files(self) -> Mapping[str, bytes]:
-        """The trajectory, as it is stored beside the trial."""
+        """The file with the trajectory, stored beside the trial."""
         return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
 
 
@@ -120,7 +120,7 @@ class SimulatedReplay:
         return self.trajectory
 
     def evidence(self, track: ObjectTrack) -> TrialEvidence:
-        """The trajectory is all there is."""
+        """Nothing besides the trajectory."""
         return TrialEvidence()
 
     def track_px(self, track: ObjectTrack) -> Array:

@@ -1,4 +1,4 @@
-"""`Watcher`: small pictures in the terminal itself, where it can show them."""
+"""`Watcher` that shows small pictures in the terminal, if the terminal can."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from perception.types import ObjectTrack
 
 
 class InTerminal:
-    """Before the motion the camera's picture, before the review the key frames in a row."""
+    """Shows the camera's picture before the motion, and the key frames in a row before the review."""
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
@@ -32,13 +32,13 @@ class InTerminal:
             self._screen.picture(strip([seen.files[moment.file] for moment in seen.moments]))
 
     def changed(self, store: SessionStore, posterior: Telling) -> None:
-        """See `Watcher`: numbers are shown as text."""
+        """See `Watcher`; does nothing, because the numbers are shown as text."""
 
     def reported(self, path: Path) -> None:
-        """See `Watcher`: its path is shown as text."""
+        """See `Watcher`; does nothing, because the path is shown as text."""
 
 
 def strip(jpegs: list[bytes]) -> bytes:
-    """JPEG of pictures of one height, side by side."""
+    """One JPEG with the pictures side by side, at the same height."""
     images = [decode_image(jpeg, cv2.IMREAD_COLOR) for jpeg in jpegs]
     return bytes(cv2.imencode(".jpg", np.hstack(images))[1].tobytes())

@@ -1,7 +1,7 @@
-"""Keeping sessions: notes and tags, the archive, deleting, and recordings that make room.
+"""Keeps sessions in order: notes and tags, archive, deletion, and pruning of recordings.
 
-None of it touches a sealed record: a note lies in a file of its own, an archived session is moved as it is, and the
-absence of a pruned recording is itself recorded.
+Sealed records never change: a note has its own file, an archived session moves unchanged, and a pruned recording leaves
+a record of its absence.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from sim.storage.files import flush_folder, publish_new
 ABOUT = "about.json"
 ARCHIVE = "archived-sessions"
 RECORDED = (".mcap",)
-"""Suffixes of the files that `prune` removes: what a report needs stays."""
+"""Suffixes of the files that `prune` removes; files that a report needs stay."""
 
 _TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,39}")
 
 
 class About(Record):
-    """about.json: what a person says of a session. The only file of a session that is replaced."""
+    """about.json: a person's note and tags. The only file of a session that is replaced."""
 
-    note: str = ""  # one text, as a person wrote it
+    note: str = ""  # free text
     tags: tuple[str, ...] = ()  # for `sessions list --tag`
 
 
 @dataclass(frozen=True)
 class Room:
-    """What pruning removes, or has removed."""
+    """The files that pruning removes or has removed."""
 
     files: int
     bytes: int
@@ -47,7 +47,7 @@ class Room:
 
 
 def about(folder: Path) -> About:
-    """Note and tags of the session in `folder`; empty where nobody wrote any. Raises SessionError."""
+    """Note and tags of the session in `folder`; empty if there are none. Raises SessionError."""
     path = folder / ABOUT
     return records.read(About, path, must_be_sealed=True) if path.exists() else About()
 
@@ -69,12 +69,12 @@ def annotate(folder: Path, note: str | None = None, add: Sequence[str] = (), rem
 
 
 def archive_of(root: Path) -> Path:
-    """Where the archived sessions lie of those in `root`."""
+    """The folder of the archived sessions of `root`."""
     return root.parent / ARCHIVE
 
 
 def archive(root: Path, name: str) -> Path:
-    """Move a session, damaged or not, out of the list; returns where it lies now. Raises UsageError, SessionError."""
+    """Move a session, damaged or not, out of the list; returns its new folder. Raises UsageError, SessionError."""
     return _move(root, archive_of(root), name)
 
 
@@ -84,7 +84,7 @@ def restore(root: Path, name: str) -> Path:
 
 
 def delete(root: Path, name: str) -> None:
-    """Remove a session for good. It vanishes from the list at once, or not at all. Raises UsageError, SessionError."""
+    """Delete a session for good, whole or not at all. Raises UsageError, SessionError."""
     folder = _existing(root, name)
     gone = folder.with_name(f".{name}.deleted")
     with _held(folder), durable.explained(folder):
@@ -104,8 +104,8 @@ def prunable(store: SessionStore, *, rejected_only: bool = False) -> Room:
 def prune(store: SessionStore, *, rejected_only: bool = False) -> Room:
     """Remove the recordings of completed trials and rejected attempts, or of rejected attempts only.
 
-    Records, key moments and reports stay. The removal is recorded before anything is removed, so that no crash leaves a
-    recording that seems lost. Raises SessionError, UsageError where the session runs.
+    Records, key moments and reports stay. The removal is recorded first, so that after a crash no recording seems lost.
+    Raises SessionError, and UsageError if the session is running.
     """
     with store.locked():
         room = prunable(store, rejected_only=rejected_only)
@@ -120,12 +120,12 @@ def prune(store: SessionStore, *, rejected_only: bool = False) -> Room:
 
 
 def size_bytes(folder: Path) -> int:
-    """What a session takes on the disk."""
+    """Size of a session on the disk, in bytes."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path, list[Path]]]:
-    """(folder, recordings that are there) of every trial whose recording nobody needs to go on."""
+    """(folder, its recordings) of every trial that does not need its recording to continue."""
     found = []
     existing = store.existing()
     for iteration in range(store.iterations()):

@@ -1,4 +1,4 @@
-"""The lists of sessions and of rollouts, as a person reads them: a name is never broken."""
+"""The lists of sessions and of rollouts on the screen; names are never wrapped."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
-    """Sessions with what they are, how far they are and what came of them; below, those that are damaged."""
+    """Sessions with task, progress and result; damaged sessions come last."""
     whole = [part for s in found if "error" not in s for part in _session(s)]
     damaged = [Text.assemble((str(s["session"]), "bold"), f" {s['error']}") for s in found if "error" in s]
     return Group(*whole, *damaged)
 
 
 def rollouts(found: Sequence[Mapping[str, Any]]) -> RenderableType:
-    """Rollouts with outcome and reward, one below the other."""
+    """Rollouts with outcome and reward, one per line."""
     return Group(*(part for r in found for part in _rollout(r)))
 
 
 def size(count: int) -> str:
-    """Bytes as people read them."""
+    """A size in bytes, in B, kB, MB or GB."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB" if count >= 1e6 else "under 1 MB"
 
 

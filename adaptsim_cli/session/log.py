@@ -1,7 +1,7 @@
-"""The log of a session: what was asked and answered, planned, done and warned of, a JSON object a line.
+"""The log of a session: questions, answers, plans, steps and warnings, one JSON object per line.
 
-No record rests on it. A line is written at once and in one piece; the last one may be cut short where the computer lost
-power, and readers leave such a line out.
+No record depends on the log. Each line is written at once and in one piece. A power cut may truncate the last line, and
+readers skip such a line.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ Kind = Literal["begun", "asked", "answered", "done", "noted", "planned", "tracke
 class LogLine(Record):
     """One line of log.jsonl."""
 
-    at: str  # when, to the millisecond
-    event: Kind  # what happened
-    text: str = ""  # the sentence that the screen showed: question, step, warning, error
-    took_s: float | None = None  # how long the step or the answer took
-    data: dict[str, Any] = Field(default_factory=dict)  # what else belongs to it, by name and in units
+    at: str  # ISO 8601, to the millisecond
+    event: Kind  # kind of event
+    text: str = ""  # the sentence on the screen: question, step, warning, error
+    took_s: float | None = None  # duration of the step or of the answer
+    data: dict[str, Any] = Field(default_factory=dict)  # further values, by name, in units
 
 
 class SessionLog:
-    """`Listener` and `Watcher`: every call is a line of the file in the session's folder."""
+    """`Listener` and `Watcher` that write each call as a line of the log in the session's folder."""
 
     def __init__(self, folder: Path, screen: Screen) -> None:
         self._path, self._screen, self._is_lost = folder / FILE, screen, False
         self._is_torn = _is_torn(self._path)
 
     def doing(self, what: str, expected_s: float | None) -> None:
-        """See `Listener`: it is a line once it is over."""
+        """See `Listener`; the step becomes a line once it is over."""
 
     def did(self, what: str, stage: str, took_s: float) -> None:
         """See `Listener`."""
@@ -98,7 +98,7 @@ class SessionLog:
         self.write("reported", path.name)
 
     def write(self, event: Kind, text: str = "", took_s: float | None = None, **data: Any) -> None:
-        """Append one line. Where that fails, the screen says so once, and the session goes on without a log."""
+        """Append one line. If that fails, the screen says so once and the session continues without a log."""
         if self._is_lost:
             return
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -115,7 +115,7 @@ class SessionLog:
 
 @contextmanager
 def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> Iterator[SessionLog]:
-    """The log of one command that carries a session on: from here to its end, whatever ends it."""
+    """Log one command of a session from here to its end, however it ends."""
     log = SessionLog(store.folder, screen)
     screen.tell(log)
     log.write("begun", versions=dict(versions), python=platform.python_version(), process=os.getpid())
@@ -128,9 +128,9 @@ def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> 
 
 
 def read(folder: Path) -> tuple[LogLine, ...]:
-    """The log of the session in `folder`, oldest line first; empty where there is none.
+    """The log of the session in `folder`, oldest line first; empty if there is none.
 
-    Lines that were cut short are left out. Raises Unreadable where the file is larger than any log can be, OSError.
+    Truncated lines are skipped. Raises Unreadable for a file larger than any log can be, OSError.
     """
     path = folder / FILE
     if not path.is_file():
@@ -149,7 +149,7 @@ def _as_line(line: LogLine) -> str:
 
 
 def _append(path: Path, text: str) -> None:
-    """In one piece: a line is there, or it is not."""
+    """Append a line whole or not at all."""
     fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
     try:
         os.write(fd, text.encode())
@@ -158,7 +158,7 @@ def _append(path: Path, text: str) -> None:
 
 
 def _is_torn(path: Path) -> bool:
-    """Whether the last line was cut short."""
+    """Whether the last line is truncated."""
     try:
         with path.open("rb") as file:
             file.seek(-1, os.SEEK_END)

@@ -1,4 +1,4 @@
-"""The camera frames of a trial that a person wants to see again: start, contact, lift, end, rest."""
+"""The key frames of a trial for the report: start, contact, lift, end, rest."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from perception.types import ObjectTrack
 
 _HEIGHT_PX = 480
 _ASPECT = 1.0
-_REACH_M, _FALLEN_REACH_M = 0.08, 0.20  # what is shown around the object's path; one that fell rolls away
-_REST_S = 0.15  # an object that is tracked longer than the motion by this has come to rest elsewhere
+_REACH_M, _FALLEN_REACH_M = 0.08, 0.20  # margin shown around the object's path; larger for a fallen one, which rolls
+_REST_S = 0.15  # an object tracked this much longer than the motion came to rest elsewhere
 _QUALITY = 85
 _RING_PX = 11
 
@@ -26,7 +26,7 @@ def moments(duration_s: float, contact: ContactWindow | None, last_s: float) -> 
     rest = (("rest", last_s),) if last_s > duration_s + _REST_S else ()
     if contact is None:
         return (("start", 0.0), ("middle", duration_s / 2), ("end", duration_s), *rest)
-    touching_s = (contact.start_s + contact.end_s) / 2  # the first touch often is the start itself
+    touching_s = (contact.start_s + contact.end_s) / 2  # the first touch is often the start itself
     return (("start", 0.0), ("contact", touching_s), ("lift", contact.end_s), ("end", duration_s), *rest)
 
 
@@ -43,8 +43,8 @@ def key_frames(
 ) -> tuple[tuple[KeyMoment, ...], dict[str, bytes]]:
     """The frames nearest to the `wanted` moments, cut around the points `seen_m` (N, 3) -> (records, name -> JPEG).
 
-    Around an object that has `fallen` there is room to roll. A ring marks the centre of the `track` at that time, a
-    line its way until then.
+    An object that has `fallen` gets a wider cut, because it rolls. A ring marks the centre of the `track` at that time,
+    a line its path until then.
     """
     if not frames:
         return (), {}
@@ -63,7 +63,7 @@ def key_frames(
 
 
 def _window(model: CameraModel, X_BC: Array, seen_m: Array, reach_m: float) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) in pixels of the colour image, of aspect _ASPECT, inside the image."""
+    """(left, top, right, bottom) in pixels of the colour image, inside it, with aspect _ASPECT."""
     colour = model.colour
     low_m, high_m = seen_m.min(axis=0) - reach_m, seen_m.max(axis=0) + reach_m
     top_m = seen_m[:, 2].max() + seen_m[1:, 2].min()  # the highest centre and half the object's own height
@@ -96,7 +96,7 @@ def _way_px(model: CameraModel, X_BC: Array, track: ObjectTrack, until_s: float)
 
 
 def _mark(picture: Image, way_px: Array, window: tuple[int, int, int, int]) -> None:
-    """Draw the way of the centre and a ring around its end into a cut picture."""
+    """Draw the path of the centre, and a ring around its end, into a cut picture."""
     left, top, right, bottom = window
     scale = np.array([picture.shape[1] / (right - left), picture.shape[0] / (bottom - top)])
     shift = 4  # OpenCV draws in sixteenths of a pixel

@@ -44,17 +44,17 @@ class OnRig:
 
     @property
     def hardware(self) -> Hardware:
-        """What the task brings for an arm."""
+        """The task's parts for an arm."""
         return self.task.require_hardware()
 
     @property
     def title(self) -> str:
-        """The name of the lab on the screen."""
+        """The lab's name on the screen."""
         return self.rig.title
 
     @property
     def is_real(self) -> bool:
-        """Whether its arm can hurt somebody."""
+        """Whether a real arm moves, which can hurt somebody."""
         return self.rig.is_real
 
     @property
@@ -63,18 +63,18 @@ class OnRig:
         return self.tracker.outcomes
 
     def checks(self) -> tuple[Readiness, ...]:
-        """Calibration, arm and camera; a fault that a person lets go of is cleared first."""
+        """Check calibration, arm and camera; before that, an operator may clear a fault of the arm."""
         if self.rig.attendant is not None:
             self.rig.attendant.recover()
         return rig_checks(self.rig)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """The arm may have moved: a person is asked first, and on a real arm the attempt does not come back."""
+        """Ask the operator first, because the arm may have moved; on a real arm the attempt is spent."""
         operator.repeat_interrupted(stage)
         return self.is_real
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> RigReady:
-        """Have the object placed, find it, and check that it lies in the area."""
+        """Have the object placed, find it with the camera, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
             rig.attendant.prepare(task.object_name)
@@ -95,7 +95,7 @@ class OnRig:
         return RigReady(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
 
     def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
-        """The object is found again in the very pixels in which it was found before the motion."""
+        """Read the recording, and find the object again in the same pixels as before the motion."""
         stored = recording.read(folder / recording.FILE)
         detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
         return RigReplay(self, stored, self.hardware.plan(context, action), detection)
@@ -106,23 +106,23 @@ class OnRig:
         return lambda t_s: flange(q_at(t_s)) @ X_FT
 
     def in_time(self, frame: Frame) -> Frame:
-        """A frame whose stamp is of the arm's clock: without what calibration found the camera's to be late by."""
+        """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
 
 @dataclass(frozen=True, eq=False)
 class RigReady:
-    """The object lies in the area and was found there."""
+    """The object lies in the area, and the camera has found it."""
 
     target: OnRig
-    drawn: Array  # (c,) the context that was asked for
+    drawn: Array  # (c,) the wanted context
     context: Array  # (c,) as measured
-    frame: Frame  # in which it was found
+    frame: Frame  # the object was found in it
     detection: Any
-    overlay: bytes  # JPEG of what was found
+    overlay: bytes  # JPEG with the detection drawn
 
     def plan(self, action: Array, during: During = silently) -> RigPlan:
-        """Three paths that passed every limit."""
+        """The three paths of the motion, after they passed every limit."""
         planner = self.target.planner
         with during("Planning the motion", "planning"):
             paths = planner.paths(self.target.hardware.plan(self.context, action))
@@ -141,7 +141,7 @@ class RigPlan:
 
     @property
     def duration_s(self) -> float:
-        """Of all its paths together."""
+        """Duration of all three paths together, s."""
         return sum(path.duration_s for path in self.paths)
 
     @property
@@ -159,7 +159,7 @@ class RigPlan:
         return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
 
     def sight(self) -> Sight:
-        """The picture with the tool's way in it, and the arm along all three paths."""
+        """The picture with the path of the tool, and the arm along all three paths."""
         found, target = self.found, self.found.target
         model, context = target.rig.camera.model(), target.task.context
         X_CB = inverse(target.rig.hand_eye.X_BC)
@@ -186,7 +186,10 @@ class RigPlan:
         )
 
     def execute(self, during: During = silently) -> RigTrial:
-        """Approach, record the motion, go back. Where the arm stops or loses its tool, what was recorded is kept."""
+        """Approach, record the motion, go back.
+
+        If the arm stops or loses its tool, the recording until then is kept.
+        """
         approach, motion, back = self.paths
         target, after = self.found.target, None
         stopped: HardwareError | None
@@ -207,7 +210,10 @@ class RigPlan:
         return RigTrial(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
-        """Play `path` before the camera. Its recording ends whatever happens, and never hides what happened first."""
+        """Play `path` and record it.
+
+        The recording always ends, and an error while ending it never hides an earlier one.
+        """
         rig, frames = self.found.target.rig, tuple[Frame, ...]()
         rig.await_enabled()
         rig.camera.start_recording()
@@ -225,16 +231,16 @@ class RigPlan:
 
 @dataclass(frozen=True, eq=False)
 class RigTrial:
-    """What arm and camera say of one motion."""
+    """The data of one motion from arm and camera."""
 
     found: RigReady
     played: Execution | None  # None: the arm stopped during the motion
     frames: tuple[Frame, ...]
     stopped: HardwareError | None
-    after: Frame | None  # with the arm at home again, of a task that carries its object
+    after: Frame | None  # with the arm at home again; only for a task that carries its object
 
     def files(self) -> Mapping[str, bytes]:
-        """Recording, overlay, and what a real rig says of itself."""
+        """Recording, overlay, and the facts of a real rig."""
         target, before = self.found.target, self.found.frame
         rig, played = target.rig, self.played
         if played is None:
@@ -261,7 +267,7 @@ class RigTrial:
 
 @dataclass(frozen=True, eq=False)
 class RigReplay:
-    """A recorded motion, with the object as it lay ready before it."""
+    """A recorded motion, with the object as it lay before the motion."""
 
     target: OnRig
     stored: recording.Recording
@@ -270,7 +276,7 @@ class RigReplay:
 
     @property
     def looking(self) -> str:
-        """What the screen says while the object is tracked."""
+        """The sentence on the screen while the object is tracked."""
         return f"Tracking the {self.target.task.object_name} in {len(self.stored.frames)} frames"
 
     def track(self) -> ObjectTrack:
@@ -308,11 +314,11 @@ class RigReplay:
 
 
 _SHOWN = 120
-"""Postures of the arm along all paths that a page draws."""
+"""Postures of the arm that a page draws, over all three paths."""
 
 
 def _decimated(paths: Paths) -> tuple[Array, Array]:
-    """Times (K,) from the start of the first path, and joints (K, 7), of some `_SHOWN` postures."""
+    """Times (K,) from the start of the first path, and joints (K, 7), of at most `_SHOWN` postures."""
     starts_s = np.cumsum([0.0, *(path.duration_s for path in paths)])
     t_s = np.concatenate([start + path.t_s for start, path in zip(starts_s, paths, strict=False)])
     q_rad = np.concatenate([path.q_rad for path in paths])

@@ -1,4 +1,4 @@
-"""What a session asks of whoever stands beside the robot; a person at a terminal, or nobody (`--yes`)."""
+"""The questions of a session to the operator: a person at a terminal, or nobody (`--yes`)."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from perception.types import Outcome
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """One trial as it is about to be executed."""
+    """One trial, ready to be executed."""
 
     stage: RunTrial
-    parameters: Array  # (p,) the particle's mean, which the task policy was trained for
-    drawn: Array  # (c,) the context that was asked for
+    parameters: Array  # (p,) the particle's mean, for which the task policy was trained
+    drawn: Array  # (c,) the wanted context
     context: Array  # (c,) as measured
     action: Array  # (a,)
     prediction: ExpectedReward
-    summary: str  # what has been planned
-    announcement: str  # what happens when the operator agrees
-    overlay: Path | None  # image with what the camera found, where there is one
+    summary: str  # of the plan, one sentence
+    announcement: str  # what happens if the operator agrees, one sentence
+    overlay: Path | None  # picture of the detection; None without a camera
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """One executed trial as tracking and scoring see it."""
+    """One executed trial, tracked and scored."""
 
     outcome: Outcome
     reward: float
@@ -40,7 +40,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Accept:
-    """The trial counts as it was tracked."""
+    """The trial counts with its tracked outcome."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +64,21 @@ class Operator(Protocol):
     """Every question of a session. Each may raise StoppedByOperator."""
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
-        """A motion had started and never completed. Returns when the trial may be done again."""
+        """A motion started and never completed. Returns once the trial may be repeated."""
         ...
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
-        """Returns when `what` lies at `wanted_m` (2,), or when the simulated lab may put it there."""
+        """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
         ...
 
     def approve(self, proposal: Proposal, real: bool) -> None:
-        """Returns when the trial may start."""
+        """Returns once the trial may start."""
         ...
 
     def review(self, judged: Judged) -> Review:
-        """Accept the tracked outcome, overrule it, or ask for the trial again."""
+        """Accept the tracked outcome, overrule it, or have the trial repeated."""
         ...
 
     def try_again(self, stage: RunTrial) -> bool:
-        """Whether to set the trial up again after the object was not found, misplaced, or lost in tracking."""
+        """Whether to set up the trial again after the object was not found, was misplaced, or was lost in tracking."""
         ...

@@ -1,4 +1,4 @@
-"""All that one session is joined from; `wiring` makes it, tests bring their own."""
+"""The parts of one session; `wiring` makes them, tests bring their own."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the parts come from, for the record; never what is hidden in a world."""
+    """Where the parts come from, for the record; never the hidden parameters of a world."""
 
     checkpoint: str
     checkpoint_sha256: str
-    world_sha256: str  # "" where the hardware is real
-    calibration: str  # "" where there is no camera
+    world_sha256: str  # "": real hardware
+    calibration: str  # "": no camera
     calibration_sha256: str
     versions: dict[str, str]
     camera_late_s: float = 0.0  # subtracted from the camera's time stamps
@@ -24,7 +24,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Parts:
-    """Everything that one session is joined from."""
+    """Task, target and learner of one session, with their provenance."""
 
     task: Task
     target: Target

@@ -1,4 +1,4 @@
-"""What the sequence of a session asks of what learns; `wiring` fills it in, tests bring their own."""
+"""The interface between a session and its learning method; `wiring` provides it, tests bring their own."""
 
 from __future__ import annotations
 
@@ -14,49 +14,49 @@ from sim.tasks.solver import SolvedPolicy
 
 
 class ExpectedReward(NamedTuple):
-    """What training expects of an action at a context."""
+    """The reward that training expects of an action in a context."""
 
     reward: float
-    low: float  # of the emulator's ensemble, two standard deviations
+    low: float  # mean of the emulator's ensemble minus two standard deviations
     high: float
 
 
 class Assessment(NamedTuple):
-    """What the data say of a session."""
+    """The judgement of a session by its trials."""
 
     best: Best
     verdict: str  # one sentence
-    outlook: Outlook | None  # None: the method does not look ahead
+    outlook: Outlook | None  # None: the method makes no forecast
 
 
 @runtime_checkable
 class Believing(Protocol):
-    """A learner that can say what the trials tell of the true parameters."""
+    """A learner with a belief about the true parameters."""
 
     def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
-        """None where its method holds no belief."""
+        """The belief after `history`; None if the method has none."""
         ...
 
 
 class SessionLearner(Protocol):
-    """A method of adaptation together with the training of its task policies."""
+    """An adaptation method together with the training of its task policies."""
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The first `n` particles."""
         ...
 
     def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
-        """Its task policy after the iterations of `history`; for the same of both the same one."""
+        """The particle's task policy after the iterations of `history`. Deterministic."""
         ...
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The particles that follow from all iterations so far."""
+        """The next particles, from all iterations so far."""
         ...
 
     def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
-        """The task policy that a session would go with."""
+        """The final task policy of a session that ended now."""
         ...
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        """What the data say of the session."""
+        """Best particle, verdict and outlook by the trials so far."""
         ...

@@ -1,4 +1,4 @@
-"""Is everything ready before the first motion? Every check is a sentence; a failing one says what to do."""
+"""The checks before the first motion. Each gives a sentence; a failing one says what to do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hw.errors import CameraError, DeviceUnavailable
 
 
 def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
-    """All checks, in the order in which they are shown. Raises nothing for a device that is not ready."""
+    """All checks, in the order of the screen. A device that is not ready raises nothing."""
     return (
         Readiness("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),
         _disk(folder, min_free_mb),
@@ -30,7 +30,7 @@ def rig_checks(rig: Rig) -> tuple[Readiness, ...]:
 
 
 def calibration_check(eye: HandEye, calibration_days: int, now: datetime) -> Readiness:
-    """Never fails; one that is older than `calibration_days` says so and how to look whether it still holds."""
+    """Never fails. A calibration older than `calibration_days` says so, and how to check it."""
     detail = f"{eye.source}, ± {eye.sigma_mm:.1f} mm, ± {eye.sigma_deg:.2f}°"
     detail += f", {1e3 * eye.camera_late_s:.1f} ms subtracted from the camera's time stamps"
     days = (now - datetime.fromisoformat(eye.created)).days if eye.created else 0

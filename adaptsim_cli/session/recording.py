@@ -1,4 +1,4 @@
-"""One motion as an MCAP file: images, joints and tool; for Foxglove and Rerun, and back into `Frame`s."""
+"""One motion as an MCAP file (images, joints, tool) for Foxglove and Rerun; read back, it gives `Frame`s."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ TOPICS = {
     _AFTER_DEPTH: _DEPTH_TYPE,
     **topics.TYPES,
 }
-"""Topic -> type, of every recording."""
+"""Topic -> message type, for every recording."""
 COLOURS = (_COLOUR, _BEFORE_COLOUR, _AFTER_COLOUR)
 _IMAGES = (_COLOUR, _DEPTH, _BEFORE_COLOUR, _BEFORE_DEPTH, _AFTER_COLOUR, _AFTER_DEPTH)
 _JPEG_QUALITY = 95
@@ -51,18 +51,18 @@ Message = tuple[int, str, bytes]  # time in ns, topic, CDR
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What tracking needs, now or on an old trial."""
+    """Everything that tracking needs, for a new or an old trial."""
 
-    before: Frame  # the object lying ready, before the tool came: the pixels in which it was found
-    frames: tuple[Frame, ...]  # colour as JPEG kept it
+    before: Frame  # before the tool came: exactly the pixels in which the object was found
+    frames: tuple[Frame, ...]  # colour as decoded from JPEG
     model: CameraModel
     X_BC: Array  # (4, 4)
     execution: Execution
-    after: Frame | None = None  # with the arm at home again; None: it did not get there, or nothing was carried
+    after: Frame | None = None  # with the arm at home again; None: it did not arrive, or nothing was carried
 
     @property
     def at_home(self) -> tuple[Frame, Frame] | None:
-        """The pictures of before and after, where there are both."""
+        """The pictures before and after; None unless both exist."""
         return None if self.after is None else (self.before, self.after)
 
 
@@ -77,10 +77,10 @@ def encode(
     after: Frame | None = None,
     arm: str = "panda",
 ) -> bytes:
-    """The whole recording in memory, so that it can be written whole. Messages are in order of time.
+    """The whole recording in memory, so that it can be written whole. Messages are in time order.
 
-    An execution without samples has no poses of the tool: the arm stopped, and nothing is known of its joints.
-    `camera_late_s` was subtracted from the camera's stamps; it is only noted, for who wants to undo that.
+    An execution without samples has no tool poses: the arm stopped, and its joints are unknown. `camera_late_s` is
+    already subtracted from the camera's stamps; it is stored only to make that reversible.
     """
     messages = [
         *_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png),
@@ -107,7 +107,7 @@ def track_messages(track: ObjectTrack, t_start_s: float) -> list[Message]:
 
 
 def depths(stored: Recording) -> list[Message]:
-    """Every depth image, as it is."""
+    """Every depth image, unchanged."""
     after = [] if stored.after is None else [stored.after]
     return [
         (_ns(frame.t_s), topic, cdr.image(_ns(frame.t_s), "camera_depth", frame.depth_mm))
@@ -122,7 +122,7 @@ def as_mcap(
     attached: Mapping[str, bytes],
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
-    """A file of topics (name -> type) with `messages` in order of time, JSON attached by name, and metadata."""
+    """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata."""
     stream = io.BytesIO()
     writer = McapWriter(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="adaptsim")
@@ -139,7 +139,7 @@ def as_mcap(
 
 
 def read(path: Path) -> Recording:
-    """Read a recording back. Raises SessionError naming the file when it is corrupt, or was pruned."""
+    """Read a recording back. Raises SessionError naming the file if it is corrupt or was pruned."""
     if not path.exists() and path.with_name("pruned.json").exists():
         raise SessionError(
             f"{path} was removed with adaptsim sessions prune, to free disk space: the numbers and key moments of this "
@@ -153,7 +153,7 @@ def read(path: Path) -> Recording:
 
 
 def require_whole(path: Path) -> None:
-    """Raises SessionError where the checksums within an MCAP file do not hold; other files pass."""
+    """Raises SessionError if a checksum inside an MCAP file is wrong; other files pass."""
     if path.suffix != ".mcap":
         return
     try:
@@ -228,7 +228,7 @@ def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
 
 
 def _png(rgb: Bytes) -> tuple[str, bytes]:
-    """Without loss: the object is found in it again as it was before the motion."""
+    """Lossless, so that a later search finds the object exactly as before the motion."""
     return "png", _encode_png(rgb[..., ::-1])
 
 
@@ -253,7 +253,7 @@ def _compressed(fields: cdr.Reader) -> Bytes:
 
 
 def _depth(fields: cdr.Reader) -> Depth:
-    """Of a message that is as long as it says. Raises ValueError for another encoding."""
+    """The depth image of a message. Raises ValueError for another encoding, or another length than stated."""
     height, width, encoding = fields.count(), fields.count(), fields.string()
     fields.byte(), fields.count()
     if encoding != "16UC1":
@@ -266,7 +266,7 @@ def _decode_colour(content: Bytes | Depth) -> Bytes:
 
 
 def _decode_depth(content: Bytes | Depth) -> Depth:
-    """As it is, or from the PNG of an earlier version."""
+    """The raw image, or decoded from the PNG of an earlier version."""
     if content.dtype == np.uint16:
         return np.asarray(content, np.uint16)
     image = decode_image(content.tobytes(), cv2.IMREAD_UNCHANGED)

@@ -1,4 +1,4 @@
-"""What a session's folder holds, as it stands in its files. Checked on reading; never edited after writing."""
+"""The records in a session's folder. Checked on reading; never edited after writing."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 FORMAT = 3
 COUNTED_FROM_ONE_SINCE = 3
-"""The format since which iterations, attempts, particles and results are numbered from 1 on the disk too."""
+"""The first format that also numbers iterations, attempts, particles and results from 1 on the disk."""
 SEALED_SINCE = 2
-"""The format since which every record is sealed and every other file of a session has its SHA-256 in a record."""
+"""The first format in which every record is sealed and holds the SHA-256 of every other file of a session."""
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
 
 
 class Record(BaseModel):
-    """Base of everything that a session stores: frozen, and unknown keys are an error."""
+    """Base of all stored records: frozen, and unknown keys are an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -58,7 +58,7 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
 
 
 class Facts(Record):
-    """session.toml: what a session was begun with, and must be continued with."""
+    """session.toml: the settings that a session was begun with, and must continue with."""
 
     format: int = FORMAT
     name: str
@@ -69,16 +69,16 @@ class Facts(Record):
     seed: int
     method: str
     adaptsim_is: str = "adaptsim-of-checkpoint"  # what the method adaptsim meant when the session was begun
-    solver: str = ""  # how task policies are found; empty: as the checkpoint has it
-    object: str = ""  # file of an own object's ranges
+    solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
+    object: str = ""  # file with the ranges of an own object
     particles: int
-    trials: int  # a particle and iteration
+    trials: int  # per particle and iteration
     created: str  # ISO 8601
     checkpoint: str
     checkpoint_sha256: str
     calibration: str  # where it comes from
     calibration_sha256: str  # of the poses of camera and tool
-    camera_late_s: float = 0.0  # found by the calibration, subtracted from the camera's time stamps
+    camera_late_s: float = 0.0  # measured by the calibration, subtracted from the camera's time stamps
     versions: dict[str, str]
     title: str  # of the task
     object_name: str
@@ -86,10 +86,10 @@ class Facts(Record):
     context: tuple[DimensionRecord, ...]
     action: tuple[DimensionRecord, ...]
     curves: dict[str, int] = {}
-    """Name of a column of the track -> its index, where it is drawn over time instead of on the table."""
+    """Name -> index of the track's columns that are drawn over time instead of on the table."""
 
     def named(self) -> dict[str, str | int]:
-        """What tells this session from others, as the first columns of every table."""
+        """The facts that identify this session, the first columns of every table."""
         keys = {"session": self.name, "task": self.task, "hw": self.hw, "world": self.world}
         return {**keys, "method": self.method, "seed": self.seed}
 
@@ -141,7 +141,7 @@ class TrackRecord(Record):
 
 
 class KeyMoment(Record):
-    """A camera frame kept for the report."""
+    """A camera frame stored for the report."""
 
     label: str  # "start", "contact", "lift", "end"
     t_s: float  # since the start of the tool's motion
@@ -149,7 +149,7 @@ class KeyMoment(Record):
 
 
 class MotionRecord(Record):
-    """motion.json: a motion that is over, as it was proposed; stored before anyone has looked at what it did."""
+    """motion.json: a finished motion, with its proposal; stored before the recording is tracked."""
 
     drawn_context: Row
     context: Row
@@ -158,7 +158,7 @@ class MotionRecord(Record):
     predicted_low: float
     predicted_high: float
     started: str  # ISO 8601
-    stopped: str | None  # why the motion did not come to its end
+    stopped: str | None  # why the motion ended early; None: it did not
     timing_s: dict[str, float]
     checksums: dict[str, str] = {}  # name -> SHA-256 of each recorded file
 
@@ -173,7 +173,7 @@ class TrialRecord(Record):
     trial: int
     drawn_context: Row
     context: Row
-    goal_m: Row | None = None  # (x, y) where the object was wanted, for a task with such goals
+    goal_m: Row | None = None  # (x, y) wanted place of the object, for a task with such goals
     action: Row
     predicted_reward: float
     predicted_low: float
@@ -187,16 +187,16 @@ class TrialRecord(Record):
     control_success_rate: float
     started: str  # ISO 8601
     timing_s: dict[str, float]
-    files: dict[str, int]  # name -> size in bytes of what lies beside, motion.json left out
-    checksums: dict[str, str] = {}  # name -> SHA-256 of what was derived from the recording
+    files: dict[str, int]  # name -> size in bytes of the other files in the folder, without motion.json
+    checksums: dict[str, str] = {}  # name -> SHA-256 of each file derived from the recording
 
     @property
     def place(self) -> tuple[int, TrialKey]:
-        """Where it stands among stages, whose indices count from 0: (iteration, key)."""
+        """(iteration, key) of the trial; stages count from 0."""
         return self.iteration - 1, TrialKey(self.number, self.attempt - 1)
 
     def amended(self, by: Amendment) -> TrialRecord:
-        """The trial as it counts after an amendment."""
+        """The trial with its amended outcome and reward."""
         tracked = self.overruled_from or self.outcome
         return self.model_copy(
             update={
@@ -213,26 +213,28 @@ RIG = "rig.json"
 
 
 class RigFacts(Record):
-    """rig.json beside a trial on a real rig: the object's mass, and what the camera says of itself."""
+    """rig.json beside a trial on a real rig: the object's mass, and the state of pedal, tool and camera."""
 
     object_mass_kg: float | None = None
     weighed: str | None = None  # ISO 8601
     pedal: Literal["held", "waived"] | None = None  # "waived": the rig file says without_pedal
-    tool: Literal["held", "waived"] | None = None  # by the hand before every motion; "waived": without_hand
-    tool_width_m: float | None = None  # between the fingers that hold it, at the command's first look
+    tool: Literal["held", "waived"] | None = None  # checked by the hand before every motion; "waived": without_hand
+    tool_width_m: float | None = None  # between the fingers that hold it, at the command's first check
     brightness: float | None = None  # median grey value of the picture before the motion, 0 to 255
-    camera: dict[str, Any] | None = None  # serial, exposure, white balance, frames that were lost
+    camera: dict[str, Any] | None = None  # serial, exposure, white balance, lost frames
 
 
 class Note(Record):
-    """A marker beside a trial: its motion was about to start, or it does not count, or counts again, and why."""
+    """A marker beside a trial, with its reason: the motion was about to start, or the trial does not count, or counts
+    again.
+    """
 
     at: str  # ISO 8601
     text: str
 
 
 class Amendment(Note):
-    """amended.json beside a completed trial: the outcome with which it counts from then on."""
+    """amended.json beside a completed trial: the outcome that counts from then on."""
 
     outcome: Outcome
     outcome_before: Outcome
@@ -251,27 +253,27 @@ class BestRecord(Record):
 
 
 NOTICEABLE = 0.05
-"""Fraction of its range from which the correction of a quantity is worth a word."""
+"""Corrections below this fraction of the quantity's range are not shown."""
 
 
 class OutlookRecord(Record):
-    """What another iteration may gain, and by how much the actions differ from those of the simulator's policy."""
+    """The expected gain of another iteration, and the correction of the simulator's actions."""
 
-    gain: float  # of reward, that one more iteration brings on average
-    likely: float  # chance that there is more than 0.05 left to gain
+    gain: float  # expected reward gained by one more iteration
+    likely: float  # chance that more than 0.05 is left to gain
     done: bool  # another iteration is not worth its trials
     hopeless: bool  # nothing in the ranges of the action is expected to work
-    correction: Row  # in the units of the action, mean over contexts
-    correction_std: Row  # over contexts
+    correction: Row  # in units of the action, mean over contexts
+    correction_std: Row  # standard deviation over contexts
 
     def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
-        """Those quantities of the action whose correction is worth a word, with it."""
+        """The quantities of the action with a noticeable correction, each with its correction."""
         pairs = zip(dimensions, self.correction, strict=True)
         return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
 
     @classmethod
     def of(cls, outlook: Outlook) -> OutlookRecord:
-        """To be stored."""
+        """The record of an outlook."""
         return cls(
             gain=outlook.gain,
             likely=outlook.likely,
@@ -283,30 +285,30 @@ class OutlookRecord(Record):
 
 
 class ResultRecord(Record):
-    """result.json: what one iteration's trials led to."""
+    """result.json: the result of one iteration's trials."""
 
     iteration: int
     trials: tuple[tuple[int, int], ...]  # (number, attempt)
     next_particles: tuple[Samples, ...]
     best: BestRecord
     verdict: str
-    outlook: OutlookRecord | None = None  # where the method looks ahead
+    outlook: OutlookRecord | None = None  # None: the method makes no forecast
     timing_s: dict[str, float]
-    proposal_s: float  # wall time from the end of the last trial to the next task policies
+    proposal_s: float  # wall time from the end of the last motion until the next task policies are trained
     summary_sha256: str = ""
     changes: int = 0
-    """How many amended outcomes and restored attempts, until this iteration, the result takes into account."""
+    """The number of amended outcomes and restored attempts, up to this iteration, that the result includes."""
     amended: tuple[str, ...] = ()
-    """Those among them that no earlier result took into account, a sentence each."""
+    """Those of them that no earlier result included, one sentence each."""
 
     @property
     def keys(self) -> tuple[TrialKey, ...]:
-        """The trials that it rests on, as stages name them."""
+        """The keys of its trials."""
         return tuple(TrialKey(number, attempt - 1) for number, attempt in self.trials)
 
 
 class Pruned(Record):
-    """pruned.json beside a trial: recordings that were removed to make room, with their sizes in bytes."""
+    """pruned.json beside a trial: recordings removed to make room, with their sizes in bytes."""
 
     at: str  # ISO 8601
     files: dict[str, int]  # name -> size in bytes
@@ -316,7 +318,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 def to_json(record: Record) -> bytes:
-    """Indented JSON, sealed; raises ValueError on a value that is not finite."""
+    """The record as indented, sealed JSON. Raises ValueError on a value that is not finite."""
     return sealed.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
 
 
@@ -326,7 +328,7 @@ def to_toml(record: Record) -> bytes:
 
 
 def renumbered(record: AnyRecord, by: int) -> AnyRecord:
-    """The record with all its numbers `by` higher but that of the trial: earlier formats counted from 0."""
+    """The record with all numbers but that of the trial raised by `by`: earlier formats counted from 0."""
     if isinstance(record, TrialRecord):
         counted = ("attempt", "iteration", "particle", "trial")
         return record.model_copy(update={name: getattr(record, name) + by for name in counted})
@@ -337,7 +339,7 @@ def renumbered(record: AnyRecord, by: int) -> AnyRecord:
 
 
 def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> AnyRecord:
-    """Read a record. Raises SessionError naming the file and what is wrong with it."""
+    """Read a record. Raises SessionError naming the file and its defect."""
     data, is_sealed = _load(path)
     version = data.get("format", 1)
     if isinstance(version, int) and version > FORMAT:
@@ -355,7 +357,7 @@ def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> 
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """A TOML or JSON file that holds one table. Raises SessionError naming the file."""
+    """The one table of a TOML or JSON file. Raises SessionError naming the file."""
     return _load(path)[0]
 
 

@@ -1,4 +1,4 @@
-"""Marking a trial bad, so that it is done again."""
+"""Reject a trial, so that it is repeated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptsim_cli.session.store import SessionStore
 def redo(store: SessionStore, number: int, reason: str) -> int:
     """Mark trial `number` as not counting; returns the number of its next attempt (from 1).
 
-    It is completed, or recorded and not reviewed yet, and no trial of a later iteration rests on it.
+    The trial has to be completed, or recorded and not yet reviewed, and no later iteration may depend on it.
     Raises UsageError, SessionError.
     """
     facts = store.facts

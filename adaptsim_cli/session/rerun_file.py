@@ -1,4 +1,4 @@
-"""A completed trial for the Rerun viewer: the arm moves, depth is depth, and the track lies in the scene."""
+"""A completed trial for the Rerun viewer: moving arm, depth images, and the track in the scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CAMERA, DEPTH = "base/camera", "base/camera/depth_camera"
 
 
 def write(trial: Trial, path: Path) -> Path:
-    """Write `path` (.rrd), in place of what may be there, and return it. Raises ExtraMissing, SessionError."""
+    """Write or replace `path` (.rrd) and return it. Raises ExtraMissing, SessionError."""
     durable.make_folder(path.parent)
     durable.replace_file(path, encode(trial))
     return path
@@ -51,7 +51,7 @@ def _rerun() -> Any:
 
 
 def _scene(rr: Any, stream: Any, trial: Trial) -> None:
-    """What never moves: cameras, table, the shapes of the links."""
+    """The static parts: cameras, table, shapes of the links."""
     model = trial.stored.model
     stream.log("base", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for entity, X, camera in ((CAMERA, trial.stored.X_BC, model.colour), (DEPTH, model.X_CD, model.depth)):
@@ -90,7 +90,7 @@ def _motion(rr: Any, stream: Any, trial: Trial) -> None:
 
 
 def _story(rr: Any, stream: Any, trial: Trial) -> None:
-    """The track, and what happened."""
+    """The track and the events."""
     track = trial.record.track.track()
     stream.log("base/track", rr.LineStrips3D([track.state[:, :3]], colors=[(255, 190, 40)]), static=True)
     for t_s, state in zip(track.t_s, track.state, strict=True):

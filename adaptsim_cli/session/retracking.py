@@ -1,4 +1,4 @@
-"""Tracking run again on the recordings of a session, with the tracker of this version. Nothing stored is changed."""
+"""Runs this version's tracker on the stored recordings of a session. Changes nothing stored."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ HEAD = ("trial", "stored outcome", "now", "stored reward", "now", "end apart mm"
 
 @dataclass(frozen=True, eq=False)
 class Retracked:
-    """One trial: what is stored of it, and what tracking says now."""
+    """One trial: its stored track, and the track found now."""
 
     record: TrialRecord
-    track: ObjectTrack | None  # None where tracking failed now
+    track: ObjectTrack | None  # None: tracking fails now
     reward: float | None
     context: Array | None  # (c,) as found now
     failure: str | None  # why it failed
 
     @property
     def end_apart_m(self) -> float | None:
-        """Between the last positions of the object, stored and now; None where one of them is not known."""
+        """Distance between the object's last positions, stored and now; None if one of them is unknown."""
         apart_m = self._apart_m()
         return None if apart_m is None else float(apart_m[-1])
 
@@ -53,7 +53,7 @@ class Retracked:
 
     @property
     def is_same_outcome(self) -> bool:
-        """As tracking judged it then; an operator may have overruled that."""
+        """Compared with the tracked outcome, which an operator may have overruled."""
         return self.track is not None and self.track.outcome == self.record.track.outcome
 
     def as_json(self, facts: Facts) -> dict[str, Any]:
@@ -92,10 +92,10 @@ class Retracked:
 
 
 def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None) -> Iterator[Retracked]:
-    """Every completed trial that counts, in order, or `trial` (numbered from 1) alone.
+    """Every completed trial that counts, in order, or only `trial` (numbered from 1).
 
-    A trial that cannot be tracked any more comes with its failure. Raises UsageError when there is no such trial,
-    SessionError naming a file that is missing or damaged.
+    A trial that can no longer be tracked carries its failure. Raises UsageError if there is no such trial, SessionError
+    naming a missing or damaged file.
     """
     found = [record for i in range(store.iterations()) for record in store.trials(i)]
     if trial is not None:
@@ -112,7 +112,7 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
 
 
 def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
-    """What `HEAD` names, a trial a row, as text."""
+    """The columns of `HEAD` as text, one row per trial."""
     return [
         (
             str(one.record.number),
@@ -128,7 +128,7 @@ def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
 
 
 def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str], ...]:
-    """(command, why) of each: where the tracker now sees another outcome, a person decides."""
+    """(command, reason) for each trial with another outcome than before: a person decides."""
     others = [one.record.number for one in found if one.track is not None and not one.is_same_outcome]
     look = tuple(
         (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
@@ -137,14 +137,14 @@ def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str
 
 
 def require_tracked(found: Sequence[Retracked]) -> None:
-    """Raises TrackingFailed where a trial could be tracked once and cannot be now, naming each."""
+    """Raises TrackingFailed naming every trial that was tracked before and cannot be tracked now."""
     failed = [f"trial {one.record.number}: {one.failure}" for one in found if one.track is None]
     if failed:
         raise TrackingFailed(f"{len(failed)} of {len(found)} trials cannot be tracked now; " + "; ".join(failed))
 
 
 def require_camera(task: Task) -> None:
-    """Raises UsageError for a task that is not seen by a camera."""
+    """Raises UsageError for a task without a camera."""
     if task.hardware is None:
         raise UsageError(f"the task {task.name} runs in simulation only: its sessions have no recordings to track")
 
@@ -179,7 +179,7 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
 
 
 def tool_poses(path: Path) -> Callable[[float], Array]:
-    """Clock of the recording -> pose of the tool (4, 4) in the base frame, as it was used then, with corrected joints.
+    """Time on the recording's clock -> tool pose (4, 4) in the base frame that the first tracking used.
 
     Stored at every image, interpolated in between, held beyond the ends. Raises SessionError naming the file.
     """

@@ -1,4 +1,4 @@
-"""What the sequence of a session asks of devices, tracking and planning; `wiring` fills it in."""
+"""The interface between a session and its devices, tracker and planner; `wiring` provides them."""
 
 from __future__ import annotations
 
@@ -22,44 +22,44 @@ Image = NDArray[np.uint8]
 
 
 class Detection(Protocol):
-    """The object lying ready."""
+    """The object, found before the motion."""
 
     @property
     def xy_m(self) -> Array:
-        """(2,) of the object on the table, in the base frame."""
+        """(2,) the object's place on the table, in the base frame."""
         ...
 
 
 @dataclass(frozen=True)
 class TrackRequest:
-    """All that tracking gets to see of one trial."""
+    """All inputs of tracking one trial."""
 
     frames: Sequence[Frame]
     model: CameraModel
     X_BC: Array  # (4, 4)
-    detection: Any  # what `find` returned before the motion
+    detection: Any  # by `find`, before the motion
     X_BT_at: Callable[[float], Array]  # arm clock -> measured pose of the tool (4, 4)
     q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
     t_start_s: float  # arm clock at the start of the tool's motion
     duration_s: float  # of the tool's motion
-    at_home: tuple[Frame, Frame] | None = None  # before and after, of a task that carries its object
+    at_home: tuple[Frame, Frame] | None = None  # before and after; only for a task that carries its object
 
 
 @dataclass(frozen=True)
 class Tracker:
-    """How the camera sees the object of one kind of task."""
+    """How the camera finds and tracks the object of one kind of task."""
 
     find: Callable[[Frame, CameraModel, Array], Detection]
-    """(frame, model, X_BC) -> detection. Raises PerceptionError, also where it is misplaced."""
+    """(frame, model, X_BC) -> detection. Raises PerceptionError, also if the object is misplaced."""
     overlay: Callable[[Frame, CameraModel, Array, Any, Array], Image]
-    """(frame, model, X_BC, detection, drawn context) -> (H, W, 3) RGB with what was asked for and what was found."""
+    """(frame, model, X_BC, detection, drawn context) -> (H, W, 3) RGB with the wanted place and the object found."""
     track: Callable[[TrackRequest], ObjectTrack]
     placement: Callable[[Array], Array]
     """Drawn context -> where the object has to be put, (2,) m in the base frame."""
     context: Callable[[Array, Any], Array]
-    """(drawn context, detection) -> the context that the policy is given."""
+    """(drawn context, detection) -> the context for the policy."""
     outcomes: tuple[Outcome, ...]
-    """How a trial can end, for an operator who saw it otherwise."""
+    """The outcomes that an operator may choose between."""
 
 
 Paths = tuple[JointPath, JointPath, JointPath]
@@ -72,16 +72,16 @@ class Planner:
     paths: Callable[[ToolMotion], Paths]
     """Approach from the home position, the motion itself, the way back. Raises NotExecutable."""
     check: Callable[[JointPath], object]
-    """Raises MotionRefused for what the arm would refuse."""
+    """Raises MotionRefused for a path that the arm would refuse."""
     flange: Callable[[Array], Array]
-    """Joints (7,) as the arm reports them -> its flange over the table, X_WF (4, 4)."""
+    """Reported joints (7,) -> the flange over the table, X_WF (4, 4)."""
 
 
 class Attendant(Protocol):
     """The person beside a real arm, around its trials."""
 
     def recover(self) -> None:
-        """Clear the arm's fault, if it has one, where the person says so. Nothing moves."""
+        """Clear the arm's fault, if there is one and the person types so. Nothing moves."""
         ...
 
     def prepare(self, what: str) -> None:
@@ -92,7 +92,7 @@ class Attendant(Protocol):
         ...
 
     def facts(self) -> RigFacts:
-        """What the rig says of itself after a trial."""
+        """The facts of the rig after a trial."""
         ...
 
 
@@ -101,21 +101,21 @@ class Rig:
     """The connected devices of one bench."""
 
     name: str  # "fake", "panda" or "fr3"
-    title: str  # what an operator calls it
+    title: str  # its name for an operator
     arm: Arm
     camera: Camera
     bench: Bench
     hand_eye: HandEye
-    calibration_days: int = 30  # the age from which it is warned of
+    calibration_days: int = 30  # an older calibration gives a warning
     attendant: Attendant | None = None  # None: nobody is needed
     wait: Callable[[float], None] = lambda _: None
-    """Lets so many seconds pass. A simulated lab's motion returns with the object at rest, so nothing is waited for."""
+    """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
     await_enabled: Callable[[], None] = lambda: None
-    """Returns when a person lets the arm move, so that no recording runs while it waits. Raises MotionRefused."""
+    """Waits until the operator enables motion, so that no recording runs meanwhile. Raises MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
-    """What else must be ready before a session."""
+    """Further checks before a session."""
 
     @property
     def is_real(self) -> bool:
-        """Whether its arm can hurt somebody."""
+        """Whether a real arm moves, which can hurt somebody."""
         return not is_simulated(self.name)

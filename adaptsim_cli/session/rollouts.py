@@ -21,7 +21,7 @@ def names(root: Path) -> tuple[str, ...]:
 
 
 def record_of(root: Path, name: str) -> dict[str, Any]:
-    """The record of one. Raises SessionError where it is missing, incomplete or corrupt, UsageError on a wrong name."""
+    """The record of one. Raises SessionError if it is missing, incomplete or corrupt, UsageError on a wrong name."""
     folder = folder_of(root, name)
     if not folder.is_dir():
         known = ", ".join(names(root)) or "none yet"
@@ -36,7 +36,7 @@ def record_of(root: Path, name: str) -> dict[str, Any]:
 
 
 def overview(root: Path, name: str) -> dict[str, Any]:
-    """One rollout in one line; a damaged one with its name and an error, so that it never hides the others."""
+    """One rollout in one line; a damaged one with its name and an error, so that the list still shows the others."""
     try:
         record = record_of(root, name)
     except SessionError as error:

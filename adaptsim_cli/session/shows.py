@@ -1,4 +1,4 @@
-"""What a person reads during a session and of one, as rich renderables."""
+"""Everything that a session prints for a person, as rich renderables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ from sim.types import Dimension, Space
 
 
 def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
-    """The head of an iteration: hardware, task, number and session; in the first one, what the numbers mean."""
+    """The heading of an iteration: hardware, task, number and session; in the first one, also the meaning of the
+    quantities.
+    """
     where = f"iteration {iteration + 1} of session {facts.name}"
     legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if not iteration else ()
     return Group(
@@ -38,7 +40,7 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> R
 
 
 def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> RenderableType:
-    """The head of a trial: number, attempt and particle."""
+    """The heading of a trial: number, attempt and particle."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     head = Text.assemble(
         views.mark(facts.hw),
@@ -76,7 +78,7 @@ def _where(task: Task, context: Array) -> tuple[str, ...]:
 
 
 def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
-    """The result of a trial beside its prediction, and what its time went into."""
+    """The result of a trial beside its prediction, and its times."""
     style = "green" if record.reward > 0 else "yellow"
     result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
@@ -93,7 +95,7 @@ def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
 def adapted(
     task: Task, before: Sequence[Particle], after: Sequence[Particle], result: ResultRecord, width: int
 ) -> RenderableType:
-    """Parameter, before, after, per particle; one table a particle where the terminal is narrow."""
+    """Parameters before and after, per particle; in a narrow terminal, one table per particle."""
     means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
     if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):
         tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
@@ -116,7 +118,7 @@ def adapted(
 
 
 def _correction(task: Task, result: ResultRecord) -> list[Text]:
-    """By how much its actions differ from what the simulator alone would do with the same parameters."""
+    """How the best actions differ from the simulator's actions for the same parameters."""
     if result.outlook is None:
         return []
     told = [
@@ -190,7 +192,7 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
 
 
 def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:
-    """What was amended or restored, and what follows from it."""
+    """Print the amendment or restoration and its effect."""
     if as_json:
         key = changed.key
         told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}

@@ -1,4 +1,4 @@
-"""One trial by itself: an action chosen by hand, or what a policy proposes. Nothing is adapted, no session grows."""
+"""A single trial with an action chosen by hand or by a policy. Nothing is adapted, and no session changes."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ _STAGE = RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(1, 0), interrup
 
 @dataclass(frozen=True)
 class Chosen:
-    """What the operator typed, as name=value."""
+    """The operator's choices, each as name=value."""
 
     context: Sequence[str]
-    action: Sequence[str]  # what is not given is the policy's
-    parameters: Sequence[str]  # that the policy is trained for; what is not given is the middle of Omega
-    history: tuple[Iteration, ...] = ()  # of a session whose final policy it is instead
+    action: Sequence[str]  # missing ones come from the policy
+    parameters: Sequence[str]  # the policy is trained for them; missing ones: the middle of Omega
+    history: tuple[Iteration, ...] = ()  # if given: use the final policy of this session instead
 
 
 def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
-    """(context (c,), parameters (p,)) as typed, what is not given from the task's middle; the action is checked too.
+    """(context (c,), parameters (p,)) as typed, missing ones from the middle of the range; checks the action too.
 
-    Raises UsageError for a name or a value that is wrong.
+    Raises UsageError for a wrong name or value.
     """
     drawn = values.point(task.context, chosen.context, task.reference_context, "--context")
     middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
@@ -73,8 +73,8 @@ def rollout(
 ) -> dict[str, Any]:
     """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
 
-    Raises UsageError for a value that is wrong, and what a trial of a session raises. What was recorded of a motion is
-    stored before it is tracked, and stays where that fails.
+    Raises UsageError for a wrong value, and the errors of a session's trial. The recording is stored before it is
+    tracked, and stays if tracking fails.
     """
     task, target = parts.task, parts.target
     unattended = yes and not target.is_real
@@ -105,7 +105,7 @@ def rollout(
         operator.approve(proposal, target.is_real)
         trial.execute(planned, partial(_store, folder), screen)
     finally:
-        picture.unlink(missing_ok=True)  # from now on it lies in the folder
+        picture.unlink(missing_ok=True)  # the folder holds it from now on
     replay, track = trial.look(target, ready.context, action, folder, screen)
     record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
     content = json.dumps(record, allow_nan=False, indent=1).encode()
@@ -117,7 +117,7 @@ def rollout(
 
 
 def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) -> Ready:
-    """Everything in its place, tried again as long as the operator wants while the object is not found there."""
+    """Set up the target; if the object is not found, try again as often as the operator wants."""
     stage = _STAGE
     while True:
         try:
@@ -130,7 +130,7 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
 
 
 def _plan(task: Task, ready: Ready, action: Array, screen: Screen) -> Planned:
-    """The motion, within every limit. Raises NotExecutable or MotionRefused, saying how to find one that is."""
+    """The motion, within every limit. Raises NotExecutable or MotionRefused, which name the command to find one."""
     try:
         return ready.plan(action, screen.busy)
     except (NotExecutable, MotionRefused) as error:
@@ -147,7 +147,7 @@ def _store(folder: Path, executed: Executed) -> None:
 
 
 def _keep(path: Path, overlay: bytes) -> Path:
-    """The picture of what the camera found, where a person can open it before agreeing."""
+    """Write the picture of the detection to a file that a person can open before agreeing."""
     durable.replace_file(path, overlay)
     return path
 

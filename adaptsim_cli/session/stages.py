@@ -1,4 +1,7 @@
-"""What exists in a session -> what is to be done next. Pure; the randomness of each step lives here too."""
+"""Derives the next step of a session from its stored files.
+
+Pure; the random numbers of each step come from here too.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 
 
 class TrialKey(NamedTuple):
-    """A trial's number in its session (from 1) and how often it was redone before (from 0)."""
+    """A trial's number in its session (from 1) and its attempt (from 0)."""
 
     number: int
     attempt: int
@@ -19,33 +22,33 @@ class TrialKey(NamedTuple):
 
 @dataclass(frozen=True)
 class Existing:
-    """What a session's folder holds."""
+    """The contents of a session's folder."""
 
     completed: frozenset[TrialKey]
-    started: frozenset[TrialKey]  # motion was about to start: the arm may have moved
-    recorded: frozenset[TrialKey]  # the motion is over and stored, nobody has accepted the trial
-    rejected: frozenset[TrialKey]  # an operator's redo, or a placement or recording that failed; not those restored
-    results: Mapping[int, tuple[TrialKey, ...]]  # iteration -> the trials its newest result rests on
+    started: frozenset[TrialKey]  # the motion was about to start: the arm may have moved
+    recorded: frozenset[TrialKey]  # the motion is over and stored, the trial is not yet accepted
+    rejected: frozenset[TrialKey]  # by the operator, or by a failed placement or recording; without restored ones
+    results: Mapping[int, tuple[TrialKey, ...]]  # iteration -> trials of its newest result
     shown: frozenset[int]  # iterations whose newest result has reached the operator
     changes: Mapping[int, int] = field(default_factory=dict)  # iteration -> amended outcomes and restored attempts
-    counted: Mapping[int, int] = field(default_factory=dict)  # iteration -> changes that its newest result knows of
+    counted: Mapping[int, int] = field(default_factory=dict)  # iteration -> changes included in its newest result
 
 
 @dataclass(frozen=True)
 class RunTrial:
-    """The next thing is one trial of the robot."""
+    """Next: one trial of the robot."""
 
     iteration: int
     particle: int
     trial: int  # within its particle and iteration
     key: TrialKey
-    interrupted: bool = False  # its motion had started and was never stored
-    recorded: bool = False  # its motion is over and stored: only tracking and review are missing
+    interrupted: bool = False  # the motion started and was never stored
+    recorded: bool = False  # the motion is over and stored: tracking and review are missing
 
 
 @dataclass(frozen=True)
 class Adapt:
-    """The next thing is to adapt the particles to the trials of this iteration."""
+    """Next: adapt the particles to the trials of this iteration."""
 
     iteration: int
     keys: tuple[TrialKey, ...]
@@ -53,7 +56,7 @@ class Adapt:
 
 @dataclass(frozen=True)
 class Show:
-    """The iteration is complete, but the program ended before it said so."""
+    """Next: show a complete iteration, because the program ended before it did."""
 
     iteration: int
 
@@ -62,7 +65,7 @@ Stage = RunTrial | Adapt | Show
 
 
 def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
-    """The next stage of a session of `particles` x `trials` trials an iteration. There always is one."""
+    """The next stage of a session with `particles` x `trials` trials per iteration. There is always one."""
     iteration = 0
     while True:
         keys = tuple(current_key(existing, n) for n in trial_numbers(iteration, particles, trials))
@@ -80,9 +83,9 @@ def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
 
 
 def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], next_number: int) -> bool:
-    """Whether the newest result of an iteration stands.
+    """Whether the newest result of an iteration is final.
 
-    One that later trials were made with stands whatever is amended: what changes, the next result says.
+    A result that later trials depend on is final despite amendments; the next result reports those.
     """
     if iteration not in existing.results:
         return False
@@ -92,12 +95,12 @@ def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], 
 
 
 def changes_until(existing: Existing, iteration: int) -> int:
-    """How many outcomes were amended and attempts restored in an iteration and those before it."""
+    """The number of amended outcomes and restored attempts up to and including an iteration."""
     return sum(count for earlier, count in existing.changes.items() if earlier <= iteration)
 
 
 def trial_numbers(iteration: int, particles: int, trials: int) -> range:
-    """Numbers, in the session, of the trials of one iteration: particle by particle."""
+    """The numbers of the trials of one iteration within the session, particle by particle."""
     first = 1 + iteration * particles * trials
     return range(first, first + particles * trials)
 
@@ -111,7 +114,7 @@ def current_key(existing: Existing, number: int) -> TrialKey:
 
 
 class Draw(IntEnum):
-    """What a random number is for; part of its seed."""
+    """The purpose of a random number; part of its seed."""
 
     START = 0
     CONTEXT = 1
@@ -121,5 +124,5 @@ class Draw(IntEnum):
 def generator(
     seed: int, draw: Draw, iteration: int = 0, particle: int = 0, trial: int = 0, attempt: int = 0
 ) -> np.random.Generator:
-    """The random numbers of one step: a function of where it stands, never of what ran before."""
+    """The random numbers of one step. They depend only on the step, never on earlier steps."""
     return np.random.default_rng(np.random.SeedSequence((seed, int(draw), iteration, particle, trial, attempt)))

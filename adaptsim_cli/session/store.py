@@ -1,4 +1,4 @@
-"""A session as a folder: `session.toml`, `start.json`, and one folder an iteration. See docs/reference/sessions.md."""
+"""A session as a folder: `session.toml`, `start.json`, and one folder per iteration. See docs/reference/sessions.md."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(?:\.(started|rejected|restored|a
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
 FACTS, START = "session.toml", "start.json"
 MOTION, TRIAL, PRUNED = "motion.json", "trial.json", "pruned.json"
-"""The records of a trial: of its motion, of what it led to, and of recordings that were removed to make room."""
+"""The records of a trial: its motion, its result, and recordings removed to make room."""
 RESULT, SUMMARY = "result.json", "summary.json"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _CREATION_S = 5.0
-"""How long a command waits for another one that begins a session."""
+"""How long a command waits while another one begins a session."""
 
 _CHANGES: dict[str, type[Note]] = {"restored": Note, "amended": Amendment}
-"""Markers that change what earlier results rest on."""
+"""Markers that change the basis of earlier results."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A judgement that an operator changed: an attempt that was rejected or counts again, or an amended outcome."""
+    """An operator's change of judgement: an attempt rejected or restored, or an outcome amended."""
 
     key: TrialKey
     note: Note
@@ -62,9 +62,9 @@ class SessionStore:
 
     @classmethod
     def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
-        """Make the folder of a new session below `root`. Raises UsageError on a bad name, SessionError, DiskFull.
+        """Create the folder of a new session in `root`. Raises UsageError on a bad name, SessionError, DiskFull.
 
-        Of two commands that begin the same session at once, the second gets the SessionError.
+        If two commands begin the same session at once, the second one raises SessionError.
         """
         folder = folder_of(root, facts.name)
         durable.make_folder(root)
@@ -75,7 +75,7 @@ class SessionStore:
 
     @classmethod
     def open(cls, root: Path, name: str) -> SessionStore:
-        """Raises SessionError when it is missing or corrupt."""
+        """Open a session. Raises SessionError if it is missing or corrupt."""
         folder = folder_of(root, name)
         if not folder.is_dir():
             known = ", ".join(names(root)) or "none yet"
@@ -86,15 +86,15 @@ class SessionStore:
 
     @property
     def first(self) -> int:
-        """What iterations, attempts and results are numbered from in this session's names and records."""
+        """The first number (0 or 1) of iterations, attempts and results in this session's names and records."""
         return 1 if self.facts.format >= records.COUNTED_FROM_ONE_SINCE else 0
 
     def existing(self) -> Existing:
-        """What is there. Raises SessionError on names that do not belong."""
+        """The stored contents. Raises SessionError on names that do not belong there."""
         completed: set[TrialKey] = set()
         recorded: set[TrialKey] = set()
         started: set[TrialKey] = set()
-        rejections: Counter[TrialKey] = Counter()  # less those that were taken back
+        rejections: Counter[TrialKey] = Counter()  # minus those taken back
         results: dict[int, tuple[TrialKey, ...]] = {}
         changes: Counter[int] = Counter()
         counted: dict[int, int] = {}
@@ -131,11 +131,11 @@ class SessionStore:
         )
 
     def motion(self, iteration: int, key: TrialKey) -> MotionRecord:
-        """A motion that is over. Raises SessionError when it is missing or corrupt."""
+        """The record of a finished motion. Raises SessionError if it is missing or corrupt."""
         return records.read(MotionRecord, self.trial_folder(iteration, key) / MOTION)
 
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
-        """A completed trial. Raises SessionError when a file beside it is missing or cut short."""
+        """A completed trial. Raises SessionError if a file beside it is missing or truncated."""
         folder = self.trial_folder(iteration, key)
         record, pruned = self._read(TrialRecord, folder / TRIAL), self.pruned(folder)
         for name, size in record.files.items():
@@ -145,11 +145,11 @@ class SessionStore:
         return record.amended(amendments[-1]) if amendments else record
 
     def amendments(self, iteration: int, key: TrialKey) -> tuple[Amendment, ...]:
-        """Every outcome that an operator set after a trial was accepted, the one that counts last."""
+        """Every outcome that an operator set after accepting a trial; the last one counts."""
         return tuple(records.read(Amendment, path) for path in self._markers(iteration, key, "amended"))
 
     def changes(self, iteration: int) -> tuple[Change, ...]:
-        """What was amended or restored in an iteration, in order of time."""
+        """The amendments and restorations of an iteration, in time order."""
         found = [
             Change(self._key(match), records.read(kind, entry))
             for entry in entries(self.iteration_folder(iteration))
@@ -167,12 +167,12 @@ class SessionStore:
         return tuple(told)
 
     def pruned(self, folder: Path) -> dict[str, int]:
-        """Recordings that were removed from a trial's folder to make room, with their sizes. Raises SessionError."""
+        """The recordings removed from a trial's folder to make room, with sizes in bytes. Raises SessionError."""
         path = folder / PRUNED
         return records.read(Pruned, path, must_be_sealed=True).files if path.exists() else {}
 
     def rigs(self) -> Iterator[records.RigFacts]:
-        """What the rig said of itself beside each motion, in their order. Raises SessionError where one is corrupt."""
+        """The facts of the rig beside each motion, in order. Raises SessionError if one is corrupt."""
         for _, folder in self._iterations():
             for entry in entries(folder):
                 if (entry / records.RIG).is_file():
@@ -191,7 +191,7 @@ class SessionStore:
         return self._read(ResultRecord, folder / RESULT) if folder else None
 
     def summary(self, iteration: int) -> dict[str, Any]:
-        """What `run-iteration --json` prints of an iteration that has a result. Raises SessionError."""
+        """The output of `run-iteration --json` for an iteration with a result. Raises SessionError."""
         folder = self._newest_result(iteration)
         if folder is None:
             raise SessionError(f"iteration {iteration + 1} of {self.facts.name} has no result yet")
@@ -204,7 +204,7 @@ class SessionStore:
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
 
     def entries(self) -> list[Path]:
-        """The folders of the iterations, and whatever lies beside them."""
+        """The folders of the iterations, and the files beside them."""
         return [entry for entry in entries(self.folder) if entry.is_dir()]
 
     def iterations(self) -> int:
@@ -212,7 +212,7 @@ class SessionStore:
         return max((number + 1 for number, _ in self._iterations()), default=0)
 
     def mark_started(self, iteration: int, key: TrialKey, at: str) -> None:
-        """Log that the arm is about to move; on disk before this returns."""
+        """Note that the arm is about to move; on the disk before this returns."""
         path = self._marker(iteration, key, "started")
         if not path.exists():
             durable.make_folder(path.parent)
@@ -231,7 +231,7 @@ class SessionStore:
         self._mark(iteration, key, "amended", amendment)
 
     def _mark(self, iteration: int, key: TrialKey, kind: str, note: Record) -> None:
-        """A marker beside those of its kind that are there already."""
+        """Write another marker of this kind; earlier ones stay."""
         path = self._nth_marker(iteration, key, kind, len(self._markers(iteration, key, kind)))
         durable.make_folder(path.parent)
         durable.write_file(path, records.to_json(note))
@@ -247,14 +247,14 @@ class SessionStore:
         return self._marker(iteration, key, f"{kind}-{n + self.first}" if n else kind)
 
     def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
-        """Store a motion that is over with all that was recorded of it, whole or not at all."""
+        """Store a finished motion with its recorded files, whole or not at all."""
         folder = self.trial_folder(iteration, key)
         durable.make_folder(folder.parent)
         summed = record.model_copy(update={"checksums": _checksums(files)})
         durable.write_folder(folder, {**files, MOTION: records.to_json(summed)})
 
     def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
-        """Complete the trial of a stored motion with what was `derived` from its recording."""
+        """Complete the trial of a stored motion with the files `derived` from its recording."""
         folder = self.trial_folder(*record.place)
         there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = there | {name: len(content) for name, content in derived.items()}
@@ -262,14 +262,14 @@ class SessionStore:
         durable.complete_folder(folder, derived, TRIAL, self._json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:
-        """Store what an iteration led to, beside an earlier result that a redo made obsolete."""
+        """Store the result of an iteration; an earlier result that a redo made obsolete stays beside it."""
         folder = self.iteration_folder(record.iteration - 1)
         summed = record.model_copy(update={"summary_sha256": _sha256(summary)})
         files = {SUMMARY: summary, RESULT: self._json(summed)}
         durable.write_folder(folder / f"result-{self._results(folder) + self.first}", files)
 
     def scratch(self, name: str, content: bytes) -> Path:
-        """A throw-away file for the operator to look at, not part of the record."""
+        """Write a temporary file for the operator to look at; it is not part of the record."""
         path = self.folder / f".{name}"
         with durable.explained(path):
             path.write_bytes(content)
@@ -302,25 +302,25 @@ class SessionStore:
                 yield int(match[1]) - self.first, entry
 
     def _key(self, match: re.Match[str]) -> TrialKey:
-        """The trial that a name tells of."""
+        """The trial that a file name refers to."""
         return TrialKey(int(match[1]), int(match[2]) - self.first)
 
     def _results(self, folder: Path) -> int:
-        """How many results an iteration has."""
+        """The number of results of an iteration."""
         matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
         return max((int(match[1]) + 1 - self.first for match in matches if match), default=0)
 
     def _read(self, kind: type[records.AnyRecord], path: Path) -> records.AnyRecord:
-        """A record, its numbers from 1 whatever the session's format."""
+        """A record with numbers from 1, whatever the session's format."""
         return records.renumbered(records.read(kind, path), 1 - self.first)
 
     def _json(self, record: Record) -> bytes:
-        """A record as this session's format numbers it."""
+        """A record numbered as in this session's format."""
         return records.to_json(records.renumbered(record, self.first - 1))
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other process from writing to this session. Raises UsageError when one does already."""
+        """Lock this session against every other process. Raises UsageError if another one holds the lock."""
         taken = f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
         with locked(self.folder, taken):
             durable.remove_leftovers(self.folder)
@@ -328,7 +328,7 @@ class SessionStore:
 
 
 def folder_of(root: Path, name: str) -> Path:
-    """The folder of session `name`. Raises UsageError when it cannot be the name of a folder."""
+    """The folder of session `name`. Raises UsageError if that cannot be a folder's name."""
     if not _NAME.fullmatch(name):
         raise UsageError(f"session name {name!r}: use letters, digits, '.', '_' and '-' (at most 100)")
     return root / name
@@ -341,7 +341,7 @@ def names(root: Path) -> tuple[str, ...]:
 
 
 def newest(root: Path) -> str:
-    """The session that was begun last. Raises SessionError when there is none."""
+    """The session that was begun last. Raises SessionError if there is none."""
     found = [name for name in names(root) if _facts_file(root / name).is_file()]
     if not found:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
@@ -366,7 +366,7 @@ def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def entries(folder: Path) -> list[Path]:
-    """What lies in a folder, in order of the alphabet, without what killed processes left."""
+    """The contents of a folder in alphabetical order, without leftovers of killed processes."""
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))

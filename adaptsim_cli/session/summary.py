@@ -1,4 +1,4 @@
-"""What `run-iteration --json` prints: one object an iteration. Pure."""
+"""The output of `run-iteration --json`: one object per iteration. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sim.adaptation.method import Particle
 def summary(
     facts: Facts, names: Sequence[str], before: Sequence[Particle], trials: Sequence[TrialRecord], result: ResultRecord
 ) -> dict[str, Any]:
-    """The object of the documented shape; parameters by name, in units."""
+    """The documented object; parameters by name, in units."""
     return {
         "task": facts.task,
         "session": facts.name,
@@ -60,7 +60,7 @@ def _particle(
 
 
 def named(names: Sequence[str], values: Row | np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, float]:
-    """Values by the names of their dimensions. Raises ValueError where their numbers differ."""
+    """Values by the names of their dimensions. Raises ValueError if the counts differ."""
     return dict(zip(names, (float(v) for v in values), strict=True))
 
 
@@ -89,7 +89,7 @@ def overview(store: SessionStore) -> dict[str, Any]:
 
 
 def overview_or_damage(root: Path, name: str) -> dict[str, Any]:
-    """One session in one line; a damaged one with its name and an error, so that it never hides the others."""
+    """One session in one line; a damaged one with its name and an error, so that the list still shows the others."""
     try:
         return overview(SessionStore.open(root, name))
     except SessionError as error:
@@ -97,7 +97,7 @@ def overview_or_damage(root: Path, name: str) -> dict[str, Any]:
 
 
 def details(store: SessionStore) -> dict[str, Any]:
-    """One session with all that counts in it. Raises SessionError."""
+    """One session with all its counting trials and results. Raises SessionError."""
     facts = store.facts
     trials = [trial for i in range(store.iterations()) for trial in store.trials(i)]
     results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]

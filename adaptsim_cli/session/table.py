@@ -1,4 +1,4 @@
-"""The trials of a session as rows of a table: for CSV, Parquet and comparisons. Pure but for reading the session."""
+"""The trials of a session as table rows, for CSV, Parquet and comparisons. Pure, except that it reads the session."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
 def rows(store: SessionStore) -> list[Row]:
     """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
 
-    A quantity's column is `parameter_`, `context_` or `action_` with its name, in the units of `units`. Raises
+    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
     SessionError.
     """
     return [_row(store, trial) for trial in trials_of(store)]
 
 
 def units(store: SessionStore) -> dict[str, str]:
-    """Unit of every column that has one; rewards are from 0 to 1 and have none."""
+    """The unit of every column that has one. Rewards (0 to 1) have none."""
     facts = store.facts
     found = {
         f"{kind}_{d.name}": d.unit
@@ -40,7 +40,7 @@ def units(store: SessionStore) -> dict[str, str]:
 
 
 def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
-    """Rows as CSV; the first row's columns and whatever others add."""
+    """Rows as CSV, with the first row's columns and further ones of other rows."""
     text = io.StringIO()
     writer = csv.DictWriter(text, _columns(table), lineterminator="\n", restval="")
     writer.writeheader()

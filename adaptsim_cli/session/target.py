@@ -1,7 +1,7 @@
-"""Where trials happen: what the sequence asks of a rig (`on_rig`) and of a simulated target (`in_simulation`).
+"""Where trials happen: the common interface of a rig (`on_rig`) and of a simulated target (`in_simulation`).
 
-A trial is `set_up`, `plan`, `execute`, then `replay`, `track`, `evidence`; each step hands over what the next needs.
-What `execute` recorded is on the disk before `replay` reads it, so a trial that is cut short there can go on.
+A trial is `set_up`, `plan`, `execute`, then `replay`, `track`, `evidence`; each step returns the input of the next. The
+recording of `execute` is on the disk before `replay` reads it, so a trial interrupted there can continue.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from perception.types import ObjectTrack, Outcome
 
 @dataclass(frozen=True)
 class TrialEvidence:
-    """What is kept of a trial beside its recording and its record."""
+    """The files and numbers stored of a trial besides its recording and its record."""
 
     files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
     moments: tuple[KeyMoment, ...] = ()
@@ -32,36 +32,39 @@ class TrialEvidence:
 
 
 class Executed(Protocol):
-    """A motion that is over and not stored yet."""
+    """A finished motion that is not stored yet."""
 
     @property
     def stopped(self) -> HardwareError | None:
-        """Why it did not come to its end; what was recorded until then is worth a look, but is no trial."""
+        """Why it ended early; None: it did not.
+
+        A recording until then is kept to look at, but does not count as a trial.
+        """
         ...
 
     def files(self) -> Mapping[str, bytes]:
-        """All that was recorded, name -> content: what `Target.replay` reads."""
+        """The recorded files, name -> content; `Target.replay` reads them."""
         ...
 
 
 class TrialReplay(Protocol):
-    """A motion that is over, read from what was stored of it, and not looked at yet."""
+    """A finished motion, read from its stored files, not yet tracked."""
 
     @property
     def looking(self) -> str:
-        """What `track` does, for the operator."""
+        """A sentence for the operator about `track`."""
         ...
 
     def track(self) -> ObjectTrack:
-        """Raises TrackingFailed."""
+        """The object's track. Raises TrackingFailed."""
         ...
 
     def evidence(self, track: ObjectTrack) -> TrialEvidence:
-        """Reward and observation of `track`, with what supports them."""
+        """The pictures and files that support `track`."""
         ...
 
     def track_px(self, track: ObjectTrack) -> Array:
-        """(N, 2) the object's centre in the picture of the camera; (0, 2) where there is none."""
+        """(N, 2) the object's centre in the camera's picture; (0, 2) without a camera."""
         ...
 
 
@@ -70,29 +73,29 @@ class Planned(Protocol):
 
     @property
     def summary(self) -> str:
-        """What has been planned, in one sentence."""
+        """The plan in one sentence."""
         ...
 
     @property
     def announcement(self) -> str:
-        """What is going to happen when the operator agrees."""
+        """The sentence that says what happens if the operator agrees."""
         ...
 
     def sight(self) -> Sight | None:
-        """What there is to look at before it is executed; None where there is no camera."""
+        """The picture and paths to look at before the execution; None without a camera."""
         ...
 
     def execute(self, during: During = silently) -> Executed:
-        """Raises MotionRefused, CameraError, or ArmFault where nothing was recorded."""
+        """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
         ...
 
 
 class Ready(Protocol):
-    """Everything is in its place for one trial."""
+    """One trial, set up."""
 
     @property
     def drawn(self) -> Array:
-        """(c,) the context that was asked for."""
+        """(c,) the wanted context."""
         ...
 
     @property
@@ -102,20 +105,23 @@ class Ready(Protocol):
 
     @property
     def overlay(self) -> bytes | None:
-        """JPEG of what the camera found; None where there is no camera."""
+        """JPEG of the detection; None without a camera."""
         ...
 
     def plan(self, action: Array, during: During = silently) -> Planned:
-        """Raises NotExecutable, or MotionRefused naming joint, time, value and limit."""
+        """Plan the motion of `action` (a,).
+
+        Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
+        """
         ...
 
 
 class Target(Protocol):
-    """What a session adapts to."""
+    """The target that a session adapts to."""
 
     @property
     def title(self) -> str:
-        """What an operator calls it."""
+        """Its name for an operator."""
         ...
 
     @property
@@ -125,24 +131,24 @@ class Target(Protocol):
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """How a trial can end, for an operator who saw it otherwise."""
+        """The outcomes that an operator may choose between."""
         ...
 
     def checks(self) -> tuple[Readiness, ...]:
-        """Whether it is ready."""
+        """The checks of its devices."""
         ...
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """Whether an attempt that was cut short in the middle is spent; if not, it is done again from its start."""
+        """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
         ...
 
     def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> Ready:
-        """Make the `drawn` context (c,) true, as far as it can be. Raises HardwareError, ObjectNotFound."""
+        """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
         ...
 
     def replay(self, context: Array, action: Array, folder: Path) -> TrialReplay:
-        """The motion that was executed for context (c,) and action (a,), from what was stored of it in `folder`.
+        """The executed motion for context (c,) and action (a,), from its stored files in `folder`.
 
-        No device is asked. Raises SessionError naming a file that is corrupt, ObjectNotFound.
+        Uses no device. Raises SessionError naming a corrupt file, ObjectNotFound.
         """
         ...

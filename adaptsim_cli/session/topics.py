@@ -1,4 +1,4 @@
-"""What a viewer needs beside pictures and joints: cameras, transforms, the arm's description, and what happened.
+"""Topics for viewers besides pictures and joints: cameras, transforms, the arm's description, and events.
 
 Messages of a recording, as (time in ns, topic, CDR); pure.
 """
@@ -32,22 +32,22 @@ TYPES = {
     DESCRIPTION: "std_msgs/msg/String",
     TRANSFORMS: "tf2_msgs/msg/TFMessage",
 }
-"""Of every recording."""
+"""Topics of every recording."""
 AFTERWARDS = {
     EVENTS: "rcl_interfaces/msg/Log",
     OUTCOME: "std_msgs/msg/String",
     OBJECT: "geometry_msgs/msg/PointStamped",
 }
-"""What is only known once a trial was judged."""
+"""Topics that are known only after a trial was judged."""
 
 SMOOTHED_S = 0.05
-"""Over which measured joints are differentiated: a cubic is fitted to them (Savitzky and Golay, 1964)."""
+"""Window for the derivatives of measured joints, by a fitted cubic (Savitzky and Golay, 1964)."""
 
 FRAMES = (*(f"panda_link{i}" for i in range(8)), FLANGE_NAME, HAND_NAME)
-"""Of the arm: those of `hw.kinematics.link_poses`, and the hand."""
+"""The arm's frames: those of `hw.kinematics.link_poses`, and the hand."""
 
 X_FH = np.eye(4)
-"""The hand in the flange: turned by 45 degrees about Z (hw.kinematics)."""
+"""The hand in the flange: rotated by 45° about Z (hw.kinematics)."""
 X_FH[:3, :3] = Rotation.from_euler("z", -np.pi / 4).as_matrix()
 
 
@@ -63,10 +63,10 @@ def description(arm: str, t_ns: int) -> Message:
 
 
 def joints(played: Execution) -> Iterator[Message]:
-    """Measured joints with their velocity and the torque that this motion takes, and commanded ones with theirs.
+    """Measured and commanded joints, each with velocity and the torque of the motion.
 
-    Velocities are differentiated from the positions. Torques are those of the arm's rigid-body model with its hand, for
-    the measured motion in the air: what a tool weighs and touches is not in them.
+    Velocities are derivatives of the positions. Torques are those of the arm's rigid-body model with its hand, for the
+    measured motion in the air; the tool's weight and its contacts are not included.
     """
     if not len(played.t_s):
         return
@@ -96,7 +96,7 @@ def transforms(
 
 
 def event(t_s: float, text: str, *, is_warning: bool = False) -> Message:
-    """One line of what happened, at a time on the arm's clock."""
+    """One line of the events, at a time on the arm's clock."""
     t_ns = _ns(t_s)
     return t_ns, EVENTS, cdr.log(t_ns, 30 if is_warning else 20, "adaptsim", text)
 
@@ -107,7 +107,7 @@ def outcome(t_s: float, values: dict[str, object]) -> Message:
 
 
 def derivative(t_s: Array, values: Array, order: int) -> Array:
-    """(N, ...) of values (N, ...) at evenly spaced times; 0 where there are too few to say."""
+    """The derivative (N, ...) of values (N, ...) at evenly spaced times; 0 if there are too few values."""
     if len(t_s) < 5:
         return np.zeros_like(values)
     step_s = float(np.median(np.diff(t_s)))

@@ -28,9 +28,9 @@ def propose(
     keep: Callable[[bytes], Path],
     screen: Screen,
 ) -> Proposal:
-    """Show what is going to happen and why, before anyone is asked.
+    """Show the planned trial and its expected reward before anyone is asked.
 
-    `parameters` (p,) is what the policy is for; `keep` stores the picture of what the camera found.
+    `parameters` (p,) are those of the policy; `keep` stores the picture of the detection.
     """
     overlay = None if ready.overlay is None else keep(ready.overlay)
     expected = ExpectedReward(*policy.predict(ready.context))
@@ -42,7 +42,7 @@ def propose(
 
 
 def execute(planned: Planned, store: Callable[[Executed], None], screen: Screen) -> None:
-    """Execute, and `store` what was recorded before anyone looks at it. Raises HardwareError."""
+    """Execute, and `store` the recording before anyone looks at it. Raises HardwareError."""
     executed = planned.execute(screen.busy)
     with screen.busy("Storing the recording", "storing"):
         store(executed)
@@ -53,7 +53,7 @@ def execute(planned: Planned, store: Callable[[Executed], None], screen: Screen)
 def look(
     target: Target, context: Array, action: Array, folder: Path, screen: Screen
 ) -> tuple[TrialReplay, ObjectTrack]:
-    """Track what was stored in `folder`. Raises PerceptionError, SessionError naming a file that is corrupt."""
+    """Track the recording in `folder`. Raises PerceptionError, SessionError naming a corrupt file."""
     with screen.busy("Reading the recording", "reading"):
         replay = target.replay(context, action, folder)
     with screen.busy(replay.looking, "tracking"):

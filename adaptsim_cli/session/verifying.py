@@ -1,4 +1,4 @@
-"""Reads every file of a session and says which are not as they were written."""
+"""Reads every file of a session and names those that changed after writing."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Verified:
     """One session, file by file."""
 
     session: str
-    files: int  # that were read
-    without_checksum: int  # of a former version: only their size or their inner checksums could be compared
-    damage: tuple[str, ...]  # one message a file
+    files: int  # number of files read
+    without_checksum: int  # from an earlier version: only size or inner checksums could be compared
+    damage: tuple[str, ...]  # one message per file
 
     def as_json(self) -> dict[str, Any]:
         """The object that `sessions verify --json` prints for a session."""
@@ -46,7 +46,7 @@ class Verified:
 
 
 def verify(root: Path, name: str) -> Verified:
-    """Read all of session `name` below `root`. Raises UsageError on a name that cannot be one."""
+    """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
     folder_of(root, name)
     try:
         store = SessionStore.open(root, name)
@@ -58,7 +58,7 @@ def verify(root: Path, name: str) -> Verified:
 
 
 class _Examination:
-    """What has been read so far, and what was wrong with it."""
+    """The files read so far, and the damage found."""
 
     def __init__(self, is_sealed: bool) -> None:
         self.is_sealed = is_sealed
@@ -66,7 +66,7 @@ class _Examination:
         self.damage: list[str] = []
 
     def session(self, store: SessionStore) -> None:
-        self._count(is_checked=self.is_sealed, files=2)  # session.toml and start.json: they were read to open it
+        self._count(is_checked=self.is_sealed, files=2)  # session.toml and start.json, read on opening
         if (store.folder / ABOUT).exists():
             self._record(About, store.folder / ABOUT)
         for folder in store.entries():
@@ -85,14 +85,14 @@ class _Examination:
             self._files(folder, {SUMMARY: result.summary_sha256} if result.summary_sha256 else {})
 
     def _trial(self, store: SessionStore, folder: Path) -> None:
-        has_motion = self.is_sealed or (folder / MOTION).exists()  # the first version kept none beside a finished trial
+        has_motion = self.is_sealed or (folder / MOTION).exists()  # the first version had none beside a finished trial
         motion = self._record(MotionRecord, folder / MOTION) if has_motion else None
         pruned = self._look(store.pruned, folder) or {}
         if (folder / PRUNED).exists():
             self._count(is_checked=True)
         recorded = {} if motion is None else motion.checksums
         checksums = {name: checksum for name, checksum in recorded.items() if name not in pruned}
-        if not (folder / TRIAL).exists():  # what tracking derives is made again; what was recorded has to be whole
+        if not (folder / TRIAL).exists():  # derived files can be made again, the recording has to be whole
             self._files(folder, checksums, is_complete=False)
         elif (trial := self._record(TrialRecord, folder / TRIAL)) is not None:
             for name, size in trial.files.items():
@@ -120,7 +120,7 @@ class _Examination:
         return self._look(partial(records.read, kind, must_be_sealed=self.is_sealed), path)
 
     def _look(self, read: Callable[..., T], *arguments: Any) -> T | None:
-        """What `read` returns; None where it found damage, which is kept."""
+        """The result of `read`; None if it found damage, which is noted."""
         try:
             return read(*arguments)
         except SessionError as error:
@@ -140,7 +140,7 @@ def _sha256(path: Path) -> str:
 
 
 def _require_trials(store: SessionStore) -> None:
-    """Raises SessionError where a trial is missing on which a result rests."""
+    """Raises SessionError if a trial of a result is missing."""
     existing = store.existing()
     for iteration, keys in existing.results.items():
         for key in keys:

@@ -1,4 +1,4 @@
-"""A completed trial as a video: the camera's pictures with the tracked centre, its way, the time and the outcome."""
+"""A completed trial as a video: the camera's pictures with the tracked centre, its path, the time and the outcome."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
 
 
 def write(trial: Trial, path: Path) -> Path:
-    """Write `path` (WebM, VP8) in place of what may be there, and return it. Raises SessionError."""
+    """Write or replace `path` (WebM, VP8) and return it. Raises SessionError."""
     durable.make_folder(path.absolute().parent)
     durable.replace_file(path.absolute(), encode(trial))
     return path

@@ -1,4 +1,4 @@
-"""What a session shows while it runs, to whoever looks on beside the terminal."""
+"""The interface to watchers: views of a running session besides the terminal."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from perception.types import ObjectTrack
 from sim.adaptation.posterior import Posterior
 
 Telling = Callable[[], Posterior | None]
-"""Computes what the trials tell of the true parameters, for whoever wants it; None where the method holds no belief."""
+"""Computes the belief about the true parameters on request; None if the method has none."""
 
 
 @dataclass(frozen=True)
 class Occasion:
-    """What it is that somebody looks on at."""
+    """The session or rollout that a watcher shows."""
 
     name: str  # of the session or rollout
     what: str  # one line: the session and its method, or the rollout
     hw: str
-    particles: int = 0  # 0: a trial that belongs to no session
+    particles: int = 0  # 0: a single rollout
 
     @classmethod
     def session(cls, facts: Facts) -> Occasion:
@@ -37,36 +37,36 @@ class Occasion:
 class Sight:
     """One planned trial to look at, before anything moves."""
 
-    picture: bytes  # JPEG: start area and goal, and the object as it was found
+    picture: bytes  # JPEG: start area, goal, and the object found
     size_px: tuple[int, int]  # of the picture: width, height
-    path_px: Array  # (M, 2) the tool's way in the picture, during its motion
+    path_px: Array  # (M, 2) path of the tool in the picture, during its motion
     path_m: Array  # (M, 3) the same in the base frame
     t_s: Array  # (K,) from the start of the approach to the end of the way back
     arm_m: Array  # (K, J, 3) base, joints, flange and tool at these times, in the base frame
-    motion_s: tuple[float, float]  # when the tool's own motion begins and ends
-    spot_m: Array  # (2,) where the object was found
-    area_m: Array  # (4,) where it may lie: low x, high x, low y, high y
-    goal_m: Array | None  # (2,) where it shall come to rest, for a task with such a goal
+    motion_s: tuple[float, float]  # start and end of the tool's own motion
+    spot_m: Array  # (2,) the object's measured place
+    area_m: Array  # (4,) allowed area: low x, high x, low y, high y
+    goal_m: Array | None  # (2,) where it should come to rest, for a task with such a goal
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One tracked trial to look at, before anyone is asked about it."""
+    """One tracked trial to look at, before the operator reviews it."""
 
-    track_px: Array  # (N, 2) the object's centre in the picture; (0, 2) where there is no camera
+    track_px: Array  # (N, 2) the object's centre in the picture; (0, 2) without a camera
     moments: tuple[KeyMoment, ...]
     files: Mapping[str, bytes]  # name -> JPEG of the moments
 
 
 class Watcher(Protocol):
-    """Each call returns at once; none may raise for what it cannot show."""
+    """A view of a session. Each call returns at once, and never raises because it cannot show something."""
 
     def proposed(self, made: Proposal, sight: Sight | None) -> None:
-        """A trial was planned, and is about to be asked for."""
+        """A trial is planned; the operator is asked next."""
         ...
 
     def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
-        """A trial was tracked, and is about to be asked about."""
+        """A trial is tracked; the operator reviews it next."""
         ...
 
     def changed(self, store: SessionStore, posterior: Telling) -> None:
@@ -79,7 +79,7 @@ class Watcher(Protocol):
 
 
 class Unwatched:
-    """`Watcher`: nobody looks on."""
+    """`Watcher` that shows nothing."""
 
     def proposed(self, made: Proposal, sight: Sight | None) -> None:
         """See `Watcher`."""
@@ -95,7 +95,7 @@ class Unwatched:
 
 
 class AllOf:
-    """`Watcher`: several of them."""
+    """`Watcher` that forwards to several."""
 
     def __init__(self, watchers: Sequence[Watcher]) -> None:
         self._watchers = tuple(watchers)

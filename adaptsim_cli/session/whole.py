@@ -1,7 +1,7 @@
 """A completed trial as one MCAP file: pictures, joints, transforms, the arm, its track, its outcome and its events.
 
-A stored recording is written before anyone has looked at it and never edited, so this file is made from it and from the
-trial's record when somebody asks. Recordings of earlier versions become as complete as new ones.
+A recording is stored before it is tracked and never edited. So this file is made on request, from the recording and the
+trial's record. Recordings of earlier versions become as complete as new ones.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class Trial:
 
     @property
     def title(self) -> str:
-        """For a file or a viewer's window."""
+        """Title of a file or a viewer's window."""
         return f"{self.facts.name}-trial-{self.record.number:03d}"
 
     def events(self) -> Iterator[tuple[float, str, bool]]:
-        """(arm clock in s, what happened, whether it warns), in order of time."""
+        """(arm clock in s, event, whether it is a warning), in time order."""
         record, start_s = self.record, self.start_s
         yield self.stored.before.t_s, f"the {self.facts.object_name} was detected", False
         yield start_s, "the motion started", False
@@ -64,7 +64,7 @@ class Trial:
             yield end_s, f"the operator set the outcome; tracked: {record.overruled_from.value}", True
 
     def outcome(self) -> dict[str, object]:
-        """How it ended, by name and in units."""
+        """The trial's result, by name, in units."""
         facts, record = self.facts, self.record
         return {
             "outcome": record.outcome.value,
@@ -75,7 +75,7 @@ class Trial:
         }
 
     def metadata(self) -> dict[str, str]:
-        """What a viewer shows of the file as a whole."""
+        """The file's metadata for a viewer."""
         facts, record = self.facts, self.record
         units = {d.name: d.unit for space in (facts.context, facts.action, facts.parameters) for d in space if d.unit}
         return {
@@ -97,13 +97,13 @@ class Trial:
 
 
 def open_trial(store: SessionStore, record: TrialRecord) -> Trial:
-    """Raises SessionError where its recording is missing, pruned or corrupt."""
+    """Read a trial. Raises SessionError if its recording is missing, pruned or corrupt."""
     file = store.trial_folder(*record.place) / recording.FILE
     return Trial(store.facts, record, recording.read(file), file)
 
 
 def encode(trial: Trial) -> bytes:
-    """The whole file in memory. Colour stays as it was stored, bit by bit. Raises SessionError."""
+    """The whole file in memory. Colour images stay bit-identical. Raises SessionError."""
     stored, track = trial.stored, trial.record.track.track()
     played, times_s = stored.execution, [frame.t_s for frame in stored.frames]
     start_ns = round(stored.before.t_s * 1e9)
@@ -122,7 +122,7 @@ def encode(trial: Trial) -> bytes:
 
 
 def centre_px(trial: Trial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
-    """(2,) the tracked centre in the colour image at an arm clock's time; None while it is not tracked."""
+    """(2,) the tracked centre in the colour image at an arm clock's time; None outside the track."""
     import cv2
 
     track, since_s = trial.record.track.track(), t_s - trial.start_s

@@ -1,1 +1,1 @@
-"""The one place that joins real parts: from settings to what sessions, calibrations and touch-offs are run with."""
+"""The one place that joins real parts: from settings to the parts of sessions, calibrations and touch-offs."""

@@ -1,4 +1,4 @@
-"""What it takes to judge a stored trial anew: the session's task, and how its trials can end."""
+"""The parts for judging a stored trial again: the session's task and its possible outcomes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.tasks.task import Task
 
 
 def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
-    """The task with the session's ranges, and its outcomes. Raises UsageError where no camera sees the task."""
+    """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
     task = task_of(replace(config, task=facts.task, object=facts.object))
     if task.hardware is None or not facts.calibration:
         raise UsageError(f"session {facts.name} was simulated without a camera: its outcomes are exact")

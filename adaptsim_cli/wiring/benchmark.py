@@ -34,7 +34,7 @@ DEFAULT = "default"
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is to be compared, checked."""
+    """A checked request for a benchmark."""
 
     resolved: Resolved
     task: Task
@@ -45,11 +45,11 @@ class Asked:
     checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
     out: Path | None
     in_lab: bool = False  # trials run through the whole simulated lab
-    left_out: tuple[tuple[str, str], ...] = ()  # of "all": methods that these checkpoints do not hold, and why
+    left_out: tuple[tuple[str, str], ...] = ()  # for "all": methods missing from these checkpoints, and why
 
     @property
     def plan(self) -> dict[str, Any]:
-        """What results depend on, and may not change while they are gathered."""
+        """Everything that results depend on, and that may not change while they are gathered."""
         return {
             "format": FORMAT,
             "task": self.task.name,
@@ -60,7 +60,7 @@ class Asked:
 
     @property
     def folder(self) -> Path:
-        """Where its results lie: the same request, the same folder."""
+        """The folder of its results: the same request has the same folder."""
         if self.out is not None:
             return self.out.absolute()
         digest = hashlib.sha256(json.dumps(self.plan, sort_keys=True).encode()).hexdigest()[:8]
@@ -80,7 +80,7 @@ def asked(
     *,
     in_lab: bool = False,
 ) -> Asked:
-    """Check what is asked for before anything runs.
+    """Check the request before anything runs.
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
@@ -120,7 +120,7 @@ def asked(
 
 
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
-    """Run what is missing of the sessions. Raises DatasetError where a table is missing, SimError, SessionError."""
+    """Run the missing sessions. Raises DatasetError if a table is missing, SimError, SessionError."""
     from adaptsim_cli.report.benchmark import Comparison
     from sim.benchmark.run import Results, run_jobs
     from sim.benchmark.summary import summarise
@@ -150,14 +150,14 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
 
 
 def tables_folder(resolved: Resolved) -> Path:
-    """Where the tables of the settings' task lie."""
+    """The folder of the tables of the settings' task."""
     return resolved.places.world_tables / resolved.config.task
 
 
 def make_tables(
     resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
 ) -> list[dict[str, Any]]:
-    """Simulate what is missing of the tables of these worlds; one entry each, for JSON.
+    """Simulate the missing parts of the tables of these worlds; one entry per world, for JSON.
 
     Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
     """
@@ -209,7 +209,7 @@ def make_tables(
 
 
 def _runner(asked: Asked) -> Callable[[Job], Row]:
-    """What runs one job; the lab is imported only where trials run in it."""
+    """The function that runs one job; the lab is imported only if trials run in it."""
     if asked.in_lab:
         from adaptsim_cli.wiring.lab_place import run_in_lab
 
@@ -220,7 +220,7 @@ def _runner(asked: Asked) -> Callable[[Job], Row]:
 
 
 def _require_lab(task: Task, targets: Sequence[Target]) -> None:
-    """Raises UsageError where there is no arm for a task, or no lab for a world's physics."""
+    """Raises UsageError for a task without an arm, or a world whose physics the lab does not have."""
     if task.hardware is None:
         raise UsageError(f"--lab: {task.name} has no motion for an arm, so the lab cannot run it; leave --lab out")
     if foreign := [target.name for target in targets if target.world.physics != "drake"]:
@@ -230,7 +230,7 @@ def _require_lab(task: Task, targets: Sequence[Target]) -> None:
 
 
 def _tables(asked: Asked) -> list[WorldTable | None]:
-    """That of each target; none for a task that simulates its worlds."""
+    """The table of each target; None for a task that simulates its worlds."""
     from sim.benchmark.tables import load_table
 
     if asked.task.exact:
@@ -240,7 +240,7 @@ def _tables(asked: Asked) -> list[WorldTable | None]:
 
 
 def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
-    """The key of the scene in each physics that the targets have."""
+    """The key of the scene, for each physics among the targets."""
     from sim.lab.physics import in_physics
     from sim.tasks.scene_key import scene_key
 
@@ -248,7 +248,7 @@ def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
 
 
 def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
-    """World by world, so that what is there already is whole worlds."""
+    """The jobs world by world, so that partial results are complete worlds."""
     from sim.benchmark.jobs import Job
 
     return [
@@ -269,7 +269,7 @@ def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
 
 
 def _found_again(name: str, checkpoint: Checkpoint) -> str:
-    """A shipped checkpoint by its name, any other by its whole path: a worker has a current folder of its own."""
+    """A shipped checkpoint by its name, any other by its absolute path, because workers run in another folder."""
     from sim.tasks import files_of
 
     is_shipped = checkpoint.path.is_relative_to(files_of(str(checkpoint.card["task"]), "checkpoints"))

@@ -1,4 +1,4 @@
-"""The best policy of a session, by the session's name: to be run, and to be exported."""
+"""The best policy of a session, to run it or to export it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 A_SIDE, MOST = 9, 81
-"""Contexts at which a policy is exported: so many along each of two quantities, so many in all of more."""
+"""Contexts at which a policy is exported: this many along each of two quantities; with more quantities, this many in
+all.
+"""
 
 
 @dataclass(frozen=True)
 class BestOfSession:
-    """What a session would go with, and its settings."""
+    """The final policy of a session, and its settings."""
 
     config: Config
     parameters: dict[str, float]
@@ -42,9 +44,9 @@ class BestOfSession:
 
 
 def best_of(store: SessionStore, config: Config) -> BestOfSession:
-    """Of the last complete iteration. Raises SessionError before the first.
+    """The best policy after the last complete iteration. Raises SessionError before the first.
 
-    `config` gives the settings that a session does not freeze.
+    `config` provides the settings that a session does not freeze.
     """
     results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
     name = store.facts.name
@@ -57,7 +59,7 @@ def best_of(store: SessionStore, config: Config) -> BestOfSession:
 
 
 def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPolicy:
-    """The policy that a session would go with; the limits of an arm are not asked.
+    """The final policy of a session, without the limits of an arm.
 
     Raises SessionError before the first complete iteration, CheckpointError.
     """
@@ -97,7 +99,7 @@ def export(store: SessionStore) -> dict[str, Any]:
 
 
 def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """(G, c) contexts that cover the area of a task in order; one empty one where there is none."""
+    """(G, c) contexts that cover a task's ranges in order; (1, 0) for a task without context."""
     from sim.rollouts.draws import cover
 
     size = len(task.context)

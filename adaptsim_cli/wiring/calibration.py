@@ -1,4 +1,4 @@
-"""Joins the real parts of a calibration, and finds the calibration that a rig has."""
+"""Joins the parts of a calibration, and finds a rig's calibration."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
 
 BOARD_HOME_RAD = (0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785)
-"""Where the arm stands with the board: drawn back, the board between it and the camera."""
+"""The arm's posture with the board: drawn back, the board between arm and camera."""
 
 UNKNOWN_RAD = (0.0,) * 7
-"""The joint zeros while a calibration looks for them. They stay out of its plans, which thus do not change under it."""
+"""The joint zeros during a calibration that searches for them: 0, so that its plans do not change on the way."""
 
 
 def calibration_key(config: Config) -> str:
-    """The folder of a rig's calibrations: of the simulated lab one a task, world and seed, else one a lab.
+    """The folder of a rig's calibrations: one per task, world and seed in the simulated lab, else one per lab.
 
-    The content of an own world file counts, not only its name. Raises UsageError where a real lab has no rig file.
+    The content of an own world file counts, not only its name. Raises UsageError if a real lab has no rig file.
     """
     if not config.is_simulated:
         return _plain(f"{config.hw}-{rig_of(config).name}")
@@ -49,20 +49,20 @@ def calibration_key(config: Config) -> str:
 
 
 def calibrations(config: Config, places: Places) -> CalibrationStore:
-    """The calibrations kept for the rig or world of these settings."""
+    """The stored calibrations of the rig or world of these settings."""
     return CalibrationStore(places.calibrations / calibration_key(config))
 
 
 def current_calibration(config: Config, places: Places) -> SavedCalibration | None:
-    """The calibration in use for this rig; None where there is none. Raises SessionError where it is damaged."""
+    """The calibration in use for this rig; None if there is none. Raises SessionError if it is damaged."""
     return calibrations(config, places).current()
 
 
 def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> tuple[HandEye, Array]:
-    """The camera's pose that a session works with, and the joint offsets (7,) found with it.
+    """The camera pose that a session uses, and the joint zeros (7,) found with it.
 
-    `nominal` is what a simulated lab comes with. A real rig has none: without a calibration CalibrationMissing is
-    raised, and nothing moves.
+    `nominal` is the calibration of a simulated lab. A real rig has none: without a calibration it raises
+    CalibrationMissing, and nothing moves.
     """
     known = current_calibration(config, places)
     if known is not None:
@@ -79,10 +79,10 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
 def open_calibration_rig(
     config: Config, board: Board, rough: SavedCalibration | None, drivers: Drivers | None = None
 ) -> Iterator[CalibrationRig]:
-    """The devices, connected, with the board in the gripper. Raises DeviceUnavailable, and what `open_lab` raises.
+    """The connected devices, with the board in the gripper. Raises DeviceUnavailable, and the errors of `open_lab`.
 
-    `rough` is an earlier calibration, if there is one: where the camera stands, for planning alone. Where nothing is
-    known of it, nothing is planned: the arm is guided by hand. `drivers`: of a real lab's devices.
+    `rough` is an earlier calibration, if there is one: it gives the camera's place, for planning only. Without it
+    nothing is planned, and the arm is guided by hand. `drivers` are those of a real lab's devices.
     """
     from hw.kinematics import forward
     from sim.tasks import get_task
@@ -110,7 +110,7 @@ def open_calibration_rig(
 
 
 def _held(board: Board) -> HeldBoard:
-    """The board in the gripper as docs/guide/calibrate.md shows it."""
+    """The board in the gripper, as in docs/guide/calibrate.md."""
     from perception.board import draw
     from sim.lab.board import HeldBoard
 
@@ -118,7 +118,7 @@ def _held(board: Board) -> HeldBoard:
 
 
 def ways(cell: Workcell, home_rad: Array) -> Ways:
-    """Between postures that keep clear of everything in `cell`."""
+    """Plans paths between postures that keep clear of everything in `cell`."""
     from sim.panda import visits
 
     def postures(X_BF: Array) -> list[Array | None]:

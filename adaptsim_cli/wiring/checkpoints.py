@@ -1,4 +1,4 @@
-"""Which checkpoint the settings mean, which there are, and whether a card holds."""
+"""Finds the checkpoint of the settings, lists checkpoints, and verifies their cards."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
 
 ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a verification: half a minute of one core, and some ten seconds."""
+"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
 
 
 def task_of(config: Config) -> Task:
@@ -31,7 +31,7 @@ def task_of(config: Config) -> Task:
 
 
 def checkpoint_of(config: Config) -> Checkpoint:
-    """That of the settings; where they name none, the newest own one for the ranges of an own object, else the shipped.
+    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one.
 
     Raises UnknownName, ObjectError, CheckpointError.
     """
@@ -43,7 +43,7 @@ def checkpoint_of(config: Config) -> Checkpoint:
 
 
 def own_checkpoints() -> list[Path]:
-    """Folders of those that `adaptsim pretrain` made in its own place, newest last."""
+    """Folders of the checkpoints that `adaptsim pretrain` made in its default place, newest last."""
     from sim.adaptation.checkpoint import CARD
 
     cards = places().pretraining.glob(f"*/checkpoint/{CARD}")
@@ -51,7 +51,7 @@ def own_checkpoints() -> list[Path]:
 
 
 def _pretrained(task: Task) -> list[Path]:
-    """Those for exactly these ranges."""
+    """The own checkpoints for exactly these ranges."""
     from sim.adaptation.checkpoint import read_card
     from sim.errors import CheckpointError
     from sim.tasks.fingerprint import fingerprint
@@ -66,9 +66,9 @@ def _pretrained(task: Task) -> list[Path]:
 
 
 def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Load the setting's checkpoint against card and task, and see whether the card's figures hold; for JSON.
+    """Load the settings' checkpoint, compare it with card and task, and measure the card's figures again; for JSON.
 
-    Raises CheckpointError where it is corrupt or foreign; a figure that does not hold is told in `holds`.
+    Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
     """
     from sim.pretraining.verification.figures import Figure
     from sim.pretraining.verification.figures import verify_figures as verify
@@ -105,7 +105,7 @@ def repair(
 ) -> dict[str, Any]:
     """Add the policy of `adaptsim-attainable` to a copy of the settings' checkpoint; for JSON.
 
-    Raises CheckpointError, UsageError where the copy would overwrite something.
+    Raises CheckpointError, and UsageError if the copy would overwrite something.
     """
     from sim.pretraining.attainable import repair
 
@@ -122,7 +122,7 @@ def repair(
 
 
 def list_checkpoints() -> list[dict[str, str]]:
-    """Shipped checkpoints and the user's own ones; `created` tells where a card cannot be read."""
+    """Shipped checkpoints and the user's own ones; an unreadable card is noted under `created`."""
     from sim.adaptation.checkpoint import list_checkpoints, read_card
     from sim.errors import CheckpointError
 
@@ -139,7 +139,7 @@ def list_checkpoints() -> list[dict[str, str]]:
 
 
 def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
-    """The card of a checkpoint, ready for JSON: null where a figure is not a number. Raises CheckpointError."""
+    """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
     from sim.adaptation.checkpoint import read_card
 
     text = json.dumps(read_card(folder, task), default=str)
@@ -148,7 +148,7 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
 
 
 def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Which parameters sessions with the settings' checkpoint can tell, for JSON. Raises CheckpointError."""
+    """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
     from sim.adaptation.identifiability import SESSIONS, TRIALS, identifiability
     from sim.adaptation.methods.adaptsim import create
 
@@ -170,7 +170,7 @@ def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dic
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     """The checkpoint that a stored session was begun with, found by the hash of its weights.
 
-    Raises CheckpointError where none of the shipped ones, of the settings' and of the user's own is that one.
+    Raises CheckpointError if it is neither a shipped one, nor that of the settings, nor one of the user's own.
     """
     from sim.adaptation.checkpoint import load_checkpoint, read_card
     from sim.errors import CheckpointError
@@ -190,7 +190,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
 
 def _folders(task: str) -> Iterator[Path]:
-    """Where the checkpoint of a session may lie: as the settings say, shipped, the user's own."""
+    """Folders that may hold a session's checkpoint: that of the settings, shipped ones, the user's own."""
     from sim.tasks import files_of
 
     if named := load().config.checkpoint:

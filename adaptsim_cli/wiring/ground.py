@@ -1,4 +1,4 @@
-"""Where camera, table and tool are taken to be: the calibration and the touch-off in use, or those of a session."""
+"""The assumed poses of camera, table and tool: from the calibration and touch-off in use, or those of a session."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What trials are planned and seen with."""
+    """The poses with which trials are planned and tracked."""
 
     eye: HandEye  # over the table: in frame W
     there: MountedTask
@@ -37,23 +37,23 @@ class Ground:
 
     @property
     def sha256(self) -> str:
-        """Of the poses of camera and tool: what a session records of them."""
+        """SHA-256 of the poses of camera and tool, which a session records."""
         return hash_of(self.eye.X_BC, self.there.hardware.X_FT)
 
 
 def hash_of(X_BC: Array, X_FT: Array) -> str:
-    """Of the pose of the camera over the table, and of the tool at the flange (4, 4)."""
+    """SHA-256 of the camera's pose over the table and of the tool's pose at the flange, (4, 4) each."""
     return hashlib.sha256(np.ascontiguousarray(np.stack([X_BC, X_FT])).tobytes()).hexdigest()
 
 
 def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> Ground:
-    """What is in use now. Raises what `calibration_of`, `touch_off_of` and `mounted` raise."""
+    """The poses in use now. Raises the errors of `calibration_of`, `touch_off_of` and `mounted`."""
     eye, zeros_rad = calibration_of(config, places, lab.nominal)
     return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, zeros_rad))
 
 
 def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> Ground:
-    """The one that a session was begun with, among all that are kept. Raises UsageError where it is gone."""
+    """The poses that a session was begun with, searched among all stored ones. Raises UsageError if they are gone."""
     found = (one for one in _kept(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
     ground = next((one for one in found if one.eye.camera_late_s == facts.camera_late_s), None)
     if ground is None:
@@ -65,7 +65,7 @@ def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Fact
 
 
 def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
-    """The sessions of this rig that can go on now, and cannot once its calibration or touch-off is replaced."""
+    """The sessions of this rig that can continue now, but not after its calibration or touch-off is replaced."""
     rig, now = calibration_key(config), dict[tuple[str, str], str]()
     found = []
     for name in stores.names(places.sessions):
@@ -80,7 +80,7 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
                 task = task_of(settings)
                 with open_lab(settings, task) as lab:
                     now[key] = ground_of(settings, places, task, lab).sha256
-        except (CliError, SimError, CalibrationError, OSError):  # damaged, or of a world that is gone: not open
+        except (CliError, SimError, CalibrationError, OSError):  # damaged, or its world is gone: not open
             continue
         if facts.calibration_sha256 == now[key]:
             found.append(name)
@@ -94,7 +94,7 @@ def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: Saved
 
 
 def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[Ground]:
-    """Every calibration with every touch-off that was made with its joint zeros, and without one; newest first."""
+    """Every calibration, with each touch-off made with its joint zeros and without any; newest first."""
     eyes: list[tuple[HandEye, Array]] = []
     store, touching = calibrations(config, places), touch_offs(config, places)
     for path in reversed(store.numbered.all()):

@@ -1,4 +1,4 @@
-"""Joins a stored session with the checkpoint that it was begun with: what its trajectories say, seen from the end."""
+"""Evaluates the trajectories of a stored session again, with the checkpoint that it was begun with."""
 
 from __future__ import annotations
 
@@ -27,33 +27,33 @@ if TYPE_CHECKING:
     from sim.solvers.solver import SolvedPolicy
 
 LIKELY = 24
-"""Trajectories of the posterior that are drawn of every trial."""
+"""Number of trajectories drawn from the posterior for each trial."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hindsight:
-    """A checkpoint asked what the trajectories of its sessions say. It remembers what it worked out of each trial."""
+    """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
 
     checkpoint: Checkpoint
     belief: Belief
 
     @classmethod
     def of(cls, store: SessionStore) -> Hindsight:
-        """Raises CheckpointError where the session's checkpoint is gone, or holds nothing to infer with."""
+        """Raises CheckpointError if the session's checkpoint is gone, or has no parts for inference."""
         from sim.adaptation.methods.belief import create
 
         checkpoint = checkpoint_of_session(store)
         return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
 
     def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
-        """After so many iterations of a session; by default after all of its trials. Raises SessionError."""
+        """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
         return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
 
     def judge(self, store: SessionStore) -> Judgement:
-        """All that a report shows of a session. Raises SessionError without trials."""
+        """The judgement that a report shows. Raises SessionError without trials."""
         from sim.adaptation.posterior import policies_of, policies_of_udr, prospect
 
         checkpoint, count = self.checkpoint, store.iterations()
@@ -95,12 +95,12 @@ class Reports:
     def draw(self, store: SessionStore, out: Path | None = None) -> Path:
         """Write the page of a session and return its path. Raises SessionError.
 
-        Where its checkpoint is gone or knows nothing to infer with, the page says so.
+        If its checkpoint is gone or has no parts for inference, the page says so.
         """
         return page.write(store, out, self.judgement(store), measured_udr(store))
 
     def judgement(self, store: SessionStore) -> Judgement | str:
-        """What the simulator makes of a session, or why it can say nothing. Raises SessionError on damage."""
+        """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
         sha256 = store.facts.checkpoint_sha256
         try:
             if sha256 not in self._known:
@@ -111,9 +111,9 @@ class Reports:
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:
-    """The UDR session with the most trials of the same task in the same world, or with the same real arm; None: none.
+    """The UDR session with the most trials, of the same task in the same world or with the same real arm; None: none.
 
-    Sessions that cannot be read count as none.
+    Unreadable sessions are skipped.
     """
     facts, found = store.facts, list[page.Reference]()
     for name in names(store.folder.parent):

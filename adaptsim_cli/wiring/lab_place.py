@@ -34,11 +34,11 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 
 ATTEMPTS = 4
-"""How often an object is placed again after a trial in which it was not found, or that no limit allows."""
+"""How often an object is placed again after it was not found, or the motion would break a limit."""
 
 
 class Nobody:
-    """An operator who answers nothing, for trials without questions."""
+    """An operator for trials without questions."""
 
     def placed(self, *_: Any) -> None:
         """See `adaptsim_cli.session.operator.Operator`."""
@@ -54,7 +54,10 @@ class InLab:
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`. Raises RolloutError where a trial cannot be had. The lab has its own chance, not `rng`."""
+        """See `Place`.
+
+        Raises RolloutError if a trial keeps failing. The lab draws from its own random numbers, not `rng`.
+        """
         task = self.rig.task
         done = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
         seen = np.stack([context for context, _ in done])
@@ -74,7 +77,7 @@ class InLab:
         return self.table.best_actions(contexts)
 
     def _trial(self, context: Array, action: Array) -> tuple[Array, ObjectTrack]:
-        """One motion, as a session has it -> the context that was measured, and the track."""
+        """One motion, as in a session -> the measured context, and the track."""
         number, why = next(self._numbers), ""
         for attempt in range(ATTEMPTS):
             try:
@@ -90,7 +93,10 @@ class InLab:
 
 
 def run_in_lab(job: Job) -> Row:
-    """As `run_job`, with the trials of its session in the lab. UDR and the limits have none, or too many."""
+    """As `run_job`, but with the session's trials in the lab.
+
+    UDR and the upper bounds run outside: they need no trials, or too many.
+    """
     if job.method in (UDR, *LIMITS):
         return run_job(job)
     with in_lab(job) as place:
@@ -108,7 +114,7 @@ def in_lab(job: Job) -> Iterator[InLab]:
 
 @contextmanager
 def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
-    """A lab in `world` and the rig in it, with the arm and the calibration of a first session."""
+    """A lab in `world` and its rig, with the default arm and the nominal calibration."""
     there = mounted_as_shipped(task, "panda")
     with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
         devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))

@@ -1,4 +1,4 @@
-"""Who looks on beside the terminal: the live page."""
+"""Opens the live page beside the terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from adaptsim_cli.view.live import live_view
 
 
 def beside(port: int | None) -> OpenView:
-    """A page at `port`, or at any that is free. Opening it raises UsageError where that port is taken."""
+    """A page at `port`, or at any free port. Opening it raises UsageError if the port is in use."""
 
     @contextmanager
     def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:

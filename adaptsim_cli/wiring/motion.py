@@ -24,7 +24,7 @@ PATHS = ("approach", "task", "way back")
 
 @dataclass(frozen=True, eq=False)
 class PlannedMotion:
-    """The three paths of a trial with what they use of every limit."""
+    """The three paths of a trial, and how close they come to every limit."""
 
     task: Task
     arm: str
@@ -63,7 +63,7 @@ class PlannedMotion:
         }
 
     def table(self) -> RenderableType:
-        """Every limit of the task's path, then the tightest of the two others."""
+        """Every limit of the task's path, then the tightest limit of the two other paths."""
         from rich.console import Group
         from rich.text import Text
 
@@ -95,11 +95,11 @@ _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 
 
 def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
-    """The task on an `arm` by name as it ships; else in the lab of the rig file where the settings name a real one;
-    else on a Panda.
+    """The task on the named `arm` with default settings; else in the lab of the rig file, if the settings name a real
+    arm; else on a Panda.
 
-    Raises UsageError, NoHardware, NotExecutable, SessionError for a calibration that cannot be read, PreflightFailed
-    for a stale touch-off.
+    Raises UsageError, NoHardware, NotExecutable, SessionError for an unreadable calibration, PreflightFailed for a
+    stale touch-off.
     """
     import numpy as np
 
@@ -126,10 +126,10 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
 
 
 def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
-    """The motion for values typed as name=value; what is not given is the middle of its range.
+    """The motion for values typed as name=value; missing ones are in the middle of their range.
 
-    Raises UsageError for values that are wrong, NotExecutable or MotionRefused (also where no stop along the path keeps
-    the limits) where the arm cannot do it.
+    Raises UsageError for wrong values, NotExecutable or MotionRefused (also if no stop along the path keeps the limits)
+    if the arm cannot do it.
     """
     import numpy as np
 

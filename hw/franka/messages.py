@@ -70,12 +70,12 @@ class Connected:
 
     reading: Reading
     notes: tuple[str, ...] = ()
-    """What the computer does not give the player (`hw.franka.realtime.settle`)."""
+    """Real-time properties that the computer denies the player (`hw.franka.realtime.settle`)."""
 
 
 @dataclass(frozen=True)
 class Rhythm:
-    """The answer to `Listen`: how evenly the arm's states came."""
+    """The answer to `Listen`: how evenly the arm's states arrived."""
 
     states: int
     missed: int  # milliseconds of the arm's clock without one

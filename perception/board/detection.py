@@ -1,8 +1,8 @@
 """The calibration board in an image: `draw`, `detect`, `locate`.
 
-OpenCV finds and reads the markers. From those alone the board's place is good to a pixel or two, which is enough to
-predict every inner corner, read or not; each is then refined on its own saddle of grey values, and kept only if it
-lies where its neighbours say. So a corner beside an unreadable marker counts as well.
+OpenCV finds and reads the markers. They alone give the board's place to a pixel or two, enough to predict every inner
+corner. Each corner is then refined on its own saddle of grey values, and kept only if it agrees with its neighbours. So
+a corner beside an unreadable marker counts as well.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 Grey = NDArray[np.uint8]
 
 _MIN_MARKERS = 3
-_AMBIGUOUS = 1.5  # the mirror pose fits less than this factor worse
-_STRAY_PX = 1.0  # a refined corner farther than this (or 5 sigma) from where the others put it is not one
-_BENT = 0.15  # of a marker's edge: a corner so far from the plane of the others still belongs to the board
-_SCALES = (1, 2, 3)  # images are tried enlarged where too few markers are read
+_AMBIGUOUS = 1.5  # ambiguous if the mirror pose fits worse by less than this factor
+_STRAY_PX = 1.0  # a refined corner farther than this (or 5 sigma) from the others' prediction is dropped
+_BENT = 0.15  # of a marker's edge: a corner this far from the plane of the others still belongs to the board
+_SCALES = (1, 2, 3)  # if too few markers are read, images are enlarged
 _MAX_PX = 2.5e7  # but not beyond this many pixels
 
 
 def draw(board: Board, square_px: int, margin_px: int = 0) -> Grey:
-    """The print: (down x square_px + 2 margin, across x square_px + 2 margin) black and white, to scale."""
+    """The print, black and white, to scale: (down x square_px + 2 margin, across x square_px + 2 margin) pixels."""
     width, height = board.squares_across * square_px, board.squares_down * square_px
     size = (width + 2 * margin_px, height + 2 * margin_px)
     return np.asarray(_charuco(board).generateImage(size, marginSize=margin_px, borderBits=1), dtype=np.uint8)
@@ -35,7 +35,7 @@ def draw(board: Board, square_px: int, margin_px: int = 0) -> Grey:
 def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: Intrinsics) -> Corners:
     """Inner corners of `board` in a colour (H, W, 3 RGB), grey or infrared (H, W) image of `camera`.
 
-    Raises BoardNotFound, WrongBoard or BoardMirrored, with what was seen instead.
+    Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
     """
     if image.shape[:2] != (camera.height, camera.width):
         raise WrongBoard(
@@ -54,7 +54,7 @@ def locate(corners: Corners, board: Target, camera: Intrinsics) -> BoardPose:
     """Pose of the board in the camera. Raises BoardNotFound for fewer than `board.least` points or all on one line.
 
     A flat board seen from afar or nearly head-on has a second pose, tilted the other way, that explains the image
-    nearly as well. The better one is given; `ambiguous` says that the other one cannot be excluded.
+    almost as well. The better pose is returned; `ambiguous` says that the other cannot be excluded.
     """
     points = board.p_MK_m[corners.ids]
     if len(points) < board.least or in_a_row(points, board.spacing_m):
@@ -63,7 +63,7 @@ def locate(corners: Corners, board: Target, camera: Intrinsics) -> BoardPose:
 
 
 def in_a_row(points_m: Array, spacing_m: float) -> bool:
-    """Whether points (K, 3) lie along one line, which leaves a turn about it free."""
+    """Whether points (K, 3) lie along one line, which leaves the rotation about it undetermined."""
     spread = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False) if len(points_m) > 2 else np.zeros(2)
     return bool(spread[1] < 0.5 * spacing_m)
 
@@ -75,7 +75,7 @@ def is_flat(points_m: Array) -> bool:
 
 
 def starts(points_m: Array, px: Array, camera: Intrinsics) -> list[Array]:
-    """Poses X_CM (4, 4) in front of the camera that explain points (K, 3) at pixels (K, 2): two where they are flat."""
+    """Poses X_CM (4, 4) before the camera that explain points (K, 3) at pixels (K, 2): two if the points are flat."""
     method = cv2.SOLVEPNP_IPPE if is_flat(points_m) else cv2.SOLVEPNP_SQPNP
     try:
         _, rvecs, tvecs, _ = cv2.solvePnPGeneric(points_m, px, camera.K, camera.distortion, flags=method)
@@ -207,7 +207,7 @@ def _predict(points: Array, px: Array, board: Board, camera: Intrinsics) -> Arra
     flat = cv2.undistortPoints(px[:, None], camera.K, camera.distortion).reshape(-1, 2)
     focal = float(np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
     marker_px = float(np.median(np.linalg.norm(np.diff(px.reshape(-1, 4, 2), axis=1), axis=-1)))
-    for limit_px in (3.0, max(3.0, _BENT * marker_px)):  # the second for a bent print, or a lens that is not stated
+    for limit_px in (3.0, max(3.0, _BENT * marker_px)):  # the second for a bent print, or an unknown lens
         H, good = cv2.findHomography(points[:, :2], focal * flat, cv2.RANSAC, limit_px)
         share = 0.0 if H is None else float(np.mean(good))
         if share >= 0.6:
@@ -234,8 +234,8 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
     if len(ids) >= board.least:
         start = predicted[ids].astype(np.float32)[:, None]
         stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-3)
-        # a wide window finds the corner from the markers' prediction, but the markers' own corners in it pull by up to
-        # 0.4 px; a second one that ends before them is good to 0.05 px (rendered views)
+        # A wide window finds the corner from the prediction, but markers' corners inside the window pull it by up to
+        # 0.4 px. A second window that ends before them is good to 0.05 px (rendered views).
         fine = max(2, round(0.96 * _inset(board) * square_px))
         wide = cv2.cornerSubPix(grey, start.copy(), (half, half), (-1, -1), stop)
         refined = cv2.cornerSubPix(grey, wide, (fine, fine), (-1, -1), stop).reshape(-1, 2).astype(np.float64)
@@ -252,7 +252,7 @@ def _refine(grey: Grey, predicted: Array, board: Board, camera: Intrinsics) -> C
 
 
 def _inset(board: Board) -> float:
-    """How far a marker lies inside of its square, over the square's edge."""
+    """The distance of a marker from the edge of its square, as a share of the square's edge length."""
     return (1.0 - board.marker_m / board.square_m) / 2.0
 
 
@@ -263,7 +263,9 @@ def _square_px(predicted: Array, board: Board) -> float:
 
 
 def _saddle(grey: Grey, px: Array, half: int) -> NDArray[np.bool_]:
-    """(N,) is there a saddle: opposite quarters alike, neighbours different, in the second derivatives of the patch."""
+    """(N,) whether there is a saddle (opposite quarters alike, neighbours different), by second derivatives of the
+    patch.
+    """
     px = np.clip(px, 0.0, [grey.shape[1] - 1.0, grey.shape[0] - 1.0])
     sigma = max(0.35 * half, 0.8)
     rim = 4 * half + 4

@@ -1,4 +1,4 @@
-"""Any target in a picture: `find`. Our own board is found by `detection`, everything else by OpenCV as it stands."""
+"""Find any target in a picture: our own board by `detection`, all others by plain OpenCV."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from perception.errors import BoardNotFound, WrongBoard
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 _SCALES = (1, 2)
-"""A marker of 20 px is read in one of them and not in the other."""
+"""Scales to try: a marker of 20 px may be read at one of them and not at the other."""
 _REACHES_PX = (2.5, 2.0)
 _STEP_PX = 0.25
-_CORNER_SHARE = 0.12  # of a side, at both ends: what lies near a corner belongs to the next side as well
+_CORNER_SHARE = 0.12  # of a side, left out at both ends: near a corner the next side disturbs
 
 
 def find(image: Image, target: Target, camera: Intrinsics) -> Corners:
     """The points of `target` in a colour (H, W, 3 RGB) or grey (H, W) picture of `camera`.
 
-    Raises BoardNotFound, WrongBoard or BoardMirrored, with what was seen instead.
+    Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
     """
     if image.shape[:2] != (camera.height, camera.width):
         raise WrongBoard(
@@ -66,9 +66,9 @@ def _markers(target: Markers, image: Image, camera: Intrinsics) -> Corners:
 
 
 def _read(seen: NDArray[np.uint8], target: Markers, scale: int) -> tuple[dict[int, Array], set[int]]:
-    """Corners (4, 2) by marker, of those that are there once, and the ids of other markers."""
+    """Corners (4, 2) by marker, for markers that appear exactly once, and the ids of other markers."""
     parameters = cv2.aruco.DetectorParameters()
-    # along the edges, not at the corners: these often stand too close to the rim of the paper for a corner's window
+    # along the edges, not at the corners: corners are often too close to the rim of the paper for a window
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
     parameters.minMarkerPerimeterRate = 0.01
     big = seen if scale == 1 else cv2.resize(seen, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
@@ -83,10 +83,10 @@ def _read(seen: NDArray[np.uint8], target: Markers, scale: int) -> tuple[dict[in
 
 
 def along_edges(seen: NDArray[np.uint8], px: Array) -> Array:
-    """(4, 2) rough corners of a marker, clockwise -> where lines along its four edges of ink meet.
+    """(4, 2) rough corners of a marker, clockwise -> the intersections of lines along its four inked edges.
 
     OpenCV's own refinements are off by half a pixel and more where the rim of the paper is near: 2 % of the size of a
-    marker of 25 px. Here each edge is where the grey value rises most, at many places of a side.
+    marker of 25 px. Here each edge is fitted to the steepest rise of grey, at many places of a side.
     """
     for reach in _REACHES_PX:
         lines = [_edge(seen, px[k], px[(k + 1) % 4], px.mean(axis=0), reach) for k in range(4)]

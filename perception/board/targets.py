@@ -17,7 +17,7 @@ from perception.board.types import DICTIONARIES
 
 @dataclass(frozen=True, eq=False)
 class Chessboard:
-    """A plain chessboard: its inner corners, along X first. Read upside down it looks the same, or nearly."""
+    """A plain chessboard: its inner corners, along X first. Upside down it looks the same, or nearly the same."""
 
     squares_across: int
     squares_down: int
@@ -77,7 +77,7 @@ class Circles:
 
     across: int  # centres in a row
     down: int  # rows
-    spacing_m: float  # of neighbours in a row; half of it in staggered rows, as OpenCV has it
+    spacing_m: float  # of neighbours in a row; half of it in staggered rows (OpenCV's convention)
     staggered: bool = False
 
     def __post_init__(self) -> None:
@@ -191,7 +191,7 @@ class Markers:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points that somebody else's program found, flat or not."""
+    """Points found by another program, flat or not."""
 
     p_MK_m: Array  # (K, 3)
 
@@ -205,7 +205,7 @@ class Points:
 
     @property
     def spacing_m(self) -> float:
-        """Distance of the nearest two."""
+        """Distance of the two nearest points."""
         apart = np.linalg.norm(self.p_MK_m[:, None] - self.p_MK_m, axis=-1)
         return float(apart[apart > 0].min()) if (apart > 0).any() else 0.0
 
@@ -221,7 +221,7 @@ class Points:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """None: whoever found them told them apart."""
+        """None: the other program tells them apart."""
         return ()
 
     @property

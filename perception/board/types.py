@@ -69,8 +69,8 @@ class Target(Protocol):
 class Board:
     """A ChArUco board: a chessboard whose white squares carry markers. The default is 280 x 200 mm.
 
-    Bits of a marker are then 5 mm: 2.4 px at 1.3 m in a Kinect's colour image. Smaller squares give more corners
-    that are no longer found.
+    A bit of a marker is then 5 mm wide: 2.4 px at 1.3 m in a Kinect's colour image. Smaller squares give more corners,
+    but fewer of them are found.
 
     Board frame M: origin at the outer corner of the first printed square (upper left on the print), X to the
     right along `squares_across`, Y down along `squares_down`, Z into the paper, away from who looks at it. So a
@@ -81,7 +81,7 @@ class Board:
     squares_down: int = 5
     square_m: float = 0.040  # as measured on the print
     marker_m: float = 0.030
-    dictionary: str = "4x4_50"  # a key of DICTIONARIES: few bits, so that a marker is read from afar
+    dictionary: str = "4x4_50"  # a key of DICTIONARIES: few bits, so that a marker can be read from afar
     legacy: bool = False  # the pattern of OpenCV before 4.6; it differs for an even number of `squares_down`
 
     def __post_init__(self) -> None:
@@ -171,7 +171,7 @@ class Corners:
 
 @dataclass(frozen=True, eq=False)
 class BoardPose:
-    """The board's pose in a camera V, and the other pose that a flat board could have."""
+    """The board's pose in a camera V, and the second pose that a flat board may have."""
 
     X_VM: Array  # (4, 4) the pose that fits better
     rms_px: float  # root mean square distance of the corners, in px

@@ -1,4 +1,4 @@
-"""The bottle: found on its mark, shown to the operator with its goal, followed until it rests."""
+"""The bottle: found on its mark, shown to the operator with its goal, tracked until it rests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding the bottle before a trial: alone, upright, whole in the picture, and on its mark."""
+"""Find the bottle before a trial: alone, upright, whole in the picture, and on its mark."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from perception.table import TableFit, refine
 HEIGHT_M = 0.22
 _TABLE_OFF_M = 0.012  # the calibration counts as wrong from here
 _BOTTLE_FIT = 0.85
-_UPRIGHT_DEG, _LIES_DEG = 15.0, 75.0  # in between nothing is at rest
-_OWN_M = 0.015  # so near to the bottle's surface a reading may still be the bottle's
-_FREE_SHARE, _TOUCHED_SHARE = 0.92, 0.30  # of the readings: a bottle by itself; a bottle and something at it
-_LYING_M, _LYING_SHARE = 0.005, 0.75  # stricter, since many low things are of about its size
+_UPRIGHT_DEG, _LIES_DEG = 15.0, 75.0  # between these nothing is at rest
+_OWN_M = 0.015  # a reading this near to the bottle's surface may belong to the bottle
+_FREE_SHARE, _TOUCHED_SHARE = 0.92, 0.30  # of the readings: a bottle alone; a bottle with something touching it
+_LYING_M, _LYING_SHARE = 0.005, 0.75  # stricter, since many low objects have about its size
 _FREE_VISIBLE = 0.9
 
 
@@ -33,12 +33,12 @@ class BottleDetection:
 
     X_BO: Array  # (4, 4) centre, Z along the axis
     body: Cylinder
-    confidence: float  # 0 ... 1: share that is seen, times how well it fits
-    table: TableFit  # what the table said of the camera
+    confidence: float  # 0 ... 1: visible share, times quality of fit
+    table: TableFit  # the camera, refined by the table
 
     @property
     def xy_m(self) -> Array:
-        """(2,) of the axis, in the base frame."""
+        """(2,) the axis, in the base frame."""
         return np.asarray(self.X_BO[:2, 3])
 
     @property
@@ -60,7 +60,7 @@ def find_bottle(
     """The one bottle in `area`, which stands within `within_m` of `mark_m` (2,); nothing else may stand there.
 
     `X_BC` (4, 4) is the colour camera in the base frame, whose plane z = 0 is the table top; the table in the picture
-    refines it. Raises ObjectNotFound, saying what was found instead and what to do, and TableNotFound.
+    refines it. Raises ObjectNotFound, naming the objects found instead and the remedy, and TableNotFound.
     """
     scan, raw, table = refine_scan(frame, model, X_BC, area)
     judged = [_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)]
@@ -95,11 +95,11 @@ def refine_scan(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> tu
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A thing on the table, and the bottle in it if there is one."""
+    """An object on the table, and the bottle in it if there is one."""
 
     thing: Thing
     best: Place | None
-    share: float  # of the thing's readings that lie on the bottle
+    share: float  # of the object's readings that lie on the bottle
 
 
 def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Candidate:

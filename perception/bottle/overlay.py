@@ -32,8 +32,8 @@ def overlay(
 ) -> Image:
     """(H, W, 3) RGB copy of the colour image with everything drawn in perspective on the table.
 
-    The goal is a disc of the bottle's size with a ring of 5 cm, the mark `mark_m` (2,) a circle of the bottle's size,
-    and the bottle found its outline.
+    The goal is a disc of the bottle's size with a ring of 5 cm. The mark `mark_m` (2,) is a circle of the bottle's
+    size. The bottle is drawn as an outline.
     """
     image = np.ascontiguousarray(frame.colour.copy())
     thick = max(1, image.shape[1] // 640)
@@ -86,7 +86,7 @@ def _line(image: Image, fixed: NDArray[np.int32], rgb: tuple[int, int, int], thi
 def _label(
     image: Image, uv: Array, text: str, rgb: tuple[int, int, int], thick: int, beside_px: float | None = None
 ) -> None:
-    """Text beside a point, dark under bright so that it can be read on anything, and inside of the image."""
+    """Text beside a point, bright on dark to be readable on any background, kept inside the image."""
     scale = 0.45 * thick
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thick)
     right = int(uv[0] + (32 * thick if beside_px is None else beside_px))

@@ -15,18 +15,18 @@ from perception.geometry import Array32, View, project
 from perception.scan import Raw, Scan
 
 ABOVE_M = 0.012
-"""Readings lower than this over the table are table."""
-_REACH_M = 0.13  # looked at around where it is expected
-_TOP_M = 0.008  # this near to its full height is its top
+"""Readings lower than this (m) count as table."""
+_REACH_M = 0.13  # radius of the search around the expected place
+_TOP_M = 0.008  # readings this near to its full height are its top
 _FEWEST = 30
 _AGREES_M = 0.008
 _WELL, _BADLY = 0.80, 0.60
-_LEANS_DEG = 2.5  # less is within what fitting a tilt leaves
+_LEANS_DEG = 2.5  # less than this is within the error of a fitted tilt
 _SAME = 0.01  # of confidence
 _FALLING_DEG, _SURE = 20.0, 0.92
-_OFF_TABLE_M = 0.015  # nothing is a bottle that floats, or sinks into the table, by so much
+_OFF_TABLE_M = 0.015  # a body that floats, or sinks into the table, by this much is not a bottle
 _ENOUGH = 400  # points for a fit
-_CLEAR_SHARE = 0.75  # of the points on one circle: there is no other to be looked for
+_CLEAR_SHARE = 0.75  # of the points on one circle: no other circle needs to be searched
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 
 
@@ -36,7 +36,7 @@ class Place:
 
     X_BO: Array  # (4, 4), Z along the axis
     in_picture: float  # share of it that lies inside the camera's image
-    visible: float  # share of its face that is in the picture, read and not hidden
+    visible: float  # share of its face in the picture that is read and not hidden
     fit: float  # 0 ... 1, agreement of the readings there with it
 
     @property
@@ -51,7 +51,7 @@ class Place:
 
     @property
     def confidence(self) -> float:
-        """0 to 1: little for what is hidden, and for what fits badly."""
+        """0 to 1: low for a hidden or badly fitting body."""
         return self.visible * self.fit
 
     @classmethod
@@ -62,12 +62,12 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """What the depth camera saw around one place."""
+    """The depth readings around one place."""
 
     view: View
     depth_m: Array32  # (h, w) 0 where there is no reading
     along: Array32  # (h, w, 3) how a point moves with its depth
-    points_m: Array  # (n, 3) above the table and not of the arm
+    points_m: Array  # (n, 3) above the table, without the arm
 
     @property
     def eye_m(self) -> Array:
@@ -76,7 +76,7 @@ class Patch:
 
 
 def patch(scan: Scan, raw: Raw, centre_m: Array, arm: Arm) -> Patch | None:
-    """The surroundings of `centre_m` (3,); None outside of the picture."""
+    """The surroundings of `centre_m` (3,); None outside the picture."""
     view = scan.view.window(centre_m, _REACH_M)
     if view is None:
         return None
@@ -94,7 +94,7 @@ def place(seen: Patch, body: Cylinder, guess: Array) -> Place | None:
     if len(seen.points_m) < _FEWEST:
         return None
     few = seen.points_m[:: max(1, len(seen.points_m) // _ENOUGH)]
-    if np.rad2deg(tilt_rad(guess)) > _FALLING_DEG:  # it goes on falling, or lies
+    if np.rad2deg(tilt_rad(guess)) > _FALLING_DEG:  # it keeps falling, or lies
         again = fit_pose(few, guess, body)
         fallen = appraise(seen, body, again)
         if _leans(again, body) and fallen.confidence > _SURE:
@@ -118,7 +118,7 @@ def _leans(X_BO: Array, body: Cylinder) -> bool:
 
 
 def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
-    """How well the body at X_BO agrees with what was seen."""
+    """How well the body at X_BO agrees with the readings."""
     camera = seen.view.camera
     uv = project(camera, seen.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
     inside = float(((uv > 1) & (uv < np.array([camera.width, camera.height]) - 2)).all(axis=1).mean())
@@ -130,7 +130,7 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
     if measured.size == 0:
         return nothing
     front = front_m(along.reshape(-1, 3).astype(np.float64), seen.eye_m, X_BO, body).reshape(measured.shape)
-    # readings at its rim may be mixed with what lies behind: one pixel all around is not asked
+    # readings at its rim may mix with the background: a rim of one pixel is left out
     face = cv2.erode(np.isfinite(front).astype(np.uint8), _CROSS, borderValue=0) > 0
     read = face & (measured > 0)
     off = (measured - np.where(read, front, 0))[read]
@@ -138,12 +138,12 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
     if agree == 0:
         return nothing
     hidden = 1 - (agree + deeper) / len(off)
-    known = min(1.0, 2 * len(off) / int(face.sum()))  # up to half may lack, as on a dark or shiny face
+    known = min(1.0, 2 * len(off) / int(face.sum()))  # up to half may be missing, as on a dark or shiny face
     return Place(X_BO, inside, known * (1 - hidden) * inside, agree / (agree + deeper))
 
 
 def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:
-    """Upright poses: from where its top is seen, or where it was expected, or behind the middle of its side."""
+    """Upright poses: at its visible top, at the expected place, or behind the middle of its visible side."""
     points = seen.points_m
     height = points[:, 2]
     side = points[height < body.height_m - _TOP_M, :2]
@@ -167,7 +167,7 @@ def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:
 
 
 def _lying(seen: Patch, body: Cylinder) -> list[Array]:
-    """On its side along the longest direction of what is seen, and across it."""
+    """Poses on its side: along the longest direction of the points, and across it."""
     low = seen.points_m[seen.points_m[:, 2] < 3 * body.radius_m]
     if len(low) < _FEWEST:
         return []

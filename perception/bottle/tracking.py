@@ -21,17 +21,17 @@ from perception.scan import Mask, Raw, Scan, scan_of
 from perception.types import ObjectTrack, Outcome
 
 BEFORE_S = 0.05
-"""Frames this long before the motion are used, and all after it: the recording ends when the bottle rests."""
+"""Frames from this long before the motion (s) are used, and all after it: the recording ends when the bottle rests."""
 TIPPED_DEG = 30.0
-_NOTICED_S = 0.010  # simulations look every 20 ms: so much after it happened, on the average
+_NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a fall this much later
 _SEEN = 0.35  # confidence from which a place counts
 _WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
-_STEP = 3  # clutter is looked for in each third row and column
-_OWN_M = 0.020  # readings so near to the bottle are the bottle's, or of its mixed edges
+_STEP = 3  # clutter is searched in every third row and column
+_OWN_M = 0.020  # readings this near to the bottle belong to it, or to its mixed edges
 _NEAR_M = 0.06
-_STRANGE_SHARE = 0.5  # of a thing's readings that have to lie off the bottle
+_STRANGE_SHARE = 0.5  # of an object's readings that have to lie off the bottle
 _LAST_S = 0.20
-_MOVING_M_S = 0.03  # from here a bottle on the slipperiest table goes on for 1 mm
+_MOVING_M_S = 0.03  # at this speed a bottle on the slipperiest table slides 1 mm further
 _MOVED_M = 0.006
 _LOWEST_M = -0.05
 
@@ -48,14 +48,13 @@ def track_bottle(
 ) -> ObjectTrack:
     """The bottle's centre through the trial, and how it ended: upright, tipped by more than 30 degrees, or lost.
 
-    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
-    trial; `arm_at(t_s)` is arm and tool by their measured joints, on the clock of the frames; the motion starts at
-    `t_start_s` on it and lasts `duration_s`; `area` is what of the table is looked at.
-    Frames in which the bottle cannot be located are bridged, with confidence 0. A bottle that falls counts from then on
-    as where it fell: how it rolls says nothing of the push, and simulations end there. Whatever an operator should know
-    is flagged: a bottle at the edge of the image or hidden, a hand or another thing in the picture, a bottle not at
-    rest.
-    Raises TrackingFailed when no frame falls into the trial or the bottle is in none of them.
+    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
+    trial; `arm_at(t_s)` gives arm and tool from measured joints, on the clock of the frames; the motion starts at
+    `t_start_s` on that clock and lasts `duration_s`; `area` is the searched part of the table. Frames in which the
+    bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell: its
+    rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the edge
+    of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed if no
+    frame falls into the trial or the bottle is in none of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
     if not any(f.t_s <= t_start_s + duration_s for f in chosen):
@@ -88,7 +87,7 @@ def track_bottle(
 
 
 class _Clutter(StrEnum):
-    """What else a frame shows."""
+    """Other objects in a frame."""
 
     NONE = "none"
     NEAR = "near the bottle"
@@ -97,9 +96,9 @@ class _Clutter(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class _Sight:
-    """One frame as it was understood."""
+    """The interpretation of one frame."""
 
-    place: Place  # without confidence where the bottle was not located
+    place: Place  # confidence 0: the bottle was not located
     clutter: _Clutter
 
 
@@ -125,7 +124,7 @@ def _follow(
 
 
 def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
-    """Poses to look near to: it went on as before, or it stayed."""
+    """Poses near which to search: it continued as before, or it stayed."""
     t_last_s, last = known[-1]
     if len(known) < 2:
         return [last]
@@ -136,7 +135,7 @@ def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
 
 
 def _clutter(scan: Scan, raw: Raw, arm: Arm, X_BO: Array, body: Cylinder) -> _Clutter:
-    """What is neither table, arm nor bottle."""
+    """The parts of a frame that are neither table, arm nor bottle."""
     seen = _Clutter.NONE
     for thing in things(scan, raw, arm, _STEP):
         away = distance_m(thing.points_m, X_BO, body)
@@ -158,8 +157,8 @@ def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array) -> Outcome:
 
 
 def _fell(t_s: Array, sure: Mask, tilt_deg: Array, state: Array) -> tuple[int, Array]:
-    """Number of the first frame in which a bottle that has fallen leans too far and never stands again, and where
-    (3,) it was when a simulation would have noticed: between that frame and the one before, which may be 17 mm apart.
+    """Index of the first frame from which on a fallen bottle leans too far, and the place (3,) at which a simulation
+    would have noticed: between that frame and the one before, which may be 17 mm apart.
     """
     stands = np.flatnonzero(sure & (tilt_deg <= TIPPED_DEG))
     last = int(stands[-1]) if len(stands) else -1
@@ -202,7 +201,7 @@ def _end_flags(
         flags.append("the bottle is out of sight at the end")
     if len(t_s) >= 3:
         speed_m_s = float(np.linalg.norm(state[-1] - state[-3])) / max(float(t_s[-1] - t_s[-3]), 1e-3)
-        if speed_m_s > _MOVING_M_S and outcome is not Outcome.TIPPED:  # a fallen one may roll
+        if speed_m_s > _MOVING_M_S and outcome is not Outcome.TIPPED:  # a fallen bottle may roll
             flags.append(
                 f"the bottle is still moving at the end ({1e3 * speed_m_s:.0f} mm/s): its resting place is unknown"
             )

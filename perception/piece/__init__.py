@@ -1,4 +1,4 @@
-"""The piece of food: found on the table, shown to the operator, followed through a trial."""
+"""The piece of food: found on the table, shown to the operator, tracked through a trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telling the object from what lies behind it by rg-chromaticity, which survives shading and shadows."""
+"""Tells the object from its background by rg-chromaticity, which does not change with shading and shadows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def chromaticity(rgb: NDArray[np.uint8]) -> Array32:
 def matte(rgb: NDArray[np.uint8], piece: Array, others: tuple[Array, ...]) -> Array32:
     """(h, w) share of each pixel that the piece covers, 0 to 1.
 
-    `piece` and `others` (what else is seen: table, tool) are chromaticities (2,). A pixel is placed on the line
+    `piece` and `others` (table, tool) are chromaticities (2,). A pixel is placed on the line
     from each of the others to the piece, and the smallest share counts.
     """
     colour = chromaticity(rgb)

@@ -1,4 +1,4 @@
-"""Finding the piece on the table before a trial, and measuring it."""
+"""Find the piece on the table before a trial, and measure it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from perception.piece.chroma import chromaticity, matte, typical
 from perception.piece.proxy import Proxy, Shape, coverage
 
 HEIGHT_M = 0.04
-"""Nothing taller than this is looked for."""
-_MARGIN_M = 0.04  # searched around the area, to say where a misplaced piece lies
+"""The tallest piece that is searched for (m)."""
+_MARGIN_M = 0.04  # the search extends this far around the area, to report a misplaced piece
 _USUAL_HEIGHT_M = 0.016
 _SMALLEST_M, _LARGEST_M = 0.006, 0.030  # plausible radius
 _MATTE_NOISE = 0.2
@@ -26,10 +26,10 @@ _DEPTH_NOISE_M, _DEPTH_CLIP_M = 0.0025, 0.008
 
 @dataclass(frozen=True, eq=False)
 class PieceDetection:
-    """A piece lying on the table, with what tracking needs to know of it."""
+    """A piece lying on the table, with all that tracking needs."""
 
     xy_m: Array  # (2,) centre in the base frame
-    proxy: Proxy  # what it is taken for; axes along those of the base frame
+    proxy: Proxy  # the body that stands for it; axes along those of the base frame
     contour_px: Array  # (K, 2) outline in the colour image
     confidence: float  # 0 ... 1, how well the proxy explains outline and depth
     piece_chroma: Array  # (2,) chromaticity of the piece
@@ -46,7 +46,7 @@ class PieceDetection:
 
     @property
     def height_m(self) -> float:
-        """Of the piece over the table."""
+        """The piece's height over the table."""
         return 2 * self.proxy.half_m[2]
 
     @property
@@ -64,7 +64,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     """The one piece that lies with its centre in `area` (x_low, x_high, y_low, y_high), metres.
 
     `X_BC` (4, 4) is the colour camera in the base frame, whose plane z = 0 is the table top.
-    Raises ObjectNotFound, saying what was found instead, when there is none or more than one.
+    Raises ObjectNotFound, naming what was found instead, if there is none or more than one.
     """
     view = view_of(model.colour, X_BC, area, HEIGHT_M, _MARGIN_M)
     rgb = frame.colour[view.rows, view.columns]
@@ -101,7 +101,7 @@ class _Spot:
 
 
 def _spots(colour: Array32, table: Array, spread: float, view: View, area: Area) -> list[_Spot]:
-    """Everything of a colour other than the table's, at least as large as the smallest piece, whole in the view."""
+    """Every spot of another colour than the table, at least as large as the smallest piece, whole in the view."""
     other = np.linalg.norm(colour - table.astype(np.float32), axis=-1) > max(6 * spread, 0.02)
     mask = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4)
@@ -200,9 +200,9 @@ def table_depth(view: View) -> Array:
 
 
 def table_offset(depth_m: Array, view: View, centre_m: Array, clear: NDArray[np.bool_] | None = None) -> float:
-    """Median of measured minus expected depth (n,) on the bare table around a piece; 0 where too little is seen.
+    """Median of measured minus expected depth (n,) on the bare table around a piece; 0 if too little of it is seen.
 
-    It takes out the sensor's systematic error there. `clear` (n,) leaves out what is known not to be table.
+    It removes the sensor's systematic error there. `clear` (n,) excludes pixels known not to be table.
     """
     foot_m = on_plane(view.directions.astype(np.float64), view.X_BV, 0.0)
     use = (depth_m > 0) & (np.linalg.norm(foot_m - centre_m[:2], axis=1) > 1.3 * _LARGEST_M)

@@ -1,4 +1,4 @@
-"""The piece from frame to frame, behind and on a tool whose pose is known."""
+"""Follows the piece from frame to frame, behind and on a tool with a known pose."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _SEARCH_M = 0.014
 _PRIOR_STD_M = 0.010
 _GOOD_FIT, _LOST_FIT = 0.55, 0.35
 _BARELY_VISIBLE = 0.25
-_ON_PIECE = 0.7  # share of a pixel from which a depth reading there counts as the piece's
+_ON_PIECE = 0.7  # a depth reading belongs to the piece if it covers at least this share of the pixel
 _SAME_COLOUR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """What stays the same through a trial."""
+    """Everything that is constant during a trial."""
 
-    view: View  # of the colour camera, where the piece may get to
+    view: View  # part of the colour image that the piece may reach
     depth_view: View
     depth_offset_m: float  # measured minus true depth on the table
     tool: ToolMask
@@ -51,7 +51,7 @@ class _Known:
 
 
 def follow(rig: Rig, frames: Sequence[Frame], poses: Sequence[Array]) -> list[Place | None]:
-    """One place a frame, given the tool's poses (4, 4); None where the piece cannot be located."""
+    """One place per frame, given the tool's poses (4, 4); None if the piece cannot be located."""
     places: list[Place | None] = []
     known: tuple[_Known, ...] = (_Known(frames[0].t_s - 1 / 30, poses[0], rig.detection.centre_m),)
     others: tuple[Array, ...] = (rig.detection.table_chroma,)
@@ -90,7 +90,7 @@ def _refine(evidence: Evidence, rig: Rig, X_BT: Array, start_m: Array) -> Place:
 
 
 def _guesses(rig: Rig, t_s: float, X_BT: Array, known: tuple[_Known, ...]) -> list[Array]:
-    """It stayed, it went with the tool, it went on as before."""
+    """It stayed, it moved with the tool, it continued as before."""
     last = known[-1]
     guesses = [last.centre_m, transform(X_BT, transform(inverse(last.X_BT), last.centre_m))]
     if len(known) > 1:
@@ -123,7 +123,7 @@ def _evidence(
 
 
 def _tool_chroma(rig: Rig, frame: Frame, X_BT: Array, piece_m: Array) -> Array | None:
-    """(2,) the tool's colour from where it must be seen, away from the piece; None when it is not in view."""
+    """(2,) the tool's chromaticity where it must be visible, away from the piece; None if it is not in view."""
     reach_m = 0.06
     view = rig.view.window(X_BT[:3, 3] + 0.03 * (X_BT[:3, 2] - X_BT[:3, 0]), reach_m)
     if view is None:

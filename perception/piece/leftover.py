@@ -1,4 +1,4 @@
-"""Whether the piece lies on the table again once the arm is home: then it fell off the tool on the way."""
+"""Whether the piece lies on the table once the arm is home: then it fell off the tool on the way."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from perception.geometry import Area, on_plane, view_of
 from perception.piece.chroma import matte
 from perception.piece.detection import HEIGHT_M, PieceDetection
 
-_BACK_M, _FORTH_M, _SIDE_M = 0.25, 0.50, 0.30  # from where the piece lay: as far as it may roll
-_LEAST, _MOST = 0.25, 3.0  # of the area in pixels that it had before
+_BACK_M, _FORTH_M, _SIDE_M = 0.25, 0.50, 0.30  # search area around the piece's first place: as far as it may roll
+_LEAST, _MOST = 0.25, 3.0  # of its earlier area in pixels
 _NEW = 0.5
 _RIM_PX = 5
 
 
 def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detection: PieceDetection) -> Array | None:
-    """(2,) where on the table a spot of the piece's colour and size is that was not there before, m; None: nowhere.
+    """(2,) place on the table, in m, of a new spot with the piece's colour and size; None: no such spot.
 
     `before` and `after` show the table with the arm at home, `X_BC` (4, 4) is the colour camera in the base frame.
     """
@@ -30,7 +30,7 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
     )
     corner = np.array([view.columns.start, view.rows.start])
     place = np.rint(detection.contour_px - corner).astype(np.int32)
-    cv2.fillPoly(was, [place], 0.0)  # from where it lay it was taken: what is there now came back
+    cv2.fillPoly(was, [place], 0.0)  # the piece left its first place, so a spot there now has come back
     cv2.polylines(was, [place], isClosed=True, color=0.0, thickness=_RIM_PX)
     count, _, stats, centroids = cv2.connectedComponentsWithStats((now - was > _NEW).astype(np.uint8), connectivity=8)
     if count < 2:

@@ -1,4 +1,4 @@
-"""Where the proxy lies in one frame: its outline and its depth compared with what the camera saw."""
+"""The place of the proxy in one frame: its outline and depth are compared with the picture."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from hw.types import Array
 from perception.geometry import Array32, View, transform
 from perception.piece.proxy import Proxy, coverage
 
-_OUTLINE_NOISE = 0.25  # of a pixel's share; also covers a proxy that is not quite the piece
-_DEPTH_FLOOR_M, _DEPTH_NOISE_M = 0.0008, 0.0025  # of the mean over the piece: what stays, and of one pixel
+_OUTLINE_NOISE = 0.25  # of a pixel's share; also covers the difference between proxy and piece
+_DEPTH_FLOOR_M, _DEPTH_NOISE_M = 0.0008, 0.0025  # systematic error of the mean over the piece, and noise of one pixel
 _DEPTH_GATE_M = 0.010
 _TABLE_SLACK_M = 0.001
-_NOTICED = 0.3  # a share from which a pixel counts as showing the piece
+_NOTICED = 0.3  # a pixel shows the piece from this share on
 _STEPS = 8
 _LONGEST_STEP_M = 0.012
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What both cameras saw around one place, and the tool there."""
+    """The readings of both cameras around one place, and the tool there."""
 
     view: View  # colour
     share: Array32  # (n,) of each pixel that the piece covers
     tool_m: Array32  # (n,) depth of the tool, inf where it is not
     depth_view: View
-    depth_rays: Array32  # (m, 3) with z = 1 of readings that belong to the piece by their colour
+    depth_rays: Array32  # (m, 3) with z = 1, of readings that belong to the piece by colour
     depth_m: Array  # (m,) these readings, corrected
 
     @cached_property
@@ -39,7 +39,7 @@ class Evidence:
 
     @cached_property
     def noticed(self) -> float:
-        """Pixels' worth of piece in all of the window."""
+        """Visible area of the piece in the window, in pixels."""
         return float(self.share[self.share > _NOTICED].sum())
 
 
@@ -48,8 +48,8 @@ class Place:
     """An estimate for one frame."""
 
     centre_m: Array  # (3,) in the base frame
-    visible: float  # share of the outline that the tool leaves free
-    fit: float  # 0 ... 1, agreement of what is free with what was seen
+    visible: float  # share of the outline not hidden by the tool
+    fit: float  # 0 ... 1, agreement of the free part with the picture
 
     @property
     def confidence(self) -> float:
@@ -58,7 +58,7 @@ class Place:
 
 
 def pose(R_BO: Array, centre_m: Array) -> Array:
-    """(4, 4) of the rotation and the position."""
+    """(4, 4) pose from rotation and position."""
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = R_BO, centre_m
     return X
@@ -79,10 +79,10 @@ def appraise(evidence: Evidence, proxy: Proxy, R_BO: Array, centre_m: Array) -> 
 
 
 def locate(evidence: Evidence, proxy: Proxy, R_BO: Array, start_m: Array, prior_std_m: float) -> Place:
-    """Gauss-Newton from `start_m` (3,), which is also believed to `prior_std_m`.
+    """Gauss-Newton from `start_m` (3,), which is also a prior with standard deviation `prior_std_m`.
 
-    The outline fixes the place across the line of sight, the mean depth of the visible front the one along it;
-    where the tool hides the piece neither says anything.
+    The outline fixes the place across the line of sight, the mean depth of the visible front fixes it along the line.
+    Hidden parts contribute nothing.
     """
     lowest_m = min(proxy.half_m) - _TABLE_SLACK_M
     centre = start_m.copy()
@@ -109,7 +109,7 @@ def locate(evidence: Evidence, proxy: Proxy, R_BO: Array, start_m: Array, prior_
 
 
 def _free(evidence: Evidence, proxy: Proxy, X_BO: Array, pixels: NDArray[np.intp]) -> Array:
-    """(k,) for these pixels: 1 where the tool does not stand before the piece, 0 where it does."""
+    """(k,) for these pixels: 0 where the tool hides the piece, else 1."""
     free = np.ones(len(pixels))
     tool_m = evidence.tool_m[pixels]
     tool = np.flatnonzero(np.isfinite(tool_m))

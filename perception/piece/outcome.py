@@ -1,4 +1,4 @@
-"""How a trial with a tool ended: from where the object stays relative to the blade."""
+"""The outcome of a trial with a tool, from the object's final place relative to the blade."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from perception.geometry import transform
 from perception.piece.proxy import Proxy
 from perception.types import Outcome
 
-_LAST_S = 0.20  # the end is the median over the last frames of so much time
+_LAST_S = 0.20  # the final place is the median over this much time
 _UNSURE_M = 0.004
 _MOVING_M_S = 0.03
 _SEEN = 0.15
@@ -31,8 +31,8 @@ class TrialEnd:
 def judge(t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy) -> TrialEnd:
     """Outcome from centres (N, 3) and tool poses (N, 4, 4) at `t_s` (N,) since the start of a motion.
 
-    On the blade: over 1 mm above its face and inside of its outline, or held by the neck behind it. Lost: not seen in
-    the last frames, or below the table top. Else on the table. Near the boundary, or still moving, is flagged.
+    On the blade: more than 1 mm above its face and inside its outline, or held by the neck behind it. Lost: not seen in
+    the last frames, or below the table top. Else on the table. A piece near a boundary, or still moving, is flagged.
     """
     last = t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1]))
     in_tool = np.array([transform(inverse(X), p) for X, p in zip(X_BT[last], state_m[last], strict=True)])

@@ -1,4 +1,4 @@
-"""The picture shown to the operator: what was found, and where it should be."""
+"""The picture shown to the operator: the piece found, and its wanted place."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def overlay(
 
 
 def _along(corners_m: Array, model: CameraModel, X_CB: Array) -> Array:
-    """(N, 2) pixels of a line through `corners_m`, with points in between: straight lines bend in a real lens."""
+    """(N, 2) pixels of a line through `corners_m`, with points between them, because a real lens bends straight lines.
+    """
     steps = np.linspace(0, 1, 12)[:, None]
     pieces = [a + steps * (b - a) for a, b in pairwise(corners_m)]
     return project(model.colour, X_CB, np.concatenate(pieces))

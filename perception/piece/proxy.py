@@ -15,7 +15,7 @@ from perception.geometry import Array32, View, transform
 
 
 class Shape(StrEnum):
-    """What the piece looks like most."""
+    """The shape that the piece resembles most."""
 
     ELLIPSOID = "ellipsoid"
     CYLINDER = "cylinder"
@@ -23,7 +23,7 @@ class Shape(StrEnum):
 
 
 _ANGLES = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-_SAME_AREA = np.sqrt(np.pi / (18 * np.sin(np.pi / 18)))  # a polygon of 36 corners as large as the circle
+_SAME_AREA = np.sqrt(np.pi / (18 * np.sin(np.pi / 18)))  # a polygon of 36 corners with the area of the circle
 _RING = _SAME_AREA * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _RIMS = np.concatenate([np.c_[_RING, np.full(36, z)] for z in (-1.0, 1.0)])
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -47,7 +47,7 @@ class Proxy:
         return np.asarray(cv2.convexHull(image), dtype=np.float64).reshape(-1, 2)
 
     def front(self, X_BO: Array, view: View, directions: Array32, inflate: float = 1.0) -> tuple[Array, Array]:
-        """Where rays (n, 3) with z = 1 of `view` meet the body: depth (n,), inf where they miss, and normal (n, 3).
+        """Where rays (n, 3) with z = 1 of `view` meet the body: depth (n,), inf for a miss, and normal (n, 3).
 
         Normals are unit vectors in the base frame, towards the camera. `inflate` scales the body first.
         """
@@ -119,8 +119,8 @@ _FIRST_HIT = {Shape.ELLIPSOID: _unit_sphere, Shape.CYLINDER: _unit_cylinder, Sha
 def coverage(outline: Array, xy: Array32) -> tuple[NDArray[np.intp], Array32, Array32]:
     """How much of the pixels at `xy` (n, 2) a convex outline (m, 2) covers.
 
-    -> the pixels at all near it, (k,) indices; their covered share (k,); and how that changes when the outline
-    moves by a pixel along u and v, (k, 2). All others are not covered.
+    Returns (k,) indices of the pixels near it, their covered shares (k,), and the derivatives of these by a shift of
+    the outline along u and v, (k, 2) per pixel. All other pixels are not covered.
     """
     low, high = outline.min(axis=0) - 1, outline.max(axis=0) + 1
     u, v = xy[:, 0], xy[:, 1]

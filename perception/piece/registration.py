@@ -1,7 +1,7 @@
-"""Taking the camera's small error out with the tool itself: it is seen, and its kinematic pose is known.
+"""Corrects the camera's small error by the tool itself, which is visible and has a known kinematic pose.
 
-A camera pose that is off by 1 mm and 0.1 degrees shifts everything by 2 to 3 px. The blade at rest shows that shift;
-what is left of it in the pose of the piece relative to the tool is a fraction of a millimetre.
+A camera pose that is off by 1 mm and 0.1 degrees shifts everything by 2 to 3 px. The blade at rest shows that shift.
+After the correction, the piece's place relative to the tool is off by a fraction of a millimetre.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _STEPS = 6
 def tool_shift(
     frames: Sequence[Frame], poses: Sequence[Array], view: View, tool: ToolMask, hidden: tuple[Array, float]
 ) -> Array | None:
-    """(2,) px by which the tool appears beside where its poses (4, 4) say, the median over `frames`.
+    """(2,) px between the visible tool and its predicted place by its poses (4, 4), the median over `frames`.
 
-    `hidden` is a point of the base frame and a radius around it to leave out (the object). None when the tool
-    is not seen well enough, or the frames disagree.
+    `hidden` is a point of the base frame and a radius around it to leave out (the object). None if the tool is not seen
+    well enough, or the frames disagree.
     """
     answers = [_one(frame, X_BT, view, tool, hidden) for frame, X_BT in zip(frames, poses, strict=True)]
     shifts = [shift for shift in answers if shift is not None]
@@ -42,7 +42,7 @@ def tool_shift(
 
 
 def turn_camera(X_BC: Array, shift_px: Array, focal_px: float) -> Array:
-    """`X_BC` (4, 4) turned so that what appears `shift_px` beside its place falls onto it."""
+    """`X_BC` (4, 4) rotated so that a point seen `shift_px` beside its predicted place falls onto it."""
     about_x, about_y = shift_px[1] / focal_px, -shift_px[0] / focal_px
     R, _ = cv2.Rodrigues(np.array([about_x, about_y, 0.0]))
     X = X_BC.copy()
@@ -65,7 +65,7 @@ def _one(frame: Frame, X_BT: Array, view: View, tool: ToolMask, hidden: tuple[Ar
 
 
 def _likeness(rgb: NDArray[np.uint8], expected: NDArray[np.bool_], used: NDArray[np.bool_]) -> Array32 | None:
-    """(h, w) 1 where a pixel looks like the tool, 0 where like the table; half a shadow still is table."""
+    """(h, w) 1 where a pixel looks like the tool, 0 where it looks like the table; a half shadow counts as table."""
     wide = np.ones((13, 13), np.uint8)
     inside = cv2.erode(expected.astype(np.uint8), wide).astype(bool) & used
     outside = (cv2.dilate(expected.astype(np.uint8), wide) == 0) & used

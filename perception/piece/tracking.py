@@ -20,14 +20,14 @@ from perception.tool_mask import ToolMask
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 
 BEFORE_S = 0.05
-"""Frames this long before the motion are used, and until a trial is over."""
+"""Frames from this long before the motion (s) are used, until the trial is over."""
 LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the table now: lost on the way home"
-_REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from where the piece lay
+_REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from the piece's first place
 _HIGHEST_M = 0.14
-_HIDDEN = 0.25  # less visible than this is flagged
-_FREE = 0.8  # of frames that show so much of the piece ...
-_POOR_FIT = 0.72  # ... the middle one agrees better than this with the picture (docs/results/tracking.md)
-_STILL_M = 0.003  # from its first pose: the tool shows where the camera stands only while it rests
+_HIDDEN = 0.25  # a lower visibility is flagged
+_FREE = 0.8  # of the frames that show this much of the piece ...
+_POOR_FIT = 0.72  # ... the median fit must be better than this (docs/results/tracking.md)
+_STILL_M = 0.003  # from its first pose: only a resting tool shows the camera's error
 _FAR_OFF_PX = 4.0
 _MOVED_M = 0.006
 
@@ -45,12 +45,12 @@ def track_piece(
 ) -> ObjectTrack:
     """The piece's centre through the trial, and how it ended.
 
-    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is of before the
-    trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose
-    (4, 4) on the clock of the frames; the motion starts at `t_start_s` on it and lasts `duration_s`. `at_home` are
-    pictures of before and after, with the arm at home: a piece that lies on the table then was lost on the way.
-    Frames in which the piece cannot be located are bridged, with confidence 0.
-    Raises TrackingFailed when no frame falls into the trial or the piece is in none of them.
+    `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
+    trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose (4, 4) on
+    the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`. `at_home` are two
+    pictures with the arm at home, before and after: a piece that lies on the table afterwards was lost on the way.
+    Frames in which the piece cannot be located are bridged, with confidence 0. Raises TrackingFailed if no frame falls
+    into the trial or the piece is in none of them.
     """
     chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
     if not chosen:

@@ -1,4 +1,4 @@
-"""The person beside a real rig: what is asked and done around the trials that `session.on_rig` makes."""
+"""The person beside a real rig: questions and actions around the trials of `session.on_rig`."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from hw.types import Array
 _WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
 
 AT_HOME_RAD = 0.005
-"""Half of what `hw.limits` lets a path begin away from the arm."""
+"""Half of the distance from the arm at which `hw.limits` allows a path to begin."""
 
 
 class Person:
-    """`hw.ports.Bench`: a person, who has put the object down when the operator's question about it was answered."""
+    """`hw.ports.Bench`: a person, who places the object before answering the question about it."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """See `hw.ports.Bench`."""
@@ -36,7 +36,7 @@ class Person:
 
 
 class Scales:
-    """The mass of the object, weighed once a command and kept with every trial."""
+    """The mass of the object, weighed once per command and stored with every trial."""
 
     def __init__(self, balance: Balance, screen: Screen) -> None:
         self._balance, self._screen = balance, screen
@@ -68,10 +68,10 @@ class Scales:
 
 
 def offer_recovery(arm: Arm, screen: Screen) -> None:
-    """Lead a person from whatever the arm reports to an arm that moves, or to their word to leave it. Nothing moves.
+    """Help a person to clear the arm's fault, or let them leave it. Nothing moves.
 
-    What somebody does at this moment (a pressed stop button, a guiding hand) is waited for; any other fault is cleared
-    where a person types so, as often as it takes. Raises StoppedByOperator.
+    Waits until a person releases the stop button or stops guiding the arm. Clears any other fault if the person types
+    so, and asks again until none is left. Raises StoppedByOperator.
     """
     while (state := arm.state()).fault is not None:
         screen.note(f"The arm reports: {state.fault}")
@@ -96,7 +96,7 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
 
 @runtime_checkable
 class _Telling(Protocol):
-    """A camera that says how it was set and how its last recording went."""
+    """A camera that reports its settings and the quality of its last recording."""
 
     def facts(self) -> dict[str, Any]: ...
 
@@ -136,7 +136,7 @@ class PersonBeside:
         )
 
     def _home(self) -> None:
-        """Where trials begin: slowly, around everything, from wherever the arm was left."""
+        """Move slowly from the arm's present posture, around all obstacles, to the start posture of trials."""
         from sim.panda.detours import free_path
 
         lab, q_rad = self.mounted, self.arm.state().q_rad

@@ -1,4 +1,4 @@
-"""A real arm and its hand that ask before they move: typed once a command, and for the pedal before every motion."""
+"""A real arm and hand that ask before they move: a typed word once per command, the pedal before every motion."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ PATIENCE_S = 30.0
 """How long a motion waits for the pedal to be pressed."""
 _LOOK_S = 0.02
 LEAST_RATE = 0.95
-"""Of the commands that reach an arm in time; the maker asks for it (libfranka's communication test)."""
+"""Share of commands that should reach the arm in time, by the maker (libfranka's communication test)."""
 
 
 class ConfirmedArm(AroundArm[RealArm]):
-    """`hw.ports.GuardedArm` around a real one. No way leads around the typed word: what moves it asks for it."""
+    """`hw.ports.GuardedArm` around a real one. Every motion needs the typed word; there is no way around it."""
 
     def __init__(
         self,
@@ -44,8 +44,9 @@ class ConfirmedArm(AroundArm[RealArm]):
         now_s: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`before` is called before every motion, with the pedal held; it raises where none may begin. `last`
-        remembers a motion that does not come to its end.
+        """`before` is called before every motion, with the pedal held, and raises if the motion may not begin.
+
+        `last` remembers a motion that does not finish.
         """
         super().__init__(arm)
         self._before, self._last = before, last
@@ -55,11 +56,11 @@ class ConfirmedArm(AroundArm[RealArm]):
 
     @property
     def pedal(self) -> Literal["held", "waived"]:
-        """Whether it moves only while its pedal is held."""
+        """Returns "held" if it moves only while its pedal is held, "waived" without a pedal."""
         return "waived" if self._pedal is None else "held"
 
     def execute(self, path: JointPath) -> Execution:
-        """Raises StoppedByOperator where it is not confirmed, MotionRefused where the pedal is not held in time."""
+        """Raises StoppedByOperator without confirmation, MotionRefused if the pedal is not held in time."""
         self.confirm()
         self.await_pedal()
         self._before()
@@ -69,7 +70,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         return played
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Raises as `execute`, and what a guarded motion raises."""
+        """Raises the errors of `execute` and of a guarded motion."""
         self.confirm()
         self.await_pedal()
         self._before()
@@ -79,7 +80,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         return contact
 
     def carry(self, tool: Tool, payload: Payload) -> None:
-        """What hangs on the flange from now on. Nothing moves."""
+        """Set the load on the flange from now on. Nothing moves."""
         self._arm.carry(tool, payload)
 
     def __enter__(self) -> Self:
@@ -89,7 +90,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         return self
 
     def confirm(self) -> None:
-        """Have the arm's model typed before its first motion. Raises StoppedByOperator."""
+        """Ask the person to type the arm's model before its first motion. Raises StoppedByOperator."""
         if self._confirmed:
             return
         if (unended := self._last.unended() if self._last else None) is not None:
@@ -106,7 +107,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         self._confirmed = True
 
     def await_pedal(self, what: str = "arm") -> None:
-        """Returns when the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
+        """Wait until the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
         if self._pedal is None or self._pedal.enabled():
             return
         self._screen.note(f"  Hold the pedal to let the {what} move: {self._pedal.why_not()}")
@@ -123,7 +124,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         return nullcontext() if self._last is None else self._last.moving()
 
     def _say_rate(self, rate: float) -> None:
-        """After every motion."""
+        """Warn of a low success rate after a motion."""
         told = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
         if rate >= LEAST_RATE:
             self._screen.plain(f"  {told}")
@@ -135,7 +136,7 @@ class ConfirmedArm(AroundArm[RealArm]):
 
 
 class ConfirmedHand:
-    """`hw.ports.Hand` beside a confirmed arm: its fingers move after the same word, and wait for the same pedal."""
+    """`hw.ports.Hand` of a confirmed arm: its fingers need the same typed word and wait for the same pedal."""
 
     def __init__(self, hand: Hand, arm: ConfirmedArm) -> None:
         self._hand, self._arm = hand, arm

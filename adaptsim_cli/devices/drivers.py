@@ -1,4 +1,4 @@
-"""The drivers of a real lab's devices: the makers', or what stands for them in tests."""
+"""The drivers of a real lab's devices: the makers', or stand-ins in tests."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 class RealArm(GuardedArm, Protocol):
-    """The arm of a lab, which is told what its hand holds."""
+    """The arm of a lab, which has to know the load in its hand."""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the computer does not give the process that drives it: a sentence each, once it is connected."""
+        """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
         ...
 
     def carry(self, tool: Tool, payload: Payload) -> None:
-        """For the checks, and for the arm's own compensation of weight. Nothing moves. Raises HardwareError."""
+        """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
         ...
 
 
@@ -32,7 +32,7 @@ class OpenArm(Protocol):
     """Makes the arm of a rig, not connected; it refuses what `cell` does not allow."""
 
     def __call__(self, cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None) -> RealArm:
-        """The arm, not connected. Raises DeviceUnavailable where its driver is not installed."""
+        """The arm, not connected. Raises DeviceUnavailable if its driver is not installed."""
         ...
 
 
@@ -40,12 +40,12 @@ class OpenCamera(Protocol):
     """Makes the camera of a rig, not connected; `infrared` asks for that image in every frame."""
 
     def __call__(self, part: CameraPart, *, infrared: bool) -> Camera:
-        """The camera, not connected. Raises DeviceUnavailable where its driver is not installed."""
+        """The camera, not connected. Raises DeviceUnavailable if its driver is not installed."""
         ...
 
 
 class OpenHand(Protocol):
-    """Makes the hand of an arm of this model at `host`, not connected; with a pedal it moves while that is held."""
+    """Makes the hand of an arm of this model at `host`, not connected. With a pedal it moves while that is held."""
 
     def __call__(self, model: str, host: str, *, pedal: Pedal | None) -> Hand:
         """The hand, not connected."""
@@ -54,7 +54,7 @@ class OpenHand(Protocol):
 
 @dataclass(frozen=True)
 class Drivers:
-    """One function a device."""
+    """One function per device."""
 
     arm: OpenArm
     camera: OpenCamera
@@ -64,7 +64,7 @@ class Drivers:
 
 
 def makers_drivers() -> Drivers:
-    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names what is missing."""
+    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
     from hw.camera.process import open_kinect
     from hw.franka.arm import open_franka
     from hw.franka.hand_process import HandProcess

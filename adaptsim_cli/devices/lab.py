@@ -1,4 +1,4 @@
-"""What a lab offers, real or simulated: what is known of it before any device is touched, and its devices."""
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class BoardDevices:
-    """Connected for a calibration, the board in the gripper."""
+    """Devices connected for a calibration, with the board in the gripper."""
 
     arm: Arm
     camera: Camera  # its frames have an infrared image
@@ -32,42 +32,45 @@ class BoardDevices:
 
 @dataclass(frozen=True, eq=False)
 class TouchDevices:
-    """Connected for a touch-off, the hand empty."""
+    """Devices connected for a touch-off, with the hand empty."""
 
     arm: GuardedArm
     hand: Hand
-    tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away
-    confirm: Callable[[], None]  # has a real arm's first motion confirmed. Raises StoppedByOperator
+    tool_there: Callable[[bool], None]  # True: the person holds the tool between the open fingers; False: takes it away
+    confirm: Callable[[], None]  # asks for confirmation of a real arm's first motion. Raises StoppedByOperator
 
 
 class Lab(Protocol):
-    """A lab while a command works in it. Nothing moves by opening; each `for_...` may raise DeviceUnavailable."""
+    """A lab during one command. Opening it moves nothing; each `for_...` may raise DeviceUnavailable."""
 
     @property
     def rig(self) -> RigDescription:
-        """The rig file's content; the simulated lab has one too."""
+        """The content of the rig file; the simulated lab has one too."""
         ...
 
     @property
     def title(self) -> str:
-        """What an operator calls it."""
+        """Its name for an operator."""
         ...
 
     @property
     def nominal(self) -> HandEye | None:
-        """The camera's pose before any calibration; None: it is not known."""
+        """The camera's pose before any calibration; None: unknown."""
         ...
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
-        """What trials keep out of beside the rig's own boxes, with the camera at X_BC (4, 4)."""
+        """Further keep-out boxes for trials, with the camera at X_BC (4, 4)."""
         ...
 
     def note(self, message: str) -> None:
-        """Tell the person beside the arm, where there is one."""
+        """Show a message to the person beside the arm, if there is one."""
         ...
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
-        """`hand_eye` is the camera's pose over the table, warned of from an age of `days` on."""
+        """Devices for trials.
+
+        `hand_eye` is the camera's pose over the table; a calibration older than `days` gives a warning.
+        """
         ...
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:

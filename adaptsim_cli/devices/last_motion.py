@@ -1,4 +1,4 @@
-"""A motion that did not come to its end is remembered on the disk, also where the program was killed in the middle."""
+"""Remembers an unfinished motion on the disk, even if the program is killed during the motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _KILLED = "the program ended during the motion: it was killed, or the computer w
 
 @dataclass(frozen=True)
 class LastMotion:
-    """`path` lies there from before a motion until after its end; a stop writes its reason into it."""
+    """The file `path` exists from before a motion until after its end; a stop writes its reason into it."""
 
     path: Path
 
@@ -38,13 +38,13 @@ class LastMotion:
             self._forget()
             raise
         except BaseException as error:
-            with suppress(Exception):  # it lies there already, and never hides what happened
+            with suppress(Exception):  # the file exists already, and this must not hide the first error
                 self._write(began, str(error) or type(error).__name__)
             raise
         self._forget()
 
     def unended(self) -> str | None:
-        """What to tell a person of the last motion, None where it came to its end."""
+        """A sentence about the last motion for a person; None if the motion finished."""
         try:
             said = read_table(self.path)
         except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""A task on one arm: its tool as it hangs there, its workcell, where it stands between trials, its paths."""
+"""A task on one arm: tool, workcell, posture between trials, and paths."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MountedTask:
-    """Joints and paths in here are those that the arm reports and takes."""
+    """Joints and paths here are reported ones, without the joint zeros."""
 
     task: Task
-    hardware: Hardware  # the task's, its X_FT the tool as it really hangs
+    hardware: Hardware  # of the task, with X_FT of the tool as mounted
     cell: Workcell
     home_rad: Array  # (7,) between trials
     correction: ToolCorrection
-    """What a touch-off found. Tasks plan and cameras see over the table (frame W), the arm moves in its base B."""
-    area: TablePart  # what the tool may work over
+    """The result of a touch-off. Tasks and cameras work in the table's frame W, the arm moves in its base frame B."""
+    area: TablePart  # the work area of the tool
 
     def paths(self, motion: ToolMotion) -> Paths:
-        """Approach, motion, way back. Raises NotExecutable, also where the tool leaves the work area."""
+        """Approach, motion, way back. Raises NotExecutable, also if the tool leaves the work area."""
         from sim.panda.planning import trial_paths
 
         p_m = motion.X_BT[:, :2, 3]
@@ -50,7 +50,10 @@ class MountedTask:
         return trial_paths(in_base, hardware.X_FT, self.cell, self.home_rad, carries=hardware.carries)
 
     def planner(self) -> Planner:
-        """What a session asks. It remembers plans: a policy, its prediction and the trial ask for the same motion."""
+        """The planner of a session.
+
+        It caches plans, because a policy, its prediction and the trial need the same motion.
+        """
         from adaptsim_cli.session.rig import Planner
         from hw.kinematics import forward
 
@@ -73,10 +76,10 @@ def mounted(
     keep_out: tuple[KeepOut, ...] = (),
     correction: ToolCorrection | None = None,
 ) -> MountedTask:
-    """On the arm of `rig` with the joint zeros (7,). `keep_out` comes on top of the rig's boxes.
+    """The task on the arm of `rig` with the joint zeros (7,). `keep_out` adds boxes to those of the rig.
 
-    `correction` is what a touch-off found; None: what the rig file says of table and tool. Raises NoHardware,
-    NotExecutable where the arm cannot hold the tool.
+    `correction` is the result of a touch-off; None: table and tool of the rig file. Raises NoHardware, and
+    NotExecutable if the arm cannot hold the tool.
     """
     from sim.panda.planning import home
     from sim.panda.tool import tool_of
@@ -98,14 +101,14 @@ def mounted_as_shipped(task: Task, model: Model) -> MountedTask:
 def workcell(
     rig: RigDescription, zeros_rad: ArrayLike, tool: Tool, keep_out: tuple[KeepOut, ...], table: Table | None = None
 ) -> Workcell:
-    """Where the arm of `rig` may move: `keep_out` comes on top of its boxes; `table` None: as the rig file has it."""
+    """The workcell of the arm of `rig`. `keep_out` adds boxes; `table` None: that of the rig file."""
     arm = arm_model(rig.arm.model, zeros_rad)
     boxes = (*keep_out, *rig.boxes())
     return Workcell(arm, tool, table or rig.table.plane(), boxes, rig.arm.stops_at_N, rig.arm.stops_at_Nm)
 
 
 def weighed(tool: Tool, part: ToolPart) -> Tool:
-    """`tool` with the mass that the rig file says of what the hand holds, where it says it."""
+    """`tool` with the payload's mass of the rig file, if the file states it."""
     if part.payload is None:
         return tool
     held = part.held()
@@ -113,7 +116,7 @@ def weighed(tool: Tool, part: ToolPart) -> Tool:
 
 
 def written(rig: RigDescription, task: str) -> ToolCorrection:
-    """What the rig file says of the table, and of how the tool of a task hangs."""
+    """Table and tool pose of a task by the rig file."""
     part = rig.tool(task)
     return ToolCorrection(rig.table.plane(), part.height_m, part.forward_m, part.pitch_rad, part.roll_rad)
 

@@ -15,12 +15,12 @@ from sim.tasks.task import Task
 
 @contextmanager
 def open_lab(config: Config, task: Task, drivers: Drivers | None = None) -> Iterator[Lab]:
-    """The lab of the settings. No device is connected yet; at the end all are left.
+    """The lab of the settings. No device is connected yet; on exit all are disconnected.
 
     Sessions, calibrations and touch-offs plan with the rig and nominal calibration of the lab. Then they ask it for
     their devices.
-    There is no other way to a device. `drivers`: of a real lab's devices, None: the makers'. Raises WorldError,
-    UnknownName; of a real lab UsageError (rig file, no pedal and none waived, no terminal).
+    There is no other way to a device. `drivers` are those of a real lab's devices; None: the makers'. Raises
+    WorldError, UnknownName; for a real lab UsageError (rig file, pedal neither named nor waived, no terminal).
     """
     with ExitStack() as stack:
         yield _simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, stack)

@@ -1,4 +1,4 @@
-"""A real lab: its devices connected as the rig file says, the arm last and behind its confirmation."""
+"""A real lab: its devices are connected by the rig file, the arm last and behind its confirmation."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class RealLab:
     def __init__(self, task: Task, rig: RigDescription, drivers: Drivers, stack: ExitStack) -> None:
         self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         self._task, self._drivers, self._stack = task, drivers, stack
-        self._screen = Screen(as_json=True)  # questions never mix with data
+        self._screen = Screen(as_json=True)  # questions go to stderr and never mix with data
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
-        """The camera's own."""
+        """The box around the camera."""
         return (camera_box(X_BC),)
 
     def note(self, message: str) -> None:
-        """On the person's screen."""
+        """Show it on the screen."""
         self._screen.note(message)
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
@@ -72,7 +72,7 @@ class RealLab:
         )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
-        """See `Lab`. The arm is where it was left."""
+        """See `Lab`. The arm stays where it was left."""
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
         return BoardDevices(arm, camera, time.sleep, None)
@@ -94,7 +94,10 @@ class RealLab:
         return TouchDevices(arm, hand, tool_there, arm.confirm)
 
     def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
-        """To be connected last. The confirmation asks for what is `on_table`; `watch` is asked before every motion."""
+        """The arm, to be connected last.
+
+        Its confirmation mentions the object `on_table`; `watch` checks the tool before every motion.
+        """
         pedal = self._pedal
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
@@ -104,17 +107,17 @@ class RealLab:
 
     @cached_property
     def _pedal(self) -> Pedal | None:
-        """Of the rig, connected."""
+        """The rig's pedal, connected; None: waived."""
         part = self.rig.pedal
         return None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
 
     def _hand(self) -> Hand:
-        """Of the arm, connected."""
+        """The arm's hand, connected."""
         made = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, pedal=self._pedal)
         return self._stack.enter_context(made)
 
     def _watch(self) -> ToolWatch | None:
-        """None where no hand holds the tool."""
+        """The watch over the tool; None if no hand holds it."""
         if self.rig.without_hand:
             return None
         task = self._task.name
@@ -124,12 +127,12 @@ class RealLab:
         return self._stack.enter_context(self._drivers.camera(self.rig.camera, infrared=infrared))
 
     def _scales(self) -> Scales | None:
-        """None where the rig has no balance."""
+        """The rig's balance; None if it has none."""
         if self.rig.balance is None:
             return None
         return Scales(self._stack.enter_context(self._drivers.balance(self.rig.balance)), self._screen)
 
     def _connect(self, arm: ConfirmedArm) -> None:
-        """A fault is cleared once a person types so."""
+        """Connect the arm; a fault is cleared once a person types so."""
         self._stack.enter_context(arm)
         offer_recovery(arm, self._screen)

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sizes:
-    """What is asked for instead of the budget's; None: the budget's."""
+    """Requested sizes; None: the budget's."""
 
-    rollouts: int | None = None  # of the dataset, evenly over the space
-    denser: int | None = None  # and where the outcome is uncertain
-    steps: int | None = None  # adaptation steps that the Q-policy learns from
+    rollouts: int | None = None  # of the dataset, spread evenly over the space
+    denser: int | None = None  # further ones where the outcome is uncertain
+    steps: int | None = None  # adaptation steps from which the Q-policy learns
     judged: int | None = None  # unseen targets of the evaluation
 
     def applied_to(self, budget: PretrainBudget) -> PretrainBudget:
@@ -41,7 +41,7 @@ class Sizes:
 
     @property
     def label(self) -> str:
-        """Part of a folder's name; empty where nothing was asked for."""
+        """Part of the folder's name; empty if no size was requested."""
         asked = zip(
             ("", "denser", "steps", "judged"), (self.rollouts, self.denser, self.steps, self.judged), strict=True
         )
@@ -62,7 +62,7 @@ def pretrain(
     progress: Callable[[str, int, int], None],
     wanted: Wanted,
 ) -> Path:
-    """Phase 1 with the settings' task, solver and seed -> the folder of the checkpoint. Resumes what is in `out`.
+    """Run Phase 1 with the settings' task, solver and seed; return the checkpoint's folder. Resumes a run in `out`.
 
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
@@ -99,7 +99,10 @@ def pretrain(
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
-    """Where simulations run: processes of this machine, or a Dask cluster. Raises UsageError, ClusterUnavailable."""
+    """The executor of simulations: processes of this machine, or a Dask cluster.
+
+    Raises UsageError, ClusterUnavailable.
+    """
     from sim.rollouts.executors import dask_cluster, process_pool
 
     if kind == "processes" and not scheduler:

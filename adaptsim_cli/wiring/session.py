@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 def open_parts(
     config: Config, learnt: Path, drivers: Drivers | None = None, own: Facts | None = None
 ) -> Iterator[Parts]:
-    """Everything a session needs, with its devices connected. `drivers`: of a real lab's devices.
+    """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
     `own`: with the calibration and the touch-off of this session instead of those in use.
 
-    NAF keeps its policies and rollouts in the folder `learnt`, which nobody else may use meanwhile.
+    NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
@@ -82,7 +82,7 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 
 @contextmanager
 def _open_target(config: Config, task: Task, drivers: Drivers | None, own: Facts | None) -> Iterator[_Opened]:
-    """The task as mounted there, where trials happen, what can be executed, the calibration."""
+    """The task as mounted, the target, the check for executable actions, the calibration."""
     if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
@@ -96,14 +96,14 @@ def open_trials(
 ) -> Iterator[OnRig]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
-    Everything that can be wrong without a device is found first. `own`: with the calibration and the touch-off of this
-    session. Raises SessionError (a touch-off cannot be read), PreflightFailed (it is stale), CalibrationMissing,
-    NotExecutable (the tool cannot be held), DeviceUnavailable, CameraError, UsageError (a session's own is gone), and
-    what `open_lab` raises.
+    Every check that needs no device comes first. `own`: with the calibration and the touch-off of this session. Raises
+    SessionError (unreadable touch-off), PreflightFailed (stale touch-off), CalibrationMissing, NotExecutable (the arm
+    cannot hold the tool), DeviceUnavailable, CameraError, UsageError (a session's own calibration is gone), and the
+    errors of `open_lab`.
     """
     with open_lab(config, task, drivers) as lab:
         ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
-        if ground.touched is not None:  # what it found counts more than what the rig file says
+        if ground.touched is not None:  # the touch-off overrides the rig file
             lab.note(f"Table and tool come from the touch-off of {ground.touched.created}.")
         there = ground.there
         rig = lab.for_trials(there, ground.eye, config.calibration_days)
@@ -111,14 +111,14 @@ def open_trials(
 
 
 def _is_foreign(config: Config, task: Task) -> bool:
-    """Whether the world has a physics in which there is no arm, only the tool."""
+    """Whether the world's physics has no arm, only the tool."""
     from sim.lab.world import load_world
 
     return bool(config.lab_world) and load_world(config.lab_world, task).physics != "drake"
 
 
 def _simulated(config: Config, task: Task) -> InSimulation:
-    """A world of a task that needs no hardware, or of a foreign physics. Raises UsageError with real devices."""
+    """The target for a task without hardware, or a foreign physics. Raises UsageError with real devices."""
     if not config.is_simulated:
         raise UsageError(
             f"--hw {config.hw}: the task {task.name} runs in simulation only, so no arm can execute it. "
@@ -141,7 +141,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
 
 
 def _world_sha256(name_or_path: str) -> str:
-    """Of the file of an own world; of the name of one that ships with this version; empty without a world."""
+    """SHA-256 of the file of an own world, or of the name of a shipped one; empty without a world."""
     if not name_or_path:
         return ""
     path = Path(name_or_path).expanduser()
@@ -151,13 +151,13 @@ def _world_sha256(name_or_path: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _SolverLearner:
-    """A method of adaptation, task policies, and what the simulator expects of trials."""
+    """An adaptation method, its task policies, and the simulator's predictions of trials."""
 
     method: Method
     policies: Policies
     expectations: Expectations
     executable: Executable | None
-    belief: Belief | None  # for people to look at; a method may have its own
+    belief: Belief | None  # for display; a method may have its own
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         return self.method.start(n, rng)
@@ -192,7 +192,7 @@ class _SolverLearner:
 
 
 def executable_on(hardware: Hardware, planner: Planner) -> Executable:
-    """Whether the motion of an action, at a context, passes every limit of an arm."""
+    """A test of (context, action): whether the motion passes every limit of the arm."""
 
     def executable(context: Array, action: Array) -> bool:
         try:

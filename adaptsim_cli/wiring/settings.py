@@ -12,9 +12,9 @@ from adaptsim_cli.errors import UsageError
 
 
 def load(flags: Mapping[str, Any]) -> Resolved:
-    """As `config.load`; the task is the world's where the world is named closer to the command than the task.
+    """As `config.load`; the world decides the task if its name comes from closer to the command line than the task's.
 
-    Raises UsageError, also where several tasks have a world of that name and the settings mean none of them.
+    Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks.
     """
     resolved = config.load(flags)
     settings, sources = resolved.config, resolved.sources
@@ -33,7 +33,7 @@ def load(flags: Mapping[str, Any]) -> Resolved:
 
 
 def _rank(resolved: Resolved, source: str) -> int:
-    """How close to the command line a setting was made."""
+    """How close to the command line a setting comes from."""
     files = ("default", str(resolved.places.user_file), str(resolved.places.project_file))
     if source in files:
         return files.index(source)

@@ -1,4 +1,4 @@
-"""Which solver makes the task policies of a session."""
+"""Chooses the solver that trains the task policies of a session."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ SOLVERS = ("emulator", "naf")
 
 @contextmanager
 def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[tuple[Policies, Expectations]]:
-    """Task policies as `name` says (empty: as the checkpoint has them), on `workers` processes (0: one a core).
+    """The solver `name` (empty: the checkpoint's own), on `workers` processes (0: one per core).
 
-    NAF alone simulates: it keeps rollouts and policies in `folder`, which is the session's alone; its rules are those
-    of the checkpoint, if that was made with NAF, and otherwise the paper's. Expectations are the checkpoint's.
+    Only NAF simulates: it stores rollouts and policies in `folder`, which belongs to this session. Its settings are the
+    checkpoint's, if that was made with NAF, else the paper's. Expectations come from the checkpoint.
 
-    Raises UsageError on an unknown name and where the checkpoint lacks what is asked for, UnknownName where a task has
-    no NAF, CheckpointError where `folder` holds something else.
+    Raises UsageError for an unknown name and for a solver that the checkpoint does not contain, UnknownName for a task
+    without NAF, CheckpointError if `folder` holds other data.
     """
     if name not in ("", *SOLVERS):
         raise UsageError(f"--solver {name}: choose one of {', '.join(SOLVERS)}")

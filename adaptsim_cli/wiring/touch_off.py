@@ -1,4 +1,4 @@
-"""Joins the real parts of a touch-off, and finds the touch-off that a rig has."""
+"""Joins the parts of a touch-off, and finds a rig's touch-off."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from hw.types import Array
 from sim.errors import NotExecutable
 
 ZEROS_RAD = 2e-4
-"""Joint offsets that differ by more are others: 0.13 mm at the edge of a tool that a shoulder holds 0.65 m away."""
+"""Joint zeros that differ by more than this (rad) count as others: 0.13 mm at a tool 0.65 m from the shoulder."""
 
 
 def touch_offs(config: Config, places: Places) -> TouchOffStore:
-    """Those of this rig: of the simulated lab one a task, world and seed, else one an arm and task."""
+    """The touch-offs of this rig: one per task, world and seed in the simulated lab, else one per arm and task."""
     key = calibration_key(config)
     return TouchOffStore(places.data / "touch-offs" / (key if config.is_simulated else f"{key}-{config.task}"))
 
 
 def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouchOff | None:
-    """The latest of this rig, None where there is none. `zeros_rad` (7,) are the joint offsets that count now.
+    """The latest touch-off of this rig, None if there is none. `zeros_rad` (7,) are the present joint zeros.
 
-    Raises SessionError where it cannot be read, PreflightFailed where it was made with other joint offsets.
+    Raises SessionError if it is unreadable, PreflightFailed if it was made with other joint zeros.
     """
     known = touch_offs(config, places).current()
     if known is None:
@@ -54,9 +54,9 @@ def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouch
 def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None) -> Iterator[TouchRig]:
     """Arm and hand, connected, the arm last. Nothing moves.
 
-    Everything that can be wrong without a device is found first. Raises UnknownName (a tool without corners),
-    CalibrationMissing, SessionError, NotExecutable (places outside of the work area), DeviceUnavailable, and what
-    `open_lab` raises. `drivers`: of a real lab's devices.
+    Every check that needs no device comes first. Raises UnknownName (a tool without corners), CalibrationMissing,
+    SessionError, NotExecutable (places outside the work area), DeviceUnavailable, and the errors of `open_lab`.
+    `drivers` are those of a real lab's devices.
     """
     from sim.panda.feelers import empty_hand, feeling
     from sim.panda.planning import home

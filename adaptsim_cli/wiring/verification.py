@@ -1,4 +1,4 @@
-"""Joins a finished pretraining with true rollouts and the document that reports on it."""
+"""Verifies a finished pretraining by true rollouts, and writes the document about it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def is_finished(folder: Path | None) -> bool:
-    """Whether a report can be made of the pretraining in `folder` as it is."""
+    """Whether the pretraining in `folder` is complete enough for a report."""
     from sim.pretraining.verification import verify
 
     return folder is not None and verify.is_finished(folder)
@@ -23,10 +23,10 @@ def is_finished(folder: Path | None) -> bool:
 def write_report(
     task: Task, folder: Path, docs: Path | None, executor: Executor, progress: Callable[[str, int, int], None]
 ) -> Path:
-    """Verify what the pretraining in `folder` is worth -> the document, `phase1.md` in `docs` (default: in `folder`).
+    """Verify the pretraining in `folder`; return its document, `phase1.md` in `docs` (default: in `folder`).
 
-    Rollouts that an earlier call made are not made again. Raises DatasetError where the pretraining is not finished or
-    not of this task, RolloutError.
+    Rollouts of an earlier call are used again. Raises DatasetError if the pretraining is unfinished or of another task,
+    RolloutError.
     """
     from adaptsim_cli.report import phase1
     from adaptsim_cli.storage.durable import make_folder
@@ -40,7 +40,7 @@ def write_report(
 
 
 def command(made: Pretrained) -> str:
-    """The command that makes it again, as far as it differs from the usual one."""
+    """The command that repeats it, with the options that differ from their defaults."""
     from sim.pretraining.pipeline import PretrainBudget
     from sim.tasks import get_task
 

@@ -48,8 +48,7 @@ def overlay(
 
 
 def _along(corners_m: Array, model: CameraModel, X_CB: Array) -> Array:
-    """(N, 2) pixels of a line through `corners_m`, with points between them, because a real lens bends straight lines.
-    """
+    """(N, 2) pixels of a line through `corners_m`, with points in between: real lenses bend straight lines."""
     steps = np.linspace(0, 1, 12)[:, None]
     pieces = [a + steps * (b - a) for a, b in pairwise(corners_m)]
     return project(model.colour, X_CB, np.concatenate(pieces))

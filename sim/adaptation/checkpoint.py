@@ -1,8 +1,8 @@
-"""Checkpoints: what pretraining hands on to sessions.
+"""Checkpoints: the results of pretraining, for use in sessions.
 
-A folder `<task>/<name>/` with `model.safetensors` (adaptation policy, and emulator where there is one) and
-`card.toml` (task, object, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped ones lie
-in `sim/checkpoints`.
+A checkpoint is a folder `<task>/<name>/` with `model.safetensors` (adaptation policies and, if there is one, the
+emulator) and `card.toml` (task, object, ranges, seed, data, versions, held-out results). Nothing is unpickled. Shipped
+ones are in `sim/checkpoints`.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ __all__ = [
 MODEL, CARD = "model.safetensors", "card.toml"
 FORMAT = 1
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
-"""Of the tensors of the adaptation policies."""
+"""Prefix of the adaptation policies' tensors, by memory."""
 ATTAINABLE = "q_attainable."
 PROSPECTS = "prospects."
 PAPERS = "adaptsim-iteration"
-"""The paper's method: what a card stands for that names none."""
+"""The paper's method: the one that "adaptsim" means for a card that names none."""
 DEFAULTS = (PAPERS, "adaptsim-belief", "adaptsim-history", "adaptsim-state")
-"""What a card may name."""
+"""The methods that a card may name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,20 +61,20 @@ class Checkpoint:
     path: Path
     card: Mapping[str, Any]
     solver: Solver
-    emulator: Emulator | None  # of the solver, where it asks one
-    networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by what they remember of a session
-    prospects: Prospects | None  # None where the solver is NAF's, which has no answers without simulating
-    method: str  # what "adaptsim" stands for
-    attainable: QNetwork | None = None  # the paper's policy, learnt with a threshold that can be reached
+    emulator: Emulator | None  # None: the solver does not use one
+    networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by their memory of a session
+    prospects: Prospects | None  # None with NAF, which cannot answer without simulating
+    method: str  # the method that "adaptsim" meant
+    attainable: QNetwork | None = None  # the paper's policy, trained with an attainable threshold
 
     @property
     def naf(self) -> Mapping[str, Any] | None:
-        """What `restore_naf` makes the solver of; None where the policies are not NAF's."""
+        """The facts from which `restore_naf` builds the solver; None unless the policies are NAF's."""
         return self.card["naf"] if self.card.get("solver") == "naf" and not self.solver.task.exact else None
 
     @property
     def sha256(self) -> str:
-        """Of the weights: what a session records of it."""
+        """SHA-256 of the weights, which a session records."""
         return str(self.card["sha256"])
 
 
@@ -89,7 +89,7 @@ def save_checkpoint(
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
-    `emulator` is None for a task with an exact solver, and where the policies are NAF's: then the facts hold
+    `emulator` is None for a task with an exact solver, and with NAF: then the facts contain
     `sim.solvers.naf.solver.naf_facts`.
     """
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
@@ -180,7 +180,7 @@ def read_card(path: Path, task: str) -> dict[str, Any]:
 
 
 def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
-    """Raises CheckpointError unless the weights in `path` are those that the card names."""
+    """Raises CheckpointError unless the weights in `path` match the card."""
     model = path / MODEL
     if not model.exists():
         raise CheckpointError(f"{model} is missing: install or make the checkpoint again")
@@ -193,7 +193,7 @@ def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
 
 
 def _solver(task: Task, path: Path, card: Mapping[str, Any]) -> Solver:
-    """Without an emulator: exact, or NAF's."""
+    """The solver without an emulator: exact, or NAF's."""
     if task.exact:
         return task.exact(task)
     try:
@@ -212,6 +212,6 @@ def _difference(card: Mapping[str, Any], task: Task) -> str:
 
 
 def _own(card: Mapping[str, Any], task: Task) -> str:
-    """Whose ranges they are, where that is known and another than now."""
+    """The object of the card's ranges, if it is known and differs from the present one; else ""."""
     name = card.get("object", task.object_name)
     return f" (those of {name})" if name != task.object_name else ""

@@ -1,7 +1,8 @@
-"""What reality adds to the simulator: a smooth function of the action, a Gaussian process (Kennedy & O'Hagan 2001).
+"""The discrepancy between reality and a simulator: a smooth function of the action, a Gaussian process (Kennedy &
+O'Hagan 2001).
 
-A mount that is off, a blade that bends or a table that is not level do the same to neighbouring actions. So what the
-trials showed beyond the simulator is expected of actions nearby as well, and the less the farther away they lie.
+A misaligned mount, a bent blade or a tilted table has the same effect on similar actions. So a residual of a trial is
+expected of nearby actions too, and less so the farther away they are.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ LENGTH = 0.3
 
 
 FREEDOM = 4.0
-"""Of Student's t, by which residuals count: one that nothing explains does not outweigh all the others."""
+"""Degrees of freedom of Student's t for residuals, so that one outlier does not outweigh all others."""
 
 FEATURES = 256
-"""Cosines that a drawn function is made of."""
+"""Number of cosines in a drawn function."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,10 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """What is known of one discrepancy from residuals: what trials showed minus what one simulator predicts.
+    """One discrepancy, conditioned on residuals: observations of trials minus predictions of a simulator.
 
-    Where the trials were and how noisy they are is the same for every simulator that may be true, so all are
-    conditioned at once: Rasmussen & Williams 2006, eq. 2.30.
+    Actions and noise of the trials are the same for every candidate simulator, so all are conditioned at once:
+    Rasmussen & Williams 2006, eq. 2.30.
     """
 
     scale: Scale
@@ -55,7 +56,7 @@ class Discrepancy:
     noise: Array  # (N,) variance of each residual
 
     def evidence(self, residuals: Array) -> Array:
-        """(N, K) residuals of K simulators -> (K,) log-evidence, up to a constant that scales share."""
+        """(N, K) residuals of K simulators -> (K,) log-evidence, up to a constant common to all scales."""
         if not len(self.at):
             return np.zeros(residuals.shape[1])
         volume = np.log(self._factor[0].diagonal()).sum()
@@ -63,9 +64,9 @@ class Discrepancy:
         return np.asarray(-0.5 * (FREEDOM + len(self.at)) * np.log1p(squared / FREEDOM) - volume)
 
     def drawn(self, actions: Array, residuals: Array, seed: int) -> Array:
-        """(A, d), (N, K) -> (A, K): a function drawn for each simulator; for the same seed always the same functions.
+        """(A, d), (N, K) -> (A, K): one function drawn for each simulator; the same seed gives the same functions.
 
-        A draw from before the trials, corrected by what it misses of them (Wilson et al. 2020, eq. 13).
+        A draw from the prior, corrected by its error at the trials (Wilson et al. 2020, eq. 13).
         """
         rng, k = np.random.default_rng(seed), residuals.shape[1]
         weights, d = rng.standard_normal((1 + FEATURES, k)), actions.shape[1]

@@ -1,4 +1,4 @@
-"""Which parameters a session can tell at all: sessions on simulated targets, and how near they come to the truth."""
+"""Which parameters a session can identify: simulated sessions, and how near they come to the truth."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.rollouts.draws import Disturbances
 
 SESSIONS, TRIALS = 24, 8
-"""Simulated targets in Omega, and trials of each with the first policy."""
+"""Number of simulated targets in Omega, and trials of each with the first policy."""
 
 SETTLES, PARTLY = 0.5, 0.85
-"""Error that is left, as a fraction of that without a trial, below which a parameter settles, or does so in part."""
+"""A parameter settles, or settles in part, if its error after a session is below this fraction of the error without
+trials.
+"""
 
 
 @dataclass(frozen=True)
@@ -24,14 +26,16 @@ class Identifiable:
     """One parameter."""
 
     name: str
-    left: float  # error after a session, as a fraction of that before it: 1 where trials tell nothing
+    left: float  # error after a session, as a fraction of that before: 1 if trials say nothing
     words: str
 
 
 def identifiability(
     simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Identifiable, ...]:
-    """Of every parameter, by the weights that trials of simulated targets give (`sim.adaptation.reality`)."""
+    """The identifiability of every parameter, by the weights from trials of simulated targets
+    (`sim.adaptation.reality`).
+    """
     task, rng = simulators.task, np.random.default_rng(seed)
     policy = RealityPolicy(Reality(simulators, ()))
     unit = task.parameters.normalise(simulators.truths)
@@ -52,7 +56,7 @@ def identifiability(
 def _trials(
     simulators: Simulators, policy: RealityPolicy, target: Array, rng: np.random.Generator
 ) -> tuple[Trial, ...]:
-    """As a session would see them, were the emulator at `target` the real object."""
+    """The trials of a session, with the emulator at `target` in place of the real object."""
     task, solver = simulators.task, simulators.solver
     contexts = task.context.sample(rng, TRIALS)
     actions, drawn = policy.actions(contexts), Disturbances.at_random(task, TRIALS, rng)

@@ -1,7 +1,7 @@
-"""What an adaptation policy sees of a session.
+"""The inputs of an adaptation policy from a session.
 
-"iteration": the last parameters and the trajectories of the last iteration, as in the paper; "state": of these
-trajectories only how they end (the paper's AdaptSim-State); "history": everything, of all particles, rewards too.
+"iteration": parameters and trajectories of the last iteration, as in the paper. "state": only the ends of these
+trajectories (the paper's AdaptSim-State). "history": everything, of all particles, with rewards.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from sim.tasks.task import Task
 MemoryName = Literal["iteration", "state", "history"]
 
 SLOTS = 20
-"""Entries that a history keeps: two particles over ten iterations."""
+"""Entries of a history: two particles over ten iterations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What B particles have behind them: S entries each, an entry being one particle's iteration.
+    """The pasts of B particles: S entries each; an entry is one iteration of one particle.
 
-    Entry 0 is the particle's own last iteration; then come its earlier ones, then those of the other particles, newest
-    first. What is not there is zero, with `age` below zero.
+    Entry 0 is the particle's own last iteration. Then come its earlier ones, then those of the other particles, newest
+    first. Missing entries are zero, with `age` below zero.
     """
 
     means: Array  # (B, S, p) in units
     observations: Array  # (B, S, T * size) normalised
     rewards: Array  # (B, S, T) of the trials
-    own: Array  # (B, S) 1 where it is the particle's own
-    age: Array  # (B, S) iterations ago; -1 where there is no entry
+    own: Array  # (B, S) 1 for the particle's own entries
+    age: Array  # (B, S) iterations ago; -1: no entry
 
 
 def entries(task: Task) -> int:
@@ -53,7 +53,7 @@ def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
 
 
 def _end(task: Task) -> int:
-    """Numbers of an observation that tell how a trial ended."""
+    """How many numbers at the end of an observation describe how a trial ended."""
     return task.adaptation.end_moments * len(task.observation.columns)
 
 
@@ -64,13 +64,13 @@ def new_policy(task: Task, memory: MemoryName, seed: int) -> QNetwork:
 
 
 def restore_policy(task: Task, memory: MemoryName, tensors: Mapping[str, Tensor]) -> QNetwork:
-    """An adaptation policy with this memory. Raises CheckpointError when the tensors do not fit."""
+    """An adaptation policy with this memory. Raises CheckpointError if the tensors do not fit."""
     slots, width = inputs(task, memory)
     return restore_network(width, len(task.parameters), tensors, slots)
 
 
 def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
-    """(B, slots * numbers): what the network gets."""
+    """(B, slots * numbers): the network's input."""
     means = task.parameters.normalise(seen.means)
     if memory == "iteration":
         return np.concatenate([means[:, 0], seen.observations[:, 0]], axis=-1)
@@ -86,7 +86,7 @@ def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
 
 
 def look_back(means: Array, observations: Array, rewards: Array) -> Seen:
-    """What each particle sees in episodes (E, P, n, ...) of P particles with the same target: (E * P, P * n, ...)."""
+    """The pasts of the particles in episodes (E, P, n, ...) of P particles with one target: (E * P, P * n, ...)."""
     episodes, particles, n = means.shape[:3]
     columns: list[list[Array]] = [[], [], []]
     for j in range(particles):
@@ -102,9 +102,9 @@ def look_back(means: Array, observations: Array, rewards: Array) -> Seen:
 
 
 def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
-    """What one particle of a session sees. Raises ValueError without a trial of its own in the last iteration.
+    """The past of one particle of a session. Raises ValueError if it has no trial in the last iteration.
 
-    Of more than `trials_per_iteration` trials the last count; fewer are repeated.
+    Of more than `trials_per_iteration` trials only the last ones count; fewer are repeated.
     """
     wanted, latest = task.adaptation.trials_per_iteration, len(history) - 1
     if not history or not history[-1][particle].trials:

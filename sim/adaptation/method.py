@@ -1,4 +1,4 @@
-"""What a method of adaptation is to the rest of the program: particles in, particles out."""
+"""The contract of an adaptation method: trials in, particles out."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ class Particle:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One real execution as the learning sees it."""
+    """One real execution, in the form for learning."""
 
     context: Array  # (c,) in units
     action: Array  # (a,) commanded, in units
     observation: Array  # (size,) normalised
     reward: float
-    end_state: Array | None  # (k,) of a success: what its reward depends on; None where it failed
+    end_state: Array | None  # (k,) quantities that decide the reward of a success; None: it failed
 
 
 @dataclass(frozen=True, eq=False)
 class ParticleTrials:
-    """What one particle saw in one iteration."""
+    """The trials of one particle in one iteration."""
 
     particle: Particle
     trials: tuple[Trial, ...]
@@ -61,22 +61,22 @@ class Method(Protocol):
         ...
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The next particles, one for each of the last iteration, given all iterations so far (oldest first)."""
+        """The next particles, as many as in the last iteration, from all iterations so far (oldest first)."""
         ...
 
 
 @runtime_checkable
 class OwnPolicies(Protocol):
-    """A method that acts without a simulator: its trials make its task policies, and its particles claim nothing."""
+    """A method with its own task policies, made from its trials instead of by a solver."""
 
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """What a particle tries after all trials of `history`; always the same."""
+        """The policy that a particle tries after all trials of `history`. Deterministic."""
         ...
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """What the session would go with after all trials of `history`."""
+        """The final policy after all trials of `history`."""
         ...
 
 
@@ -87,7 +87,7 @@ def policy_of(
     history: Sequence[Iteration],
     executable: Executable | None = None,
 ) -> SolvedPolicy:
-    """The task policy of a particle that follows `history`: that for its parameters, or the method's own."""
+    """The task policy of a particle after `history`: the solver's for its parameters, or the method's own."""
     if isinstance(method, OwnPolicies):
         return method.policy(particle, history, executable)
     return policy_for(policies, particle.samples, executable)
@@ -95,9 +95,9 @@ def policy_of(
 
 @dataclass(frozen=True, eq=False)
 class Best:
-    """The parameters a session would go with, and how good they are estimated to be on the real target."""
+    """The final parameters of a session, and their estimated reward on the real target."""
 
     particle: Particle
     mean_reward: float
     ci95: tuple[float, float]
-    trials: int  # how many trials the estimate rests on
+    trials: int  # number of trials behind the estimate

@@ -1,4 +1,4 @@
-"""What a session may still gain, and by how much its actions are corrected: read off what may be true of reality."""
+"""The gain that a session may still expect, and the size of its corrections, from the draws of reality."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
 
 CONTEXTS = 16
-"""Contexts, evenly, that everything is averaged over."""
+"""Number of evenly spread contexts for all averages."""
 
 WORTHWHILE = 0.05
-"""A smaller gain of reward is not worth an iteration."""
+"""The smallest gain of reward that is worth an iteration."""
 
 SHARE = 0.4
-"""Part of what knowing everything would add that one iteration brings."""
+"""The share of the gain of perfect knowledge that one iteration brings."""
 
 ENOUGH, HOPELESS = 0.15, 0.4
-"""Chance of a worthwhile gain below which a session is done, and upper end of the interval below which it is hopeless.
+"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval.
 
-All three were found on worlds to develop on (docs/decisions/0011-one-method.md)."""
+All three were chosen on development worlds (docs/decisions/0011-one-method.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """Of the policy that a session would go with now."""
+    """The outlook of a session, for its final policy if it ended now."""
 
     reward: float  # expected
-    ci95: tuple[float, float]  # of the expected reward, over all that may be true
-    left: float  # expected reward that knowing everything would add
-    likely: float  # probability that it would add more than `WORTHWHILE`
-    gain: float  # the part of it that one more iteration brings, on average
-    correction: Array  # (a,) in units: mean difference of its actions from those of `for_e`
-    correction_std: Array  # (a,) over the contexts
+    ci95: tuple[float, float]  # of the expected reward, over all draws of reality
+    left: float  # expected gain of reward by perfect knowledge
+    likely: float  # probability that this gain exceeds `WORTHWHILE`
+    gain: float  # expected gain of one more iteration
+    correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
+    correction_std: Array  # (a,) standard deviation over contexts
 
     @property
     def done(self) -> bool:
@@ -50,7 +50,7 @@ class Outlook:
 
 
 def outlook(reality: Reality, for_e: SolvedPolicy) -> Outlook:
-    """`for_e`: the simulator's policy for the parameters that are shown beside it."""
+    """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it."""
     task, answers = reality.simulators.task, reality.answers
     n = CONTEXTS if len(task.context) else 1
     contexts = cover(task.context, n, np.random.default_rng(0))

@@ -1,6 +1,6 @@
-"""What the trajectories of a session say of the simulation parameters, and what policies would earn under that.
+"""The posterior of the simulation parameters from a session's trajectories, and the rewards of policies under it.
 
-For a person to look at: no method decides with it. It asks the simulator of a checkpoint, so it can be drawn again for
+For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
 """
 
@@ -20,14 +20,14 @@ from sim.solvers.solver import Expectations, SolvedPolicy, policy_for
 from sim.types import Space
 
 TARGETS, CONTEXTS = 128, 8
-"""Parameters drawn from a posterior, and contexts, over which the expectation of a policy is taken."""
+"""Numbers of parameter draws and of contexts for the expected reward of a policy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Weighted parameters: how likely each is to be the true one, given trajectories.
+    """Weighted parameter vectors: the probability that each is the true one, given the trajectories.
 
-    `space` holds the parameters with the margin around their ranges in which truths are looked for.
+    `space` contains the parameters with the margin around their ranges, where the truth is searched.
     """
 
     space: Space
@@ -44,12 +44,12 @@ class Posterior:
 
     @property
     def mean(self) -> Array:
-        """(p,) in units; of a parameter on a logarithmic scale the mean of its logarithms."""
+        """(p,) in units; for a parameter on a logarithmic scale, the mean of its logarithm."""
         return self.space.denormalise(self.space.normalise(self.samples).T @ self.weights)
 
     @property
     def effective(self) -> float:
-        """How many samples carry the weight: all of them know nothing, one knows everything (Kish)."""
+        """The effective number of samples (Kish): all of them means no knowledge, 1 means certainty."""
         return float(1.0 / np.sum(self.weights**2))
 
     def quantiles(self, levels: Sequence[float]) -> Array:
@@ -64,14 +64,14 @@ class Posterior:
 
 
 def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
-    """After all trials of `history`; without any, what is assumed before."""
+    """The posterior after all trials of `history`; without any, the prior."""
     return Posterior(belief.expectations.task.margin, belief.prospects.truths, belief.weights(history))
 
 
 def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
     """(N, M, k) expected states, in units, of one trial for parameters (N, p), at the times of the task's observation.
 
-    Nuisance and error of the action are in the middle of their ranges; no camera noise.
+    Nuisance and action error are in the middle of their ranges; no camera noise.
     """
     task, n = expectations.task, len(parameters)
     middle = task.nuisance.denormalise(np.full((n, len(task.nuisance)), 0.5))
@@ -81,17 +81,17 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
 
 @dataclass(frozen=True)
 class Prospect:
-    """What a policy is expected to earn where the true parameters follow a posterior."""
+    """The expected reward of a policy if the true parameters follow a posterior."""
 
     mean: float
-    low: float  # 95 % of the posterior earn at least this much and at most `high`
+    low: float  # `low` to `high` holds 95 % of the posterior
     high: float
 
 
 def prospect(
     checkpoint: Checkpoint, belief: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
 ) -> Prospect:
-    """Of `policies` in turn, averaged, over contexts, nuisance and error of the action."""
+    """The prospect of `policies`, averaged over them, over contexts, nuisance and action error."""
     solver = checkpoint.solver
     targets, contexts = belief.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
     drawn = int(rng.integers(2**31))
@@ -106,7 +106,7 @@ def policies_of(checkpoint: Checkpoint, particles: Sequence[Particle]) -> tuple[
 
 
 def policies_of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
-    """Policies for all of Omega, always the same ones."""
+    """Policies for all of Omega; always the same."""
     return udr_policies(checkpoint.solver, np.random.default_rng(0))
 
 
@@ -116,7 +116,7 @@ def _earned(expectations: Expectations, targets: Array, contexts: Array, policy:
 
 
 def _quantiles(values: Array, weights: Array, levels: Sequence[float]) -> Array:
-    """The smallest value below which, itself included, the wanted share of the weight lies."""
+    """For each level, the smallest value up to which that share of the weight lies."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order])
     at = np.searchsorted(reached, np.asarray(levels) * reached[-1] - 1e-12)

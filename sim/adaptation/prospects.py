@@ -1,6 +1,6 @@
-"""What the policies of some E would earn, wherever in the margin the truth may lie.
+"""Prospects: the rewards that the policies of some E would earn, for many possible truths in the margin.
 
-Computed once in pretraining and stored in the checkpoint: a session only weighs its columns.
+Computed once in pretraining and stored in the checkpoint; a session only weighs its columns.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True)
 class ProspectSettings:
-    """How finely one looks ahead."""
+    """The resolution of the prospects."""
 
     candidates: int = 128
     truths: int = 2048
-    contexts: int = 8  # that a reward is averaged over
-    draws: int = 2  # of nuisance and action error, at each of them
+    contexts: int = 8  # for the average of a reward
+    draws: int = 2  # of nuisance and action error, for each context
 
 
 @dataclass(frozen=True, eq=False)
 class Prospects:
-    """`rewards[i, j]` is what the policy trained for `candidates[i]` is expected to earn where `truths[j]` is true."""
+    """`rewards[i, j]` is the expected reward of the policy trained for `candidates[i]` if `truths[j]` is true."""
 
     candidates: Array  # (C, p) in Omega, in units
     truths: Array  # (T, p) in Omega and its margin, in units
@@ -39,7 +39,7 @@ class Prospects:
 
     @property
     def tensors(self) -> dict[str, Tensor]:
-        """Everything to be stored; `restore_prospects` restores it."""
+        """The tensors to store; `restore_prospects` reads them."""
         return {
             "candidates": torch.from_numpy(self.candidates),
             "truths": torch.from_numpy(self.truths),
@@ -53,7 +53,10 @@ def look_ahead(
     settings: ProspectSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Prospects:
-    """Both sets fill their space evenly; the same contexts, errors and nuisance for all rewards."""
+    """Compute the prospects.
+
+    Both sets fill their space evenly; contexts, errors and nuisance are the same for all rewards.
+    """
     task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
     candidates = cover(task.parameters, s.candidates, rng)
     truths = cover(task.margin, s.truths, rng)
@@ -70,7 +73,7 @@ def look_ahead(
 
 
 def restore_prospects(task: Task, tensors: Mapping[str, Tensor]) -> Prospects:
-    """Raises CheckpointError when the tensors are not those of prospects of this task."""
+    """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
     try:
         found = Prospects(*(tensors[name].double().numpy() for name in ("candidates", "truths", "rewards")))
     except KeyError as error:

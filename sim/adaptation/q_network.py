@@ -1,7 +1,7 @@
 """The adaptation policy: a branching double Q-network over {-delta, 0, +delta} for every parameter.
 
-Branching after Tavakoli et al. (2018): a shared trunk, one value head, one three-way advantage head a
-parameter with its mean subtracted.
+Branching after Tavakoli et al. (2018): a shared trunk, one value head, and one three-way advantage head per parameter
+with its mean subtracted.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from sim.errors import CheckpointError
 from sim.solvers.threads import one_thread
 
 MOVES = 3
-"""Choices a parameter: down, stay, up."""
+"""Choices per parameter: down, stay, up."""
 
 _READ = 64
-"""Numbers that are kept of a slot."""
+"""Numbers in the encoding of a slot."""
 
 
 class QNetwork(nn.Module):
     """(B, slots * inputs) -> (B, branches, 3).
 
-    With more than one slot each is read by the same small network, and what they say is pooled: the order of the slots
-    does not matter, except that the first is also seen alone. The last input of a slot says whether it is filled.
+    With more than one slot, the same small network encodes each, and the encodings are pooled. So the order of the
+    slots does not matter, except that the first is also seen alone. The last input of a slot says whether it is filled.
     """
 
     def __init__(self, inputs: int, branches: int, slots: int = 1, hidden: int = 256) -> None:
@@ -69,14 +69,14 @@ class QNetwork(nn.Module):
 
 
 def new_network(inputs: int, branches: int, seed: int, slots: int = 1) -> QNetwork:
-    """Freshly initialised from `seed` alone."""
+    """A new network, initialised from `seed` only."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return QNetwork(inputs, branches, slots)
 
 
 def restore_network(inputs: int, branches: int, tensors: Mapping[str, Tensor], slots: int = 1) -> QNetwork:
-    """Raises CheckpointError when the tensors do not fit."""
+    """The stored network. Raises CheckpointError if the tensors do not fit."""
     network = new_network(inputs, branches, 0, slots)
     wanted = {name: tuple(t.shape) for name, t in network.state_dict().items()}
     found = {name: tuple(t.shape) for name, t in tensors.items()}

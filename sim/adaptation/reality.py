@@ -1,12 +1,12 @@
-"""What a session knows of reality: simulators that may be true, and what reality adds to each of them.
+"""The knowledge of a session about reality: candidate simulators, and the discrepancy of reality from each.
 
 1. A *simulator* is the emulator at one set of parameters. Each trial weighs it: by its trajectory, by whether it
    succeeded, and by where a success ended.
-2. Reality obeys no parameters exactly. What it adds to the chance of success and to the end state is a smooth function
-   of the action (`sim.adaptation.discrepancy`). A residual that several trials share is explained by it, and weighs
-   simulators only as far as it cannot.
-3. Many pairs of a simulator and of such functions are drawn. Each says what any action earns at any context; together
-   they say what is expected, and how sure that is.
+2. No parameters describe reality exactly. Its discrepancy in the chance of success and in the end state is a smooth
+function of the action (`sim.adaptation.discrepancy`). It explains a residual that several trials share; only the
+unexplained rest weighs simulators.
+3. Many pairs of a simulator and such functions are drawn. Each predicts the reward of any action in any context;
+together they give the expected reward and its uncertainty.
 """
 
 from __future__ import annotations
@@ -29,36 +29,39 @@ from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
 SIMULATORS, KEPT = 1024, 48
-"""Sets of parameters that are weighed, and how many are drawn from them."""
+"""Number of candidate parameter vectors, and number of draws from them."""
 
 DRAWS = 4
-"""Of nuisance and action error, that every prediction is averaged over."""
+"""Draws of nuisance and action error, over which every prediction is averaged."""
 
 ACTIONS, REFINED = 256, 16
-"""Actions that fill their ranges, and those around a winner."""
+"""Number of actions that fill their ranges, and number of those around the best one."""
 
 VALUES, FREEDOM = 4.0, 2.0
-"""A trajectory counts as so many independent values, with Student's t of so much freedom for their errors."""
+"""The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
+errors.
+"""
 
 SUCCESS = Scale(level=0.1, local=0.25)
-"""What reality adds to the chance of success."""
+"""Prior scale of the discrepancy in the chance of success."""
 
 END = Scale(level=0.1, local=0.15)
-"""What it adds to the end state, in standard deviations of the end states that there are in the ranges."""
+"""Prior scale of the discrepancy in the end state, in standard deviations of the end states in the ranges."""
 
 FACTORS, FACTORS_STD = (0.5, 1.0, 2.0, 4.0), 1.0
-"""Both scales are multiplied by the one that the trials ask for; how unsure its logarithm is before them."""
+"""Both scales are multiplied by a factor fitted to the trials; this is the prior standard deviation of its logarithm.
+"""
 
 LEAST_UNIT = 0.1
-"""Unit of a number of the end state that hardly varies in the ranges, as a share of the largest one's."""
+"""Least unit of an end-state quantity that hardly varies in the ranges, as a share of the largest unit."""
 
 LEAST_CHANCE_STD, LEAST_END_STD = 0.22, 0.02
-"""Noise of a single success and of a single end state, beside what the disturbances explain."""
+"""Noise of a single success and of a single end state, besides the disturbances."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Predicted:
-    """What K simulators predict of N trials, averaged over the disturbances."""
+    """Predictions of K simulators for N trials, averaged over the disturbances."""
 
     log_likelihood: Array  # (N, K) of the trajectories
     success: Array  # (N, K)
@@ -68,7 +71,7 @@ class _Predicted:
 
 @dataclass(frozen=True, eq=False)
 class Simulators:
-    """What a task's simulator predicts; shared by all that is asked during a session."""
+    """The predictions of a task's simulator, shared during a session."""
 
     solver: Solver
     prospects: Prospects
@@ -76,23 +79,25 @@ class Simulators:
 
     @property
     def task(self) -> Task:
-        """The solver's."""
+        """The solver's task."""
         return self.solver.task
 
     @property
     def truths(self) -> Array:
-        """(T, p), T at most `SIMULATORS`, that fill Omega and its margin: the first ones of the prospects."""
+        """(T, p) candidate truths, T at most `SIMULATORS`, that fill Omega and its margin: the first ones of the
+        prospects.
+        """
         return self.prospects.truths[:SIMULATORS]
 
     @cached_property
     def disturbances(self) -> Disturbances:
-        """What every prediction is averaged over."""
+        """The disturbances over which every prediction is averaged."""
         chance = len(self.task.nuisance) or np.any(self.task.action_noise)
         return Disturbances.evenly(self.task, DRAWS if chance else 1, np.random.default_rng(0))
 
     @cached_property
     def end_unit(self) -> Array:
-        """(k,) standard deviation of the end states over Omega and all actions, each as often as it earns."""
+        """(k,) standard deviation of the end states over Omega and all actions, weighted by the expected reward."""
         task, rng, n = self.task, np.random.default_rng(0), 2048
         drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
         success, end = self.solver.outcomes(truths, self.actions(truths, n), drawn.nuisance)
@@ -102,7 +107,7 @@ class Simulators:
         return np.asarray(np.maximum(std, LEAST_UNIT * std.max()))
 
     def actions(self, parameters: Array, n: int) -> Array:
-        """(A, a) that are worth comparing: `n` that fill their ranges; of an exact task, the best for `parameters`."""
+        """(A, a) candidate actions: `n` that fill their ranges; for an exact task, the best ones for `parameters`."""
         task = self.task
         if task.exact is None:
             return cover(task.action, n, np.random.default_rng(0))
@@ -111,7 +116,7 @@ class Simulators:
         return np.concatenate([policy.actions(nowhere) for policy in policies])
 
     def on_grid(self, trials: Sequence[Trial]) -> _Predicted:
-        """What `truths` predict of trials; each trial is looked at once."""
+        """Predictions of all `truths` for trials; cached per trial."""
         for trial in trials:
             if (key := _key(trial)) not in self._grid:
                 self._grid[key] = self.predict([trial], self.truths)
@@ -120,7 +125,7 @@ class Simulators:
         return _Predicted(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
 
     def predict(self, trials: Sequence[Trial], parameters: Array) -> _Predicted:
-        """What the simulators at `parameters` (K, p) predict of N trials."""
+        """Predictions of the simulators at `parameters` (K, p) for N trials."""
         task, drawn = self.task, self.disturbances
         n, k, d = len(trials), len(parameters), len(drawn.error)
         shape = (n, k, d)
@@ -154,7 +159,7 @@ class Simulators:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """Trials, ready to weigh simulators and to condition what reality adds."""
+    """Trials, prepared to weigh simulators and to condition the discrepancies."""
 
     simulators: Simulators
     trials: tuple[Trial, ...]
@@ -165,38 +170,40 @@ class _Evidence:
         return _weights(self.log_posterior(self.simulators.on_grid(self.trials)))
 
     def log_posterior(self, predicted: _Predicted) -> Array:
-        """(K,) up to a constant; every set of parameters in the margin is as likely before."""
+        """(K,) log-posterior, up to a constant; the prior is uniform over the margin."""
         total = predicted.log_likelihood.sum(axis=0) + self.success.evidence(self.missed(predicted))
         for axis, residuals in enumerate(self.off(predicted)):
             total = total + self.ends[axis].evidence(residuals)
         return np.asarray(total)
 
     def missed(self, predicted: _Predicted) -> Array:
-        """(N, K) successes that were not predicted."""
+        """(N, K) observed success minus predicted chance."""
         return self._succeeded[:, None] - predicted.success
 
     def off(self, predicted: _Predicted) -> list[Array]:
-        """For each number of an end state (successes, K): by how much it was off."""
+        """For each end-state quantity, (successes, K): observed minus predicted."""
         shown = np.array([t.end_state for t in self.trials if t.end_state is not None]).reshape(-1, self._k)
         residuals = shown[:, None] / self.simulators.end_unit - predicted.end[self._succeeded]
         return [residuals[..., axis] for axis in range(self._k)]
 
     @cached_property
     def success(self) -> Discrepancy:
-        """Of the chance of success."""
+        """The discrepancy in the chance of success."""
         expected = self._on_average.success @ self._by_path
         noise = expected * (1.0 - expected) + LEAST_CHANCE_STD**2
         return self._likeliest(SUCCESS, self._at, noise, self.missed(self._on_average))
 
     @cached_property
     def ends(self) -> list[Discrepancy]:
-        """Of each number of the end state."""
+        """The discrepancy in each end-state quantity."""
         spread = np.einsum("nkd,k->nd", self._on_average.spread[self._succeeded], self._by_path) + LEAST_END_STD**2
         at, off = self._at[self._succeeded], self.off(self._on_average)
         return [self._likeliest(END, at, spread[:, axis], off[axis]) for axis in range(self._k)]
 
     def _likeliest(self, scale: Scale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
-        """With the multiple of `scale` that explains residuals (N, T) best over all simulators (empirical Bayes)."""
+        """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
+        (empirical Bayes).
+        """
         known = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
         paths = self._on_average.log_likelihood.sum(axis=0)
         explained = [logsumexp(paths + one.evidence(residuals)) for one in known]
@@ -209,7 +216,7 @@ class _Evidence:
 
     @cached_property
     def _by_path(self) -> Array:
-        """(T,) weights by the trajectories alone: how noisy trials are is averaged with them."""
+        """(T,) weights by the trajectories only; the noise of trials is averaged with them."""
         return _weights(self._on_average.log_likelihood.sum(axis=0))
 
     @cached_property
@@ -227,7 +234,7 @@ class _Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Reality:
-    """What reality may be after some trials: `KEPT` draws of a simulator and of what is added to it, alike likely."""
+    """Possible realities after some trials: `KEPT` equally likely draws of a simulator and its discrepancies."""
 
     simulators: Simulators
     trials: tuple[Trial, ...]
@@ -241,24 +248,24 @@ class Reality:
 
     @cached_property
     def parameters(self) -> Array:
-        """(KEPT, p) of the simulators, in units."""
+        """(KEPT, p) parameters of the drawn simulators, in units."""
         places = (np.arange(KEPT) + 0.5) / KEPT
         drawn = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
         return frozen_array(self.simulators.truths[drawn])
 
     @cached_property
     def actions(self) -> Array:
-        """(A, a) that are compared, in units."""
+        """(A, a) candidate actions, in units."""
         best_for = np.concatenate([self.parameters, self.simulators.prospects.candidates])
         return self.simulators.actions(best_for, ACTIONS)
 
     @cached_property
     def answers(self) -> Answers:
-        """What these actions do."""
+        """The outcomes of these actions."""
         return self.answers_to(self.actions)
 
     def answers_to(self, actions: Array) -> Answers:
-        """(A, a) in units -> what they do in every draw."""
+        """(A, a) in units -> their outcomes in every draw."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
         success, end = self.simulators.solver.outcomes(
             self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
@@ -271,7 +278,7 @@ class Reality:
 
     @cached_property
     def _added(self) -> list[tuple[Discrepancy, Array]]:
-        """What is known of what is added to the chance of success and to each number of the end state."""
+        """The conditioned discrepancies in the chance of success and in each end-state quantity."""
         evidence = self._evidence
         if evidence is None:
             a, k = len(self.simulators.task.action), len(self.simulators.end_unit)
@@ -288,7 +295,7 @@ class Reality:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What A actions do in every draw of a `Reality`, averaged over D disturbances."""
+    """The outcomes of A actions in every draw of a `Reality`, for D disturbances."""
 
     task: Task
     actions: Array  # (A, a) in units
@@ -296,22 +303,22 @@ class Answers:
     end: Array  # (A, KEPT, D, k)
 
     def rewards(self, context: Array) -> Array:
-        """(A, KEPT) expected at one context."""
+        """(A, KEPT) expected rewards in one context."""
         return np.asarray((self.success * self.task.reward_of_success(self.end, context)).mean(axis=-1))
 
 
 @dataclass(frozen=True, eq=False)
 class RealityPolicy:
-    """A `SolvedPolicy`: the action with the highest expected reward, plus `optimism` times how unsure that is."""
+    """A `SolvedPolicy`: the action with the highest expected reward plus `optimism` standard deviations."""
 
     reality: Reality
     optimism: float = 0.0
     executable: Executable | None = None
     attempts: int = 64
-    _near: dict[int, Answers] = field(default_factory=dict, repr=False)  # around a winner: for all contexts alike
+    _near: dict[int, Answers] = field(default_factory=dict, repr=False)  # around a best action, for all contexts
 
     def __call__(self, context: Array) -> Array:
-        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best actions can be executed."""
+        """(c,) in units -> (a,) in units. Raises NotExecutable if none of the best actions can be executed."""
         refined, everywhere = self._around(self._best(context)), self.reality.answers
         actions = np.concatenate([refined.actions, everywhere.actions])
         worth = np.concatenate([self._worth(refined, context), self._worth(everywhere, context)])
@@ -346,7 +353,7 @@ class RealityPolicy:
         return np.asarray(earned.mean(axis=1) + self.optimism * earned.std(axis=1))
 
     def _around(self, best: int) -> Answers:
-        """A winner and the points around it; the winner alone where the actions are exact."""
+        """The best action and the points around it; only the best one if the actions are exact."""
         if best not in self._near:
             task, winner = self.reality.simulators.task, self.reality.answers.actions[best]
             a = len(task.action)

@@ -1,4 +1,4 @@
-"""What the data say of a session, in one honest sentence."""
+"""The verdict on a session, in one or two sentences."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
 LEAST_TRIALS = 6
-"""Trials below which the sentence is only that there are too few."""
+"""With fewer trials the verdict is only that there are too few."""
 
 SLACK = 1.5
-"""How many times the misfit of simulated trajectories a real one may have: real motions and cameras add their part."""
+"""Allowed misfit of a real trajectory, as a multiple of that of simulated ones: real motions and cameras add errors."""
 
 
 def verdict(
     task: Task, history: Sequence[Iteration], expectations: Expectations, best: Best, ahead: Outlook | None = None
 ) -> str:
-    """A sentence or two: whether to stop or to go on, and whether the simulator expresses the object at all.
+    """Whether to stop or to go on, and whether the simulator can express the object at all.
 
-    `best`: what the session would go with; `ahead`: what another iteration may gain, where the method knows.
+    `best` are the final parameters; `ahead` is the outlook, or None if the method makes no forecast.
     """
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
     if ahead is None and len(trials) < LEAST_TRIALS:
@@ -44,7 +44,7 @@ def verdict(
 
 
 def _advice(task: Task, ahead: Outlook, interval: str) -> str:
-    """Of a method that looks ahead."""
+    """The verdict for a method with an outlook."""
     if ahead.hopeless:
         return (
             f"Stop here: no action in the ranges seems to suit this {task.object_name} (reward {interval}). Check how "
@@ -59,7 +59,7 @@ def _advice(task: Task, ahead: Outlook, interval: str) -> str:
 
 
 def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, interval: str, unlike: str) -> str:
-    """Of a method that only moves parameters."""
+    """The verdict for a method that only moves parameters."""
     low = best.mean_reward < task.adaptation.threshold
     if unlike and low:
         return f"Reward stays low ({interval}), and {unlike}."
@@ -82,14 +82,14 @@ def _iteration_rewards(history: Sequence[Iteration]) -> list[float]:
 
 
 def _improving(history: Sequence[Iteration]) -> bool:
-    """The later half of the iterations did clearly better than the earlier."""
+    """Whether the later half of the iterations earned clearly more than the earlier."""
     rewards = _iteration_rewards(history)
     half = len(rewards) // 2
     return float(np.mean(rewards[half:])) - float(np.mean(rewards[:half])) > 0.1
 
 
 def _settled(task: Task, history: Sequence[Iteration]) -> bool:
-    """Some particle moved by at most one step in one parameter from the last iteration but one to the last."""
+    """Whether some particle moved by at most one step in one parameter in the last iteration."""
     before, after = history[-2], history[-1]
     moves = [
         np.abs(task.parameters.normalise(new.particle.mean) - task.parameters.normalise(old.particle.mean)).sum()

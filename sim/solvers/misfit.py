@@ -1,4 +1,4 @@
-"""How far an observed trajectory lies from anything the simulator can produce."""
+"""How far an observed trajectory lies from anything that the simulator can produce."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from sim.rollouts.draws import Disturbances, sobol
 from sim.solvers.solver import Expectations
 
 DRAWS = 512
-"""Parameters, nuisances and action errors tried: the spread of trajectories that one commanded action can have."""
+"""Numbers of parameters, and of nuisances with action errors, to try: they span the trajectories of one action."""
 
 LEAST_STD = 2e-3
-"""Floor of the tolerated deviation, normalised: below it, a camera's pixels decide."""
+"""Least tolerated deviation, normalised: smaller ones are below the camera's pixels."""
 
 
 def misfit(expectations: Expectations, context: Array, action: Array, observation: Array) -> float:
-    """Distance of `observation` (size,) to the nearest trajectory that some parameters in the ranges explain.
+    """Distance of `observation` (size,) to the nearest simulated trajectory for parameters in the ranges.
 
-    In standard deviations (root mean square over the observed values) of the camera's noise and the error of
-    the solver's trajectories together: about 1 for a trajectory of the simulator.
+    In standard deviations of camera noise and emulator error together (root mean square over the observed values):
+    about 1 for a trajectory of the simulator.
     """
     task = expectations.task
     p = len(task.parameters)

@@ -1,1 +1,1 @@
-"""The file that describes a real lab: read, explained, and written by asking."""
+"""The file that describes a real lab: read, explained, and written from an interview."""

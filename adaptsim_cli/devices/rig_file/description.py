@@ -1,6 +1,6 @@
-"""What a rig file says of one lab, checked at construction. Every key has a help text and, where it has one, a unit.
+"""The content of a rig file, checked at construction. Every key has a help text, and a unit if it has one.
 
-Positions are in the arm's base frame B (X forward, Z up), what hangs on the flange in the flange frame F.
+Positions are in the arm's base frame B (X forward, Z up); tool and payload are in the flange frame F.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _COLLISION = CollisionThresholds()
 
 @dataclass(frozen=True, config=_RULES)
 class Collision:
-    """From `contact` on the arm reports a contact, from `collision` on it stops by itself with a reflex."""
+    """Above `contact` the arm reports a contact; above `collision` it stops by itself with a reflex."""
 
     torque_contact_Nm: Annotated[
         Seven, Field(description="joint torque that counts as contact", json_schema_extra={"unit": "Nm"})
@@ -54,7 +54,7 @@ class Collision:
         self.thresholds()
 
     def thresholds(self) -> CollisionThresholds:
-        """Raises ValueError where they make no sense together."""
+        """The thresholds of the arm. Raises ValueError if they contradict each other."""
         return CollisionThresholds(
             np.array(self.torque_contact_Nm),
             np.array(self.torque_collision_Nm),
@@ -65,7 +65,7 @@ class Collision:
 
 @dataclass(frozen=True, config=_RULES)
 class ArmPart:
-    """The arm. Its hand is set up in the arm's own web page (Desk)."""
+    """The arm. Its hand is set up on the arm's web page (Desk)."""
 
     model: Annotated[Model, Field(description="panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
     address: Annotated[str, Field(description="network address of the arm's control box, without https://")]
@@ -90,14 +90,14 @@ class ArmPart:
         return self.collision.thresholds().torque_collision_Nm
 
     def settings(self, payload: Payload | None = None) -> FrankaSettings:
-        """What the adapter takes, with what the hand holds. Raises ValueError."""
+        """The settings of the adapter, with the payload in the hand. Raises ValueError."""
         impedance = np.array(self.joint_impedance_Nm_rad)
         return FrankaSettings(self.address, payload or Payload(), self.collision.thresholds(), impedance)
 
 
 @dataclass(frozen=True, config=_RULES)
 class PayloadPart:
-    """What the hand holds; without it the arm takes the tool's weight for an external force."""
+    """The load in the hand; without it the arm takes the tool's weight for an external force."""
 
     mass_kg: Annotated[
         float, Field(ge=0.0, le=3.0, description="its mass, without the hand", json_schema_extra={"unit": "kg"})
@@ -114,7 +114,7 @@ class PayloadPart:
         self.payload()
 
     def payload(self) -> Payload:
-        """Raises ValueError where no body has such an inertia."""
+        """The payload. Raises ValueError for an inertia that no body has."""
         return Payload(self.mass_kg, np.array(self.com_F_m), np.array(self.inertia_F_kg_m2))
 
 
@@ -125,7 +125,7 @@ def _touched(most: float, what: str, unit: str) -> Any:
 
 @dataclass(frozen=True, config=_RULES)
 class ToolPart:
-    """The tool of one task, and how it hangs on the flange. Left out: the printed mount that ships with the task."""
+    """The tool of one task, and its pose on the flange. Left out: the printed mount that ships with the task."""
 
     X_FT: Annotated[
         tuple[Four, Four, Four, Four] | None,
@@ -152,17 +152,17 @@ class ToolPart:
                 )
 
     def held(self) -> Payload:
-        """What the hand holds; nothing where the file does not say it."""
+        """The payload; empty if the file does not state it."""
         return Payload() if self.payload is None else self.payload.payload()
 
     def designed(self, X_FT: Array) -> Array:
-        """(4, 4) the tool in the flange before what the touch-off measured: the own mount, else `X_FT`."""
+        """(4, 4) the tool in the flange before any touch-off: the file's own mount, else `X_FT`."""
         return frozen_array(X_FT if self.X_FT is None else self.X_FT, (4, 4), "X_FT")
 
 
 @dataclass(frozen=True, config=_RULES)
 class TablePart:
-    """Where the table top is in the base frame, as a touch-off finds it, and the part of it that is worked over."""
+    """The table top in the base frame, as a touch-off measures it, and the work area on it."""
 
     height_m: Annotated[
         float, Field(ge=-0.05, le=0.05, description="height under the base's axis", json_schema_extra={"unit": "m"})
@@ -193,7 +193,7 @@ class TablePart:
 
 @dataclass(frozen=True, config=_RULES)
 class PersonPart:
-    """Where the operator stands, seen from the base along X: arm and tool stay away from that whole side."""
+    """The operator's side, seen from the base along X: arm and tool stay away from that whole side."""
 
     side: Annotated[Side, Field(description="left, right, front or back")]
     from_m: Annotated[
@@ -217,13 +217,13 @@ class KeepOutPart:
         self.box()
 
     def box(self) -> KeepOut:
-        """Raises ValueError where the corners are swapped."""
+        """The keep-out box. Raises ValueError if its corners are swapped."""
         return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
 
 
 @dataclass(frozen=True, config=_RULES)
 class CameraPart:
-    """The Azure Kinect or Femto Bolt; exposure and white balance are fixed, so that pictures compare."""
+    """The Azure Kinect or Femto Bolt. Exposure and white balance are fixed, so that pictures are comparable."""
 
     serial: Annotated[str, Field(description="serial number; empty: the only camera plugged in")] = ""
     exposure_us: Annotated[
@@ -240,7 +240,7 @@ class CameraPart:
     ] = 60
 
     def settings(self) -> ColourSettings:
-        """Exposure, white balance, gain and mains frequency, as the camera takes them."""
+        """Exposure, white balance, gain and mains frequency for the camera."""
         return ColourSettings(self.exposure_us, self.white_balance_K, self.gain, self.mains_hz)
 
 
@@ -294,19 +294,19 @@ class RigDescription:
             raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
 
     def tool(self, task: str) -> ToolPart:
-        """The tool of a task, the shipped mount where the file says nothing."""
+        """The tool of a task; the shipped mount if the file does not name one."""
         return self.tools.get(task, ToolPart())
 
     def boxes(self) -> tuple[KeepOut, ...]:
-        """What arm and tool keep out of; the camera's own room comes from its calibration."""
+        """The keep-out boxes; the one around the camera comes from its calibration."""
         person = () if self.person is None else (self.person.box(),)
         return (*person, *(part.box() for part in self.keep_out))
 
 
 _EVERYWHERE: Range = (-9.0, 9.0)
-"""In m, of a table that no rig file bounds."""
+"""Extent in m, along each axis, of a table without a rig file."""
 
 
 def as_shipped(model: Model) -> RigDescription:
-    """An arm over a level table with nothing around it, its tools hanging as designed: the simulated lab's rig."""
+    """The simulated lab's rig: an arm over a level table with nothing around it, its tools mounted as designed."""
     return RigDescription("simulated", ArmPart(model, "simulated"), TablePart(x_m=_EVERYWHERE, y_m=_EVERYWHERE))

@@ -1,4 +1,4 @@
-"""Asking what a lab consists of. Every question has a default; an answer that cannot be is explained and asked anew."""
+"""Asks for the parts of a lab. Every question has a default; a wrong answer is explained and asked again."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from adaptsim_cli.errors import UsageError
 from hw.collision import Side
 
 Ask = Callable[[str, str], str]
-"""(question, what Enter means) -> answer."""
+"""(question, answer of a plain Enter) -> answer."""
 
 ADDRESS = "172.16.0.2"
-"""Of an arm's control box as the maker delivers it."""
+"""Default address of an arm's control box."""
 
 ARMS = ("fr3", "panda", "none")
 NOTHING = "none"
@@ -56,7 +56,7 @@ def interview(ask: Ask, tell: Callable[[str], None], found: Inventory, arm: str 
 
 
 def _side(ask: Ask, tell: Callable[[str], None]) -> str:
-    """Where the operator stands: no place that a task works at."""
+    """The operator's side; a side that a task needs is explained and asked again."""
     question = "On which side of the arm, seen from its base, does the operator stand?"
     while (side := _one_of(ask, tell, question, (*_SIDES, NOTHING), "left")) != NOTHING:
         person = next(PersonPart(known) for known in _SIDES if known == side)
@@ -77,7 +77,7 @@ def _port(
     default: str,
     problem: Callable[[str], str] = lambda _: "",
 ) -> str:
-    """A number of the list, a path, or "none", which is an empty answer."""
+    """A port: a number of the list, a path, or "none", which gives ""."""
     for number, port in enumerate(ports, start=1):
         tell(f"  {number}  {port}")
     numbered = " A number, a path, or none." if ports else " A path, or none."
@@ -108,7 +108,7 @@ def _checked(
 
 
 def _tried(rig: dict[str, Any]) -> str:
-    """What is wrong with the answers so far; empty: nothing."""
+    """The error in the answers so far; "": none."""
     try:
         described(rig, "")
     except UsageError as error:

@@ -1,4 +1,4 @@
-"""What of a lab this machine can see: serial ports and cameras."""
+"""The devices visible from this machine: serial ports and cameras."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _BALANCES = ("sartorius", "mettler", "ftdi", "prolific")
 
 @dataclass(frozen=True)
 class Inventory:
-    """What `config init` offers."""
+    """The devices that `config init` offers."""
 
-    ports: tuple[str, ...]  # serial ports, under names that survive replugging where there are some
+    ports: tuple[str, ...]  # serial ports, under names that survive replugging if there are such
     cameras: tuple[str, ...]  # serial numbers
 
     @property
@@ -28,14 +28,14 @@ class Inventory:
 
 
 def look() -> Inventory:
-    """Lists the ports, and opens every camera for a moment in a child process. Raises nothing."""
+    """List the ports, and open every camera briefly in a child process. Raises nothing."""
     from hw.camera.probe import probe_k4a
 
     return Inventory(serial_ports(Path("/dev")), probe_k4a(patience_s=5.0).serials)
 
 
 def serial_ports(dev: Path) -> tuple[str, ...]:
-    """Serial ports of USB devices below `dev`: by their lasting name, else as the system numbered them."""
+    """Serial ports of USB devices in `dev`: by their lasting name, else by the system's number."""
     named = sorted((dev / "serial/by-id").glob("*"))
     numbered = [port for kind in ("ttyACM*", "ttyUSB*") for port in sorted(dev.glob(kind))]
     known = {link.resolve() for link in named}

@@ -1,4 +1,4 @@
-"""Which tasks need a place that is to be kept clear. Nothing is planned for an arm, so an answer takes no time."""
+"""Which tasks work inside a keep-out box. Plans nothing for an arm, so the answer is instant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading a rig file. An error names file, key, value, unit, limit, and where a key is wrong those that are known."""
+"""Reads a rig file. An error names file, key, value, unit and limit; for an unknown key it lists the known ones."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _LIMITS = {
 
 
 def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
-    """The lab that a real arm belongs to. Raises UsageError where there is no rig file, or it is of another arm."""
+    """The lab of the settings' real arm. Raises UsageError if there is no rig file, or it is for another arm."""
     begin = f"adaptsim config init --arm {config.hw}"
     if not config.rig:
         raise UsageError(f"hw = {config.hw}: there is no rig file, so nothing has moved. Write one: {begin}")
@@ -65,9 +65,9 @@ def tasks_with_tools() -> tuple[str, ...]:
 
 
 def read(path: Path, tools: Collection[str] = ()) -> RigDescription:
-    """The lab that a file describes; `tools` are the tasks that may have one, where that is to be checked.
+    """The lab that a file describes; `tools` names the tasks that may have a tool (empty: not checked).
 
-    Raises UsageError naming the file and the first thing that is wrong.
+    Raises UsageError naming the file and its first error.
     """
     try:
         content = read_table(path)
@@ -84,7 +84,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
         rig = TypeAdapter(RigDescription).validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
         errors = sorted(error.errors(include_url=False), key=lambda found: found["type"] != _UNKNOWN)
-        raise UsageError(f"{source}: {_explained(errors[0])}") from error  # a mistyped key before the one it misses
+        raise UsageError(f"{source}: {_explained(errors[0])}") from error  # a mistyped key comes before the missing key
     for name in rig.tools:
         if tools and name not in (*tools, BOARD):
             raise UsageError(f"{source}: {unknown(f'tools.{name}', name, (*tools, BOARD), 'Tools')}")
@@ -92,7 +92,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
 
 
 def flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """(key, value) of every entry of a file as it is shown; what is left out is left out."""
+    """(key, value) of every entry of a file, for the screen, without entries that the file leaves out."""
     for name, value in content.items():
         key = f"{prefix}{name}"
         if isinstance(value, dict):
@@ -134,7 +134,7 @@ def _unit(field: FieldInfo | None) -> str:
 
 
 def _field_at(loc: tuple[int | str, ...]) -> FieldInfo | None:
-    """The field that a place in the file belongs to; an entry of a list belongs to the field of the list."""
+    """The field at a place in the file; an entry of a list belongs to the list's field."""
     while loc and isinstance(loc[-1], int):
         loc = loc[:-1]
     owner = _class_at(loc[:-1]) if loc else None

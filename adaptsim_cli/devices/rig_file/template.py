@@ -1,4 +1,4 @@
-"""A rig file with a comment at every key: what it is, its unit, its limits. What is left out stands as a comment."""
+"""Writes a rig file with a comment at every key: meaning, unit, limits. Keys that are left out appear commented out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _EXAMPLE_BOX = KeepOutPart("lamp", (0.5, -0.7, 0.4), (0.7, -0.5, 0.9))
 
 
 def template(rig: RigDescription, tasks: tuple[str, ...]) -> str:
-    """The text of a file that reads as `rig`; `tasks` are those that may have a tool."""
+    """The text of a file that describes `rig`; `tasks` are those that may have a tool."""
     lines = [_HEAD, *_part(rig, "", commented=False)]
     for task in tasks:
         lines += _section(f"tools.{task}", rig.tool(task), commented=task not in rig.tools)
@@ -34,7 +34,7 @@ def template(rig: RigDescription, tasks: tuple[str, ...]) -> str:
 
 
 def _part(part: Any, path: str, *, commented: bool) -> Iterator[str]:
-    """Plain keys first, then the tables in it."""
+    """The lines of a part: plain keys first, then its tables."""
     fields = fields_of(type(part))
     plain = [name for name, field in fields.items() if not _is_table(field)]
     for name in plain:
@@ -59,7 +59,7 @@ def _section(full: str, part: Any, *, commented: bool) -> Iterator[str]:
 
 
 def _example(kind: Any) -> Any:
-    """One of a part whose required keys have examples."""
+    """An example of a part, from the examples of its required keys."""
     given = {name: next(iter(field.examples)) for name, field in fields_of(kind).items() if field.examples}
     return kind(**given)
 
@@ -78,7 +78,7 @@ def _told(field: FieldInfo) -> str:
 
 
 def _value(value: Any) -> str:
-    """As TOML, on one line."""
+    """A value as TOML, on one line."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     if isinstance(value, tuple):

@@ -1,4 +1,7 @@
-"""`adaptsim config init`: from questions to files. Each is there whole or not at all, and none is replaced unasked."""
+"""`adaptsim config init`: from questions to files.
+
+Each file is written whole or not at all, and none is replaced without asking.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from adaptsim_cli.storage import durable
 
 @dataclass(frozen=True)
 class InitRequest:
-    """What the operator asked for on the command line."""
+    """The operator's options on the command line."""
 
     project: bool
     arm: str | None
@@ -32,7 +35,7 @@ class InitRequest:
 
 @dataclass(frozen=True)
 class Written:
-    """Which files there are now."""
+    """The files that exist now."""
 
     settings: Path
     settings_new: bool
@@ -50,7 +53,7 @@ class Written:
 
 
 def init(places: Places, request: InitRequest, screen: Screen) -> Written:
-    """Ask, then write. Raises UsageError, StoppedByOperator, SessionError; then nothing has been written."""
+    """Ask, then write. Raises UsageError, StoppedByOperator or SessionError before anything is written."""
     if request.arm is not None and request.arm not in ARMS:
         raise UsageError(f"--arm {request.arm}: choose one of {', '.join(ARMS)}")
     if not request.yes:
@@ -83,7 +86,7 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
 
 
 def _may_replace(file: Path, request: InitRequest, screen: Screen) -> None:
-    """Raises UsageError or StoppedByOperator where a rig file is there and is to stay."""
+    """Raises UsageError or StoppedByOperator if a rig file exists and should stay."""
     if not file.exists() or request.overwrite:
         return
     if request.yes:

@@ -1,4 +1,4 @@
-"""Every method of adaptation by name: the only place that lists them. Each is imported when first asked for."""
+"""Every adaptation method by name; the only list of them. Each is imported on first use."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ METHODS = {
     "sysid-bayes-state": "sim.adaptation.methods.sysid:create_state",
     "udr": "sim.adaptation.methods.udr:create",
 }
-"""Name -> the function of a task and a checkpoint that makes it; imported when first asked for."""
+"""Name -> the function (task, checkpoint) that makes it; imported on first use."""
 
 FORMER_DEFAULT = "adaptsim-of-checkpoint"
-"""What `adaptsim` meant in sessions that were begun before it was one method for all tasks."""
+"""The meaning of `adaptsim` in sessions that were begun before it was one method for all tasks."""
 
 
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
-    """Raises UnknownName, and CheckpointError where the method needs a checkpoint and there is none."""
+    """Raises UnknownName, and CheckpointError if the method needs a checkpoint and there is none."""
     if name == FORMER_DEFAULT and checkpoint is not None:
         name = checkpoint.method
     if name not in METHODS:

@@ -1,9 +1,9 @@
-"""AdaptSim, the default: what the simulator knows and what the trials show, joined; policies are E plus a correction.
+"""AdaptSim, the default method: combines the simulator with the trials; a policy is an E plus a correction.
 
-`sim.adaptation.reality` holds what may be true. The first particle acts by it: its action has the highest expected
-reward, whether or not any E proposes it. The other particles act where the reward may be higher still, and less so
-with every iteration: the last ones confirm. The E of a particle is what a person sees: the one whose policy is expected
-to earn most. By how much the actions differ from that policy's is the correction.
+`sim.adaptation.reality` describes all that may be true. The first particle takes the action with the highest expected
+reward, whether or not any E proposes it. The other particles explore actions whose reward may be higher still; they
+explore less with every iteration, and the last ones confirm. The E shown for a particle is the one whose policy is
+expected to earn most. The correction is the difference between the particle's actions and those of that policy.
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ from sim.solvers.solver import Executable, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 OPTIMISM, FADES_OVER = 1.0, 4
-"""Standard deviations that count for particles that explore in the first iteration; none after so many iterations."""
+"""Optimism of exploring particles in the first iteration, in standard deviations, and the number of iterations until it
+is 0.
+"""
 
 CAUTION = 0.5
-"""Standard deviations by which the first particle, and what a session goes with, keep away from the unknown."""
+"""Caution of the first particle and of the final policy, in standard deviations."""
 
 APART = 0.15
-"""The E of an iteration lie at least so far apart, in fractions of their ranges."""
+"""Least distance between the E of an iteration, in fractions of their ranges."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
-    """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to predict with."""
+    """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint cannot predict."""
     if checkpoint is None or checkpoint.prospects is None or checkpoint.naf:
         why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no emulator with prospects"
         raise CheckpointError(
@@ -44,33 +46,33 @@ def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
 
 @dataclass(frozen=True, eq=False)
 class AdaptSim:
-    """A `Method` with its own policies (`sim.adaptation.method.OwnPolicies`); nothing in it is random."""
+    """A deterministic `Method` with its own policies (`sim.adaptation.method.OwnPolicies`)."""
 
     simulators: Simulators
     _known: dict[bytes, Reality] = field(default_factory=dict, repr=False)  # by trials
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The E that earns most over all the truths there may be, and others that may earn more."""
+        """The E with the highest expected reward before any trial, and others that may earn more."""
         return self._particles([], n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Deterministic; where the particles were before does not matter."""
+        """Deterministic; the particles' earlier places do not matter."""
         return self._particles(history, len(history[-1]))
 
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """That of the first particle is the best there is; the others explore."""
+        """The first particle's policy is the best known one; the others explore."""
         leads = np.array_equal(particle.samples, self._particles(history, 1)[0].samples)
         optimism = -CAUTION if leads else OPTIMISM * max(0.0, 1.0 - len(history) / FADES_OVER)
         return RealityPolicy(self.reality(history), optimism, executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """What it would go with."""
+        """The final policy."""
         return RealityPolicy(self.reality(history), -CAUTION, executable)
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
-        """What it would go with, and what another iteration may gain. Raises ValueError without a trial."""
+        """The final parameters, and the expected gain of another iteration. Raises ValueError without a trial."""
         reality, leading = self.reality(history), self._particles(history, 1)[0]
         if not reality.trials:
             raise ValueError("no trial has been run yet, so there is no best")
@@ -78,7 +80,7 @@ class AdaptSim:
         return Best(leading, found.reward, found.ci95, len(reality.trials)), found
 
     def reality(self, history: Sequence[Iteration]) -> Reality:
-        """What the trials of `history` say; the same object for the same trials."""
+        """The knowledge from the trials of `history`; cached per set of trials."""
         trials = tuple(t for iteration in history for tried in iteration for t in tried.trials)
         key = b"".join(part.tobytes() for t in trials for part in (t.context, t.action, t.observation))
         if key not in self._known:

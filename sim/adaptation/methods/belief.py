@@ -1,15 +1,15 @@
-"""AdaptSim by inference: what all trajectories of the session say of the truth, and which E would earn most there.
+"""AdaptSim by inference: infers the true parameters from all trajectories, and the E that would earn most there.
 
-The adaptation policy of the paper learns from thousands of sessions which way to move E. Where an emulator answers in
-microseconds the same question can be asked directly, for all trials at once and no step wide:
+The paper's adaptation policy learns from thousands of sessions in which direction to move E. An emulator that answers
+in microseconds allows to ask the question directly, for all trials at once and without a fixed step:
 
-1. Each trajectory weighs the parameters that may be true, by how well the emulator explains it there.
+1. Each trajectory weighs candidate parameters by how well the emulator explains it there.
 2. The expected reward of an E is the mean of its prospects under these weights (`sim.adaptation.prospects`).
-3. The real object obeys no parameters exactly. So that expectation is only the prior mean of a Gaussian process over E,
-   and the rewards of the trials correct it: where the simulator expresses the object they change little, elsewhere they
-   decide.
+3. No parameters describe the real object exactly. So this expectation is only the prior mean of a Gaussian process over
+E, which the rewards of the trials correct. They change little if the simulator expresses the object; else they decide.
 
-The first particle goes to the E with the largest expected reward, each other one to where most may still be gained.
+The first particle goes to the E with the largest expected reward, each other one to the E with the largest possible
+gain.
 """
 
 from __future__ import annotations
@@ -30,27 +30,29 @@ from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
 DRAWS = 16
-"""Of nuisance and action error, over which the likelihood of a trajectory is averaged."""
+"""Draws of nuisance and action error, over which the likelihood of a trajectory is averaged."""
 
 VALUES, FREEDOM = 4.0, 2.0
-"""A trajectory counts as so many independent values, with Student's t of so much freedom for their errors.
+"""The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
+errors.
 
-Its values err together, and what no parameters explain must not decide between parameters by itself.
+The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters.
 """
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
-"""By how much real rewards differ from the simulator's: for all E alike, and for one E more than for another that lies
-`LENGTH` away in fractions of the ranges."""
+"""Standard deviations of real rewards from the simulator's: one for all E together, one that varies over E with the
+length `LENGTH`, in fractions of the ranges.
+"""
 
 APART = 0.15
-"""Particles of an iteration lie at least so far apart, likewise."""
+"""Least distance between the particles of an iteration, in the same unit."""
 
 OPTIMISM = 1.0
-"""Standard deviations that count for the particles that explore."""
+"""Optimism of exploring particles, in standard deviations."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
-    """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to infer with."""
+    """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no parts for inference."""
     if checkpoint is None or checkpoint.prospects is None:
         why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
         raise CheckpointError(
@@ -62,7 +64,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What each candidate E is expected to earn on the real target."""
+    """The expected reward of each candidate E on the real target."""
 
     mean: Array  # (C,)
     std: Array  # (C,)
@@ -70,7 +72,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """A `Method`. It looks at all trials of the session and draws nothing at random."""
+    """A deterministic `Method` that uses all trials of the session."""
 
     expectations: Expectations
     prospects: Prospects
@@ -85,7 +87,7 @@ class Belief:
         return self._best(history, len(history[-1]))
 
     def weights(self, history: Sequence[Iteration]) -> Array:
-        """(T,) probabilities of the truths of `prospects`, given the trajectories."""
+        """(T,) probabilities of the candidate truths of `prospects`, given the trajectories."""
         log = np.zeros(len(self.prospects.truths))
         for trial in (t for iteration in history for seen in iteration for t in seen.trials):
             log = log + self._log_likelihood(trial)
@@ -93,7 +95,10 @@ class Belief:
         return np.asarray(likely / likely.sum())
 
     def estimate(self, history: Sequence[Iteration]) -> Estimate:
-        """Of all candidates: Rasmussen & Williams 2006, eq. 2.25, with the prospects as mean and covariance."""
+        """The estimate for all candidates: Rasmussen & Williams 2006, eq.
+
+        2.25, with the prospects as mean and covariance.
+        """
         weights, earned = self.weights(history), self.prospects.rewards
         mean = earned @ weights
         off = earned - mean[:, None]
@@ -120,7 +125,7 @@ class Belief:
         return tuple(Particle(self.prospects.candidates[i][None]) for i in chosen)
 
     def _log_likelihood(self, trial: Trial) -> Array:
-        """(T,) of its trajectory, up to a constant."""
+        """(T,) log-likelihoods of its trajectory, up to a constant."""
         key = b"".join(part.tobytes() for part in (trial.context, trial.action, trial.observation))
         if key not in self._known:
             self._known[key] = self._compare(trial)

@@ -1,7 +1,7 @@
-"""Bayesian optimisation of E on real rewards alone (Muratore et al. 2021): the task-driven baseline of the paper.
+"""Bayesian optimisation of E on real rewards only (Muratore et al. 2021): the task-driven baseline of the paper.
 
 A Gaussian process over the normalised means of E is fitted to the rewards of all trials, with their known spread; the
-next particles maximise the noisy expected improvement together. No trajectory and no context is looked at.
+next particles jointly maximise the noisy expected improvement. Trajectories and contexts are not used.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 CANDIDATES = 256
-"""E, evenly over Omega, among which the improvement is maximised: whole numbers need no relaxation so."""
+"""Number of E, spread evenly over Omega, among which the improvement is maximised. So integers need no relaxation."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> BayesianOptimisation:
@@ -36,11 +36,11 @@ class BayesianOptimisation:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Means spread over Omega, as those of the paper's policy."""
+        """Means spread over Omega, like those of the paper's policy."""
         return tuple(Particle(mean[None]) for mean in self._spread(n, rng))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Those that promise the largest improvement together."""
+        """The particles with the largest joint expected improvement."""
         space, n = self.task.parameters, len(history[-1])
         seen = [(tried.particle.mean, t.reward) for it in history for tried in it for t in tried.trials]
         if not seen:

@@ -1,8 +1,9 @@
 """Bayesian optimisation of E with a prior that is learnt from Phase 1: an empirical Gaussian process.
 
-Every truth of the checkpoint's prospects is a past task: what each candidate E earned there. Mean and covariance over
-these tasks are the prior over E, which real rewards then condition. Trajectories are not looked at: what this leaves to
-`adaptsim-belief` is what trajectories add. The improvement is that expected in closed form (Jones et al. 1998).
+Every candidate truth of the checkpoint's prospects acts as a past task, with the reward of each candidate E. Mean and
+covariance over these tasks are the prior over E, which real rewards then condition. Trajectories are not used, so the
+difference to `adaptsim-belief` shows the value of trajectories. The expected improvement is in closed form (Jones et
+al. 1998).
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from sim.errors import CheckpointError
 from sim.tasks.task import Task
 
 LEVEL_STD, ODD_STD = 0.1, 0.05
-"""By how much real rewards differ from all past tasks: for all E alike, and for each by itself."""
+"""Standard deviations of real rewards from all past tasks: one for all E together, one for each E."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> BoPrior:
-    """The method's entry in `METHODS`. Raises CheckpointError where there is nothing to learn from."""
+    """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no prospects."""
     if checkpoint is None or checkpoint.prospects is None:
         why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
         raise CheckpointError(
@@ -38,17 +39,17 @@ def create(task: Task, checkpoint: Checkpoint | None) -> BoPrior:
 
 @dataclass(frozen=True, eq=False)
 class BoPrior:
-    """A `Method`; nothing in it is random."""
+    """A deterministic `Method`."""
 
     task: Task
     prospects: Prospects
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The E that earned most in past tasks, and those that add most to it."""
+        """The E with the highest mean reward in past tasks, and those with the largest expected improvement."""
         return self._chosen([], n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """By the rewards of all trials."""
+        """The next particles, by the rewards of all trials."""
         return self._chosen(history, len(history[-1]))
 
     def conditioned(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
@@ -64,7 +65,7 @@ class BoPrior:
         return _condition(mean, covariance, at, np.array([np.mean(r) for _, r in seen]), noise)
 
     def _chosen(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
-        """The best by the mean, then those with the largest expected improvement, each as if tried."""
+        """The E with the best mean, then those with the largest expected improvement, each treated as tried."""
         mean, covariance = self.conditioned(history)
         chosen = [int(np.argmax(mean))]
         while len(chosen) < n:

@@ -1,4 +1,4 @@
-"""Packages that only some methods need."""
+"""Optional packages that only some methods need."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sim.solvers.threads import one_thread
 
 
 def require(method: str, package: str, extra: str) -> None:
-    """Raises ExtraMissing, with the line that installs it, unless `package` is there. Imports nothing."""
+    """Raises ExtraMissing, with the line that installs it, unless `package` is installed. Imports nothing."""
     if find_spec(package) is None:
         raise ExtraMissing(
             f"{method} needs the package {package}, which is not installed: install the extra with "
@@ -25,11 +25,11 @@ def require(method: str, package: str, extra: str) -> None:
 
 @contextmanager
 def calculating(seed: int) -> Iterator[None]:
-    """Inside, torch draws from `seed` and computes on one thread, and the packages say nothing.
+    """Inside, torch draws from `seed` and computes on one thread, and the packages print nothing.
 
-    The same numbers come out on every machine, and whoever draws from torch afterwards sees no difference.
+    So results are the same on every machine, and torch's generator is unchanged afterwards.
     """
-    silent = redirect_stdout(StringIO())  # sbi says there how training went, and stdout is for data
+    silent = redirect_stdout(StringIO())  # sbi reports training on stdout, which is for data
     with torch.random.fork_rng(devices=[]), one_thread(), warnings.catch_warnings(), silent:
         warnings.simplefilter("ignore")
         torch.manual_seed(seed)

@@ -1,8 +1,8 @@
-"""LearnInTarget of the paper: the task policy is trained on the real trials alone, without any simulation.
+"""LearnInTarget of the paper: the task policy is trained on real trials only, without simulation.
 
-A network as the paper trains it would have twenty samples. A Gaussian process of the reward over context and action
-uses them better, so it stands here for the best that such a baseline can be. It explores by Thompson sampling: a trial
-gets the action that is best in one function drawn from the posterior. What it goes with is the highest mean.
+The paper trains a network, which would have only twenty samples. A Gaussian process of the reward over context and
+action uses them better, so it is used here as a stronger baseline. It explores by Thompson sampling: a trial gets the
+best action of one function drawn from the posterior. Its final policy takes the highest mean.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from sim.solvers.solver import Executable, SolvedPolicy
 from sim.tasks.task import Task
 
 ACTIONS = 256
-"""Actions that are compared: they fill the action space evenly."""
+"""Number of candidate actions, spread evenly over the action space."""
 
 PRIOR_MEAN, SIGNAL_STD, LENGTH = 0.3, 0.35, 0.3
-"""Of the reward over contexts and actions in fractions of their ranges, before any trial."""
+"""Prior of the reward over contexts and actions, in fractions of their ranges."""
 
 ATTEMPTS = 64
-"""Actions that are offered to the arm's limits before giving up."""
+"""Number of actions to check against the arm's limits before giving up."""
 
 CLAIMS = 64
-"""Samples of its particles, which fill Omega: it says nothing about parameters."""
+"""Samples of a particle. They fill Omega, because the method says nothing about parameters."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> LearnInTarget:
@@ -47,22 +47,22 @@ class LearnInTarget:
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """`n` times all of Omega, in other samples, which tell the particles' draws apart."""
+        """`n` particles over all of Omega, each with other samples, which make their draws differ."""
         dimensions = len(self.task.parameters)
         return tuple(Particle(self.task.parameters.spread(sobol(CLAIMS, dimensions, rng))) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The same as before: what is learnt is the task policy."""
+        """The same particles: only the task policy is learnt."""
         return tuple(tried.particle for tried in history[-1])
 
     def policy(
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
-        """What the particle would try next; the same in every process."""
+        """The particle's next policy; the same in every process."""
         return self._learnt(history, executable, particle.samples.tobytes())
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
-        """What it would go with, after all trials of `history`."""
+        """The final policy after all trials of `history`."""
         return self._learnt(history, executable, None)
 
     def _learnt(
@@ -83,10 +83,10 @@ class LearnInTarget:
 
 @dataclass(frozen=True, eq=False)
 class LearntPolicy:
-    """A `SolvedPolicy`: the best action of a draw, or of the mean where `drawn_by` is None."""
+    """A `SolvedPolicy`: the best action of a drawn function, or of the mean if `drawn_by` is None."""
 
     task: Task
-    at: Array  # (N, c + a) where trials were, in fractions of the ranges
+    at: Array  # (N, c + a) contexts and actions of the trials, in fractions of the ranges
     rewards: Array  # (N,)
     candidates: Array  # (ACTIONS, a) in units
     executable: Executable | None
@@ -94,7 +94,7 @@ class LearntPolicy:
     _order: dict[bytes, NDArray[np.int_]] = field(default_factory=dict, repr=False)  # of the candidates, by context
 
     def __call__(self, context: Array) -> Array:
-        """(c,) -> (a,). Raises NotExecutable when none of the best candidates is within the limits."""
+        """(c,) -> (a,). Raises NotExecutable if none of the best candidates keeps the limits."""
         for i in self._ranked(context)[:ATTEMPTS]:
             if self.executable is None or self.executable(context, self.candidates[i]):
                 return frozen_array(self.candidates[i])
@@ -108,14 +108,14 @@ class LearntPolicy:
         return np.stack([self.candidates[self._ranked(context)[0]] for context in contexts])
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of the action that is tried at `context`: mean, and two standard deviations either way."""
+        """Expected reward of the action at `context`: mean, and mean ± two standard deviations."""
         mean, covariance = self._posterior(_point(self.task, context, self(context))[None])
         expected, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
         low, high = np.clip((expected - 2.0 * std, expected + 2.0 * std), 0.0, 1.0)
         return float(np.clip(expected, 0.0, 1.0)), float(low), float(high)
 
     def _ranked(self, context: Array) -> NDArray[np.int_]:
-        """Indices of the candidates, the best first; of equals the first of the set, which fills the space."""
+        """Indices of the candidates, the best first; ties in the order of the set, which fills the space evenly."""
         key = np.ascontiguousarray(context).tobytes()
         if key not in self._order:
             mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))

@@ -1,4 +1,4 @@
-"""AdaptSim on the real target: every particle moves by what its last trials showed."""
+"""The paper's AdaptSim: an adaptation policy moves every particle by its last trials."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from sim.tasks.task import Task
 
 
 def create_iteration(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
-    """AdaptSim as in the paper: a particle moves by what its last iteration showed. Raises CheckpointError."""
+    """AdaptSim as in the paper: a particle moves by its last iteration. Raises CheckpointError."""
     return _with(task, checkpoint, "iteration")
 
 
 def create_state(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
-    """AdaptSim-State of the paper: it sees only how the last trials ended. Raises CheckpointError."""
+    """AdaptSim-State of the paper: it sees only the ends of the last trials. Raises CheckpointError."""
     return _with(task, checkpoint, "state")
 
 
@@ -33,7 +33,7 @@ def create_history(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
 
 
 def create_attainable(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
-    """AdaptSim as in the paper, but for the threshold of its reward, which can be reached. Raises CheckpointError."""
+    """AdaptSim as in the paper, except that its reward has an attainable threshold. Raises CheckpointError."""
     if checkpoint is None or checkpoint.attainable is None:
         where = "there is no checkpoint" if checkpoint is None else f"{checkpoint.path} holds none"
         raise CheckpointError(
@@ -74,7 +74,7 @@ class QPolicy:
         )
 
     def _moved(self, history: Sequence[Iteration], particle: int) -> Array:
-        """(p,) where the mean of a particle goes, in units."""
+        """(p,) the new mean of a particle, in units."""
         task, mean = self.task, history[-1][particle].particle.mean
         state = encode(task, self.memory, seen_in_session(task, history, particle))
         return frozen_array(task.parameters.step(mean, self.network.directions(state)[0], task.adaptation.delta))

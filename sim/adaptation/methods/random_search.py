@@ -1,4 +1,4 @@
-"""Random best-of-n: particles that fill Omega evenly, whatever the trials show."""
+"""Random best-of-n: particles that fill Omega evenly, independent of the trials."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def create(task: Task, checkpoint: Checkpoint | None) -> RandomSearch:
 
 @dataclass(frozen=True, eq=False)
 class RandomSearch:
-    """A `Method`: each next particle is the random candidate that is farthest from all that were tried."""
+    """A `Method`: each next particle is the random candidate farthest from all tried ones."""
 
     task: Task
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The first is random; each other one lies far from those before it."""
+        """The first is random; each other one is far from those before it."""
         return self._farthest(np.zeros((0, len(self.task.parameters))), n, rng)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Far from all that were tried, whatever they earned."""
+        """Particles far from all tried ones, whatever those earned."""
         tried = np.array([seen.particle.mean for iteration in history for seen in iteration])
         return self._farthest(self.task.parameters.normalise(tried), len(history[-1]), rng)
 

@@ -1,11 +1,12 @@
-"""System identification: which parameters explain the trajectories, whatever they are worth (BayesSim, the paper's).
+"""System identification: the parameters that explain the trajectories, whatever reward they give (BayesSim, as in the
+paper).
 
-Each iteration simulates its own trials anew, with the commands that were executed and with parameters drawn from what
-is believed so far. A mixture density network learns from these to name the parameters behind trajectories; asked about
-the observed ones, it gives the posterior. That is cut to the ranges (truncated), and is what the next iteration
-believes beforehand (iterated). The task policy is trained for draws from it, or for its mean.
+Each iteration simulates its own trials again, with the executed commands and with parameters drawn from the present
+belief. From these a mixture density network learns to infer parameters from trajectories. For the observed trajectories
+it gives the posterior, which is truncated to the ranges and becomes the prior of the next iteration. The task policy is
+trained for draws from the posterior, or for its mean.
 
-All particles of a session are the same distribution, so that each iteration adds all of its trials.
+All particles of a session are the same distribution, so each iteration adds all of its trials.
 Sources: Ramos, Possas & Fox 2019 (BayesSim); Papamakarios & Murray 2016 (the network); paper, A3 (what is observed).
 """
 
@@ -29,22 +30,22 @@ from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 SIMULATED = 1024
-"""Draws of parameters an iteration, each with a simulation of every trial."""
+"""Draws of parameters per iteration, each with a simulation of every trial."""
 
 SAMPLES = 64
-"""Parameters that stand for a posterior when its task policy is trained, as many as UDR has."""
+"""Parameters drawn from a posterior to train its task policy, as many as for UDR."""
 
 COMPONENTS, HIDDEN = 8, 50
-"""Of the mixture, and units of each hidden layer."""
+"""Components of the mixture, and units of each hidden layer."""
 
 BATCH, RATE, PATIENCE, EPOCHS = 128, 3e-3, 8, 60
 """Batch, step size, epochs without progress before training ends, and the most epochs."""
 
 JITTER = 2e-3
-"""Added to draws, in fractions of the ranges, so that the next network never meets the same parameters twice."""
+"""Noise added to draws, in fractions of the ranges, so that the next network never sees the same parameters twice."""
 
 DRAWN = 4096
-"""Draws from the network among which those within the ranges are found."""
+"""Draws from the network; those within the ranges are kept."""
 
 
 def create_bayes(task: Task, checkpoint: Checkpoint | None) -> SysId:
@@ -53,12 +54,12 @@ def create_bayes(task: Task, checkpoint: Checkpoint | None) -> SysId:
 
 
 def create_state(task: Task, checkpoint: Checkpoint | None) -> SysId:
-    """SysID-Bayes-State: the posterior from how trials end. Raises CheckpointError, ExtraMissing."""
+    """SysID-Bayes-State: the posterior from the ends of trials. Raises CheckpointError, ExtraMissing."""
     return _create("sysid-bayes-state", task, checkpoint, ends_only=True, point=False)
 
 
 def create_point(task: Task, checkpoint: Checkpoint | None) -> SysId:
-    """SysID-Bayes-Point: the mean of that posterior alone. Raises CheckpointError, ExtraMissing."""
+    """SysID-Bayes-Point: only the mean of that posterior. Raises CheckpointError, ExtraMissing."""
     return _create("sysid-bayes-point", task, checkpoint, ends_only=True, point=True)
 
 
@@ -76,10 +77,10 @@ class SysId:
     solver: Solver
     ends_only: bool
     point: bool
-    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by what was seen
+    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # posteriors, by history
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """Nothing is known: all of Omega, or its middle."""
+        """The prior: all of Omega, or its middle."""
         return self._particles(sobol(SIMULATED, len(self.solver.task.parameters), rng), n)
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -107,18 +108,18 @@ class SysId:
         return (Particle(self.solver.task.parameters.spread(chosen)),) * n
 
     def _updated(self, believed: Array, trials: Sequence[Trial], seed: int) -> Array:
-        """`believed` (SIMULATED, p) before -> after these trials."""
+        """Update draws of the belief, `believed` (SIMULATED, p), by these trials."""
         rng = np.random.default_rng(seed)
         simulated = np.concatenate([self._simulated(believed, trial, rng) for trial in trials], axis=1)
         observed = np.concatenate([self._seen(trial.observation) for trial in trials])
         inside = _within(_infer(believed, simulated, observed, seed))
-        if len(inside) == 0:  # training diverged, so these trials have told nothing
+        if len(inside) == 0:  # training diverged: these trials give no information
             return believed
         chosen = inside[rng.integers(len(inside), size=SIMULATED)]
         return np.clip(chosen + JITTER * rng.standard_normal(chosen.shape), 0.0, 1.0 - 1e-9)
 
     def _simulated(self, unit: Array, trial: Trial, rng: np.random.Generator) -> Array:
-        """(N, seen) what the trial would have shown with the parameters at `unit` (N, p)."""
+        """(N, seen) simulated observations of the trial for the parameters at `unit` (N, p)."""
         task, n = self.solver.task, len(unit)
         executed = trial.action + rng.uniform(-1.0, 1.0, (n, len(trial.action))) * task.action_noise
         nuisance = task.nuisance.spread(rng.random((n, len(task.nuisance))))
@@ -135,7 +136,7 @@ class SysId:
 
 
 def _within(drawn: Array) -> Array:
-    """Those of `drawn` (n, p) that lie in the ranges; where none does, all of them moved to the nearest edge."""
+    """Those of `drawn` (n, p) inside the ranges; if there are none, all of them, moved to the nearest edge."""
     drawn = drawn[np.isfinite(drawn).all(axis=1)]
     kept = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
     return kept if len(kept) else np.clip(drawn, 0.0, 1.0 - 1e-9)
@@ -161,7 +162,7 @@ def _infer(parameters: Array, simulated: Array, observed: Array, seed: int) -> A
 
 
 class _Silent:
-    """A tracker of sbi's that keeps nothing: its own writes into the current folder."""
+    """A tracker for sbi that stores nothing; sbi's own writes into the current folder."""
 
     log_dir = None
 

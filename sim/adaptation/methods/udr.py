@@ -1,4 +1,4 @@
-"""Uniform domain randomisation: one task policy for all of Omega, and nothing is adapted."""
+"""Uniform domain randomisation: one task policy for all of Omega, without adaptation."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 SAMPLES = 64
-"""Parameters that stand for all of Omega."""
+"""Number of parameter vectors that represent all of Omega."""
 
 DRAWS = 4
-"""Policies behind what UDR is said to earn."""
+"""Number of policies behind the stated reward of UDR."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
@@ -26,9 +26,9 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
 
 
 def udr_policies(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
-    """`n` policies for all of Omega, from different draws; what UDR earns is the mean over them.
+    """`n` policies for all of Omega, from different draws; the reward of UDR is their mean.
 
-    Over Omega many actions earn alike, and which of them a solver picks is arbitrary. In one given target they may
+    Over Omega many actions earn the same, and the solver's choice among them is arbitrary. In one target they may
     differ as much as success and failure.
     """
     starts = Udr(solver.task).start(n, rng)

@@ -1,1 +1,1 @@
-"""The solver that learns the simulator once and asks that."""
+"""The solver that learns the simulator once and then queries the learned one."""

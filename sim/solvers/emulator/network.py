@@ -1,8 +1,8 @@
-"""The emulator: parameters, action and nuisance -> trajectory, outcome, and how sure it is.
+"""The emulator: parameters, action and nuisance -> trajectory, outcome, and their uncertainty.
 
 An ensemble of small networks, evaluated as one batched product, so that thousands of inputs take
 milliseconds. Each member carries a fixed random network beside the trained one (a randomised prior, Osband et
-al. 2018): where there are data the trained part cancels it, elsewhere the members disagree.
+al. 2018): near data the trained part cancels it, elsewhere the members disagree.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _encode_space(space: Space, value: Array) -> Tensor:
     columns: list[Array] = []
     for i, d in enumerate(space.dimensions):
         if d.scale == "integer":
-            # A triangle around each level: one-hot at whole numbers, in between for the mean of a distribution.
+            # A triangle around each level: one-hot at integers, interpolated for the mean of a distribution.
             levels = np.arange(d.low, d.high + 1.0)
             columns.append(np.clip(1.0 - np.abs(value[..., i, None] - levels), 0.0, 1.0))
         else:
@@ -54,7 +54,7 @@ def _encode_space(space: Space, value: Array) -> Tensor:
 
 @dataclass(frozen=True, eq=False)
 class EmulatedTrials:
-    """What the emulator expects, at the task's reference context."""
+    """The emulator's predictions, at the task's reference context."""
 
     observation: Array  # (N, size) normalised, without camera noise
     success: Array  # (N,) probability
@@ -62,10 +62,10 @@ class EmulatedTrials:
 
 
 class Emulator:
-    """Final: the networks of `sim.solvers.emulator.training`, ready to ask."""
+    """The trained networks of `sim.solvers.emulator.training`, ready for predictions. Not for subclassing."""
 
     def __init__(self, task: Task, tensors: Mapping[str, Tensor]) -> None:
-        """Raises CheckpointError when the tensors are not those of an emulator of this task."""
+        """Raises CheckpointError if the tensors are not those of an emulator of this task."""
         self.task = task
         self._tensors = {name: tensors[name].detach().clone() for name in sorted(tensors)}
         missing = {"depth", "y_mean", "y_std", "temperature", "residual_std", "misfit_limit", "w0"} - tensors.keys()
@@ -81,12 +81,12 @@ class Emulator:
 
     @property
     def tensors(self) -> dict[str, Tensor]:
-        """Everything to be stored; `Emulator(task, tensors)` restores it."""
+        """The tensors to store; `Emulator(task, tensors)` restores the emulator."""
         return dict(self._tensors)
 
     @property
     def members(self) -> int:
-        """Networks of the ensemble."""
+        """Number of networks in the ensemble."""
         return int(self._tensors["w0"].shape[0])
 
     @property
@@ -96,11 +96,11 @@ class Emulator:
 
     @property
     def misfit_limit(self) -> float:
-        """Misfit that 95 % of held-out rollouts inside the ranges stay below (see `sim.solvers.misfit`)."""
+        """The misfit that 95 % of held-out rollouts inside the ranges do not exceed (see `sim.solvers.misfit`)."""
         return float(self._tensors["misfit_limit"])
 
     def predict(self, parameters: Array, action: Array, nuisance: Array) -> EmulatedTrials:
-        """(N, p), (N, a), (N, n) in units -> their prediction."""
+        """(N, p), (N, a), (N, n) in units -> predictions."""
         size = self.task.observation.size
         raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))
         success = self._probability(raw[..., -1])
@@ -119,7 +119,7 @@ class Emulator:
         return self._probability(raw[..., -1]), raw[..., :-1]
 
     def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> EmulatedTrials:
-        """One possible outcome of each of (N, p), (N, a), (N, n): that of one member, with its residual error.
+        """One random outcome for each of (N, p), (N, a), (N, n): the prediction of one member plus a residual error.
 
         `success` is 0 or 1.
         """

@@ -1,9 +1,8 @@
-"""Task policies from the emulator: the solver of every task whose answers have to be learnt.
+"""Task policies from the emulator: the solver of every task without an exact solution.
 
-For one distribution of parameters the reward of a fixed set of candidate actions is averaged over parameters,
-nuisance and the error of the executed action (common random numbers), taken pessimistically over the
-ensemble, and the winner refined. Physics is context-free up to `Task.relocate`, so the candidates are
-evaluated once for all contexts.
+For one distribution of parameters, the rewards of a fixed set of candidate actions are averaged over parameters,
+nuisance and action error (common random numbers), with a pessimistic value over the ensemble. The best candidate is
+then refined. Physics is context-free up to `Task.relocate`, so the candidates are evaluated once for all contexts.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True, eq=False)
 class _Near:
-    """Actions near a candidate with what the emulator expects of them."""
+    """Actions near a candidate, with the emulator's predictions."""
 
     actions: Array  # (L + 1, a)
     success: Array  # (M, L + 1, S)
@@ -36,16 +35,16 @@ class EmulatorPolicy:
     task: Task
     emulator: Emulator
     settings: SolverSettings
-    parameters: Array  # (S, p) in units: with `drawn`, the scenarios that every action is judged on
+    parameters: Array  # (S, p) in units; with `drawn`, the scenarios for judging every action
     drawn: Disturbances  # S of them
     candidates: Array  # (C, a) in units
     success: Array  # (M, C, S) probability
     end_state: Array  # (M, C, S, k)
-    local: Array  # (L, a) normalised offsets tried around the winner
+    local: Array  # (L, a) normalised offsets tried around the best candidate
     executable: Executable | None = field(default=None)
 
     def __call__(self, context: Array) -> Array:
-        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best candidates can be executed."""
+        """(c,) in units -> (a,) in units. Raises NotExecutable if none of the best candidates can be executed."""
         rewards = self._rewards(self.success, self.end_state, context)
         near = self._around(int(np.argmax(self._lower(rewards))))
         actions = np.concatenate([near.actions, self.candidates])
@@ -60,7 +59,7 @@ class EmulatorPolicy:
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check: for training in simulation."""
-        known: dict[int, _Near] = {}  # what is near a winner does not depend on the context
+        known: dict[int, _Near] = {}  # the neighbourhood of a candidate does not depend on the context
         chosen = []
         for context in contexts:
             best = int(np.argmax(self._lower(self._rewards(self.success, self.end_state, context))))
@@ -72,9 +71,9 @@ class EmulatorPolicy:
         return np.stack(chosen)
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of this policy at `context`, were its parameters true: mean, low, high.
+        """Expected reward of this policy at `context` if its parameters are true: mean, low, high.
 
-        Low and high are two standard deviations of the ensemble, within the rewards there are.
+        Low and high are two standard deviations of the ensemble, within the possible rewards.
         """
         success, end_state = self._outcomes(self(context)[None])
         rewards = self._rewards(success, end_state, context)[:, 0]
@@ -129,13 +128,13 @@ def train_many(
 
 @dataclass(frozen=True, eq=False)
 class EmulatorSolver:
-    """A `sim.solvers.solver.Solver` that asks an emulator."""
+    """A `sim.solvers.solver.Solver` that queries an emulator."""
 
     emulator: Emulator
 
     @property
     def task(self) -> Task:
-        """The emulator's."""
+        """The emulator's task."""
         return self.emulator.task
 
     def policies(
@@ -151,7 +150,9 @@ class EmulatorSolver:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over everything but
+        B.
+        """
         drawn = Disturbances.evenly(self.task, draws, rng)
         executed = actions[:, :, None, :] + drawn.error
         success, end = self.emulator.outcomes(targets[:, None, None, :], executed, drawn.nuisance)
@@ -173,10 +174,10 @@ class EmulatorSolver:
 
     @property
     def residual_std(self) -> Array:
-        """(size,) of held-out rollouts, normalised."""
+        """(size,) robust spread of the held-out errors, normalised."""
         return self.emulator.residual_std
 
     @property
     def misfit_limit(self) -> float:
-        """Of held-out rollouts."""
+        """See `Emulator.misfit_limit`."""
         return self.emulator.misfit_limit

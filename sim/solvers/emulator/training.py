@@ -28,12 +28,12 @@ from sim.tasks.task import Task
 Rows = NDArray[np.intp]
 
 SMALLEST = 64
-"""Rollouts below which nothing is learnt."""
+"""Fewest rollouts for training."""
 
 
 @dataclass(frozen=True)
 class EmulatorSettings:
-    """How large the ensemble is and how long it trains."""
+    """Size of the ensemble and length of its training."""
 
     members: int = 5
     hidden: int = 96
@@ -44,7 +44,7 @@ class EmulatorSettings:
     passes: int = 40  # over the data
     least_steps: int = 800
     most_steps: int = 12000
-    held_out: float = 0.15  # share of those that fill the space evenly, half for calibration, half for the report
+    held_out: float = 0.15  # share of the evenly spread rollouts: half for calibration, half for the report
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class EmulatorReport:
 
     rollouts: int  # trained on
     held_out: int
-    base_rate: float  # share of successes: what a constant guess gets right, or its complement
+    base_rate: float  # share of successes; it or its complement is the accuracy of a constant guess
     accuracy: float
     brier: float
     calibration_error: float  # expected, ten bins
@@ -71,7 +71,7 @@ def train_emulator(
     settings: EmulatorSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Emulator, EmulatorReport]:
-    """Fit, calibrate and judge an ensemble. The same seed gives the same numbers. Raises DatasetError."""
+    """Fit, calibrate and evaluate an ensemble. The same seed gives the same numbers. Raises DatasetError."""
     settings = settings or EmulatorSettings()
     if len(dataset) < SMALLEST:
         raise DatasetError(f"{len(dataset)} rollouts are too few to learn from: simulate {SMALLEST} or more")
@@ -99,7 +99,7 @@ def train_emulator(
     tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), dataset, calibrate))
     predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
     residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
-    # From the median, as for a Gaussian: a few rollouts that end quite elsewhere must not widen what is tolerated.
+    # From the median, as for a Gaussian: a few outliers must not widen the tolerance.
     tensors["residual_std"] = torch.from_numpy(np.median(residual, axis=0) / 0.6745 + 1e-4).float()
     tensors["misfit_limit"] = torch.tensor(_misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng))
     emulator = Emulator(task, tensors)
@@ -107,7 +107,7 @@ def train_emulator(
 
 
 def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings) -> tuple[Rows, Rows, Rows]:
-    """Rows to calibrate, to judge and to train with: only what fills the space evenly is held out."""
+    """Rows for calibration, evaluation and training. Only evenly spread rollouts are held out."""
     order = np.asarray(rng.permutation(dataset.uniform), dtype=np.intp)
     n = max(16, int(settings.held_out * dataset.uniform))
     denser = np.arange(dataset.uniform, len(dataset))
@@ -115,7 +115,7 @@ def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings
 
 
 def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:
-    """(N,) how uncertain an emulator of `dataset` leaves the outcome of each candidate: at most .25."""
+    """(N,) variance of the predicted outcome of each candidate, by an emulator of `dataset`: at most .25."""
     draft, _ = train_emulator(task, dataset, seed)
     predicted = draft.predict(candidates.parameters, candidates.action, candidates.nuisance)
     return predicted.success * (1.0 - predicted.success)
@@ -147,7 +147,7 @@ def _scaling(y: Array, known: Array) -> tuple[Array, Array]:
     weight = known / np.maximum(known.sum(axis=0), 1.0)
     mean = (weight * y).sum(axis=0)
     std = np.sqrt((weight * (y - mean) ** 2).sum(axis=0))
-    # What is constant, such as where the object starts, must come out constant: its errors are scaled down.
+    # Constant outputs, such as the start of the object, must stay constant: their errors are scaled down.
     return mean, np.where(std > 1e-6, std, 1e-3)
 
 
@@ -224,7 +224,7 @@ def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
 
 
 def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, rng: np.random.Generator) -> float:
-    """How far trajectories that the simulator does express lie from the nearest prediction, 95th percentile."""
+    """The distance of trajectories from the nearest prediction, 95th percentile, if the simulator does express them."""
     inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
@@ -237,9 +237,9 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
 
 
 def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> dict[str, Array]:
-    """What the emulator has wrong of each rollout, by the name of the figure of `EmulatorReport` that sums it up.
+    """The emulator's error for each rollout, by the name of the field of `EmulatorReport` that summarises it.
 
-    Positions only where the simulator found a solution, end states only of successes.
+    Positions only if the simulator found a solution, end states only for successes.
     """
     seen = emulator.task.observation
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance)
@@ -254,7 +254,7 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
 
 
 def select_rows(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
-    """Some rollouts of a dataset: what was asked, and what came of it."""
+    """Some rollouts of a dataset: requests and results."""
     context = at_reference(task, len(rows))
     return (
         Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),

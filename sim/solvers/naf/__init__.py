@@ -1,1 +1,1 @@
-"""The solver of the paper, on true rollouts alone."""
+"""The solver of the paper, on true rollouts only."""

@@ -1,7 +1,7 @@
-"""Which NAF policies there are: what the rules of reuse must remember, and the networks that may still give.
+"""The NAF policies trained so far: the record for the rules of reuse, and the networks that may be reused.
 
-In memory for a pretraining, which learns again what it resumes; in a folder for a session, which does not, so that a
-session that is continued has the same policies as one that was never interrupted.
+A pretraining keeps them in memory, and trains again after a resume. A session keeps them in a folder, so that a
+continued session has the same policies as one that was never interrupted.
 """
 
 from __future__ import annotations
@@ -25,10 +25,13 @@ RECORD = "record.toml"
 
 
 class NafMemory:
-    """Final. The record grows by one with every policy that is trained or taken over."""
+    """The record grows by one entry with every policy that is trained or reused. Not for subclassing."""
 
     def __init__(self, task: Task, folder: Path | None = None) -> None:
-        """`folder`: where to keep all and to go on from. Raises CheckpointError when what lies there is foreign."""
+        """`folder` stores everything and may hold an earlier state.
+
+        Raises CheckpointError if its content is foreign.
+        """
         self.task = task
         self.record: tuple[PolicyRecord, ...] = ()
         self._folder = folder
@@ -39,11 +42,11 @@ class NafMemory:
             self._restore(folder / RECORD)
 
     def find(self, key: str) -> NafPolicy | None:
-        """The policy that was trained for exactly this before."""
+        """The policy trained earlier for exactly this key, or None."""
         return self.policy(self._keys.index(key)) if self._folder is not None and key in self._keys else None
 
     def policy(self, position: int) -> NafPolicy:
-        """Of one entry of the record that has not given yet, or any where there is a folder."""
+        """The policy of a record entry that was not reused yet; with a folder, of any entry."""
         if position not in self._networks:
             assert self._folder is not None, "a policy that has already acted is not stored"
             try:
@@ -57,7 +60,7 @@ class NafMemory:
         return self._networks[position]
 
     def add(self, record: tuple[PolicyRecord, ...], key: str, policy: NafPolicy) -> None:
-        """`record`: the old one and the entry of `policy`. On disk when this returns, if there is a folder."""
+        """`record` is the old record plus the entry of `policy`. With a folder, it is on the disk when this returns."""
         position = len(record) - 1
         if position != len(self.record):
             raise ValueError(f"the record has {len(self.record)} entries, so the next is not number {position}")
@@ -119,6 +122,6 @@ class NafMemory:
 
 
 def policy_key(samples: Array, seed: int) -> str:
-    """Of the policy for the distribution `samples` (m, p) with the random numbers of `seed`."""
+    """The key of the policy for the distribution `samples` (m, p) with the random numbers of `seed`."""
     total = hashlib.sha256(np.ascontiguousarray(samples, dtype=np.float64).tobytes() + seed.to_bytes(8, "little"))
     return total.hexdigest()[:24]

@@ -1,1 +1,1 @@
-"""A session: what is asked, done and stored for every trial and iteration."""
+"""A session: the questions, steps and records of every trial and iteration."""

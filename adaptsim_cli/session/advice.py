@@ -1,4 +1,4 @@
-"""What to do next: after an iteration, by its verdict. Pure."""
+"""The next commands after an iteration, by its verdict. Pure."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from adaptsim_cli.config import is_simulated
 from adaptsim_cli.session.records import Facts, ResultRecord
 
 ENOUGH_ITERATIONS = 5
-"""What the paper spends."""
+"""The paper's number of iterations."""
 
 GO_ON, ENOUGH, HOPELESS = "Go on: reward", "Stop here: reward", "Stop here: no action"
 TOO_FEW, NOT_YET, CONVERGED = "Too few trials to judge", "Not converged yet", "Converged"
 STAYS_LOW, CANNOT_EXPRESS = "Reward stays low", "cannot express"
-"""What the sentences of `sim.adaptation.verdict` begin with, or hold."""
+"""The parts by which the sentences of `sim.adaptation.verdict` are recognised."""
 
 Steps = tuple[tuple[str, str], ...]
-"""(command, why) of each."""
+"""(command, reason) of each step."""
 
 
 def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
@@ -40,6 +40,6 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
 
 
 def flags(facts: Facts) -> str:
-    """What leads another command to the same task and place."""
+    """The options that lead another command to the same task and place."""
     place = f"--world {facts.world} --seed {facts.seed}" if is_simulated(facts.hw) else f"--hw {facts.hw}"
     return f"--task {facts.task} {place}"

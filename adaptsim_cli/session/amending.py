@@ -1,7 +1,7 @@
-"""Taking back a rejection, and setting another outcome of an accepted trial. Nothing is edited: each is a new marker.
+"""Restores a rejected attempt, or sets another outcome of an accepted trial. Nothing is edited: each is a new marker.
 
-Later trials keep what they were made with. The next adaptation uses the trials as they then count, and its result says
-what was amended.
+Later trials keep their particles and policies. The next adaptation uses the trials that then count, and its result
+names the amendments.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ _STEP = timedelta(seconds=1)
 
 @dataclass(frozen=True)
 class Amended:
-    """What a command changed."""
+    """The change by one command."""
 
     iteration: int
     key: TrialKey
-    later: int  # iterations after it that have begun
+    later: int  # number of later iterations that have begun
     what: str  # one sentence
 
     @property
     def consequence(self) -> str:
-        """What follows for the rest of the session, in one sentence."""
+        """The effect on the rest of the session, in one sentence."""
         if not self.later:
             return "The next run-iteration adapts again from the trials that now count."
         last = self.iteration + 1 + self.later
@@ -43,7 +43,8 @@ class Amended:
 def restore(store: SessionStore, number: int, attempt: int | None, reason: str) -> Amended:
     """Let a rejected attempt of trial `number` count again: `attempt` (from 0), or the newest one with a recording.
 
-    One that nobody has accepted yet is tracked and reviewed by the next run-iteration. Raises UsageError, SessionError.
+    An attempt that was never accepted is tracked and reviewed by the next run-iteration. Raises UsageError,
+    SessionError.
     """
     with store.locked():
         existing, iteration = store.existing(), _iteration(store, number)
@@ -74,7 +75,7 @@ def restore(store: SessionStore, number: int, attempt: int | None, reason: str) 
 def amendable(
     store: SessionStore, task: Task, outcomes: tuple[Outcome, ...], number: int
 ) -> tuple[TrialRecord, Choices]:
-    """The completed trial `number` that counts, and the reward that each outcome would give it.
+    """The completed trial `number` that counts, and its reward under each possible outcome.
 
     Raises UsageError, SessionError.
     """
@@ -93,7 +94,7 @@ Choices = dict[Outcome, float]
 
 
 def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str) -> Amended:
-    """Let the completed trial `number` count with `outcome`, and `reward`. Raises UsageError, SessionError."""
+    """Let the completed trial `number` count with `outcome` and `reward`. Raises UsageError, SessionError."""
     with store.locked():
         iteration, key = _accepted(store, number)
         record = store.trial(iteration, key)
@@ -122,7 +123,7 @@ def amended_words(number: int, by: Amendment) -> str:
 
 
 def sentences(store: SessionStore, until: int, known: int) -> tuple[str, ...]:
-    """What was amended and restored in the iterations up to `until`, without the first `known` of it, in words."""
+    """The amendments and restorations in the iterations up to `until`, without the first `known`, in words."""
     found = sorted(
         (change for iteration in range(until + 1) for change in store.changes(iteration)), key=lambda c: c.note.at
     )
@@ -157,7 +158,7 @@ def _words(outcome: Outcome) -> str:
 
 
 def _now(store: SessionStore) -> str:
-    """The time of a change: after that of every change before, even where the clock went backwards."""
+    """The time of a change: later than every earlier change, even if the clock went backwards."""
     made = [change.note.at for iteration in range(store.iterations()) for change in store.changes(iteration)]
     now = datetime.now(UTC).replace(microsecond=0)
     earliest = max((datetime.fromisoformat(at) for at in made), default=now - _STEP) + _STEP

@@ -1,4 +1,4 @@
-"""Who answers the questions of a session: a person at the terminal, or nobody (`--yes`)."""
+"""Answers the questions of a session: a person at the terminal, or nobody (`--yes`)."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _REVIEW = "Outcome and reward come from the pictures of the camera. Compare them
 
 @dataclass(frozen=True)
 class Attended:
-    """A person at the terminal answers."""
+    """An operator: a person at the terminal."""
 
     screen: Screen
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
-        """See `Operator`; a person looks at the arm first."""
+        """See `Operator`; the person looks at the arm first."""
         self.screen.note(
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
@@ -77,19 +77,19 @@ class Attended:
         return Accept()
 
     def try_again(self, stage: RunTrial) -> bool:
-        """See `Operator`; a person always may."""
+        """See `Operator`; the person decides."""
         then = "The object is placed again, and the trial begins from there."
         self.screen.go_on("This attempt does not count.", "to repeat this trial", then=then)
         return True
 
     def _reason(self) -> str | None:
-        """Why the trial does not count; None where the operator thinks better of it."""
+        """Why the trial does not count; None if the operator goes back."""
         reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
         return None if reason is None else reason or "the operator had it redone"
 
 
 def which_outcome(screen: Screen, possible: Sequence[tuple[Outcome, float]]) -> Outcome | None:
-    """One of the `possible` outcomes, with their rewards; None where nothing is to be overruled."""
+    """Ask for one of the `possible` outcomes, shown with their rewards; None: keep the tracked one."""
     numbered = {str(n): outcome for n, (outcome, _) in enumerate(possible, start=1)}
     keys = [
         Key(number, "to choose it", f"{views.words(outcome.value)} (reward {reward:.2f})")
@@ -104,9 +104,9 @@ def which_outcome(screen: Screen, possible: Sequence[tuple[Outcome, float]]) -> 
 def choose_amendment(
     screen: Screen, store: SessionStore, record: TrialRecord, choices: Mapping[Outcome, float], named: str | None
 ) -> Outcome:
-    """The outcome that a trial shall count with: the one `named`, or the one that a person chooses from its pictures.
+    """The amended outcome of a trial: the one `named`, or one that a person chooses from its pictures.
 
-    Raises UsageError on a name that is none of the choices, StoppedByOperator where nothing is to change.
+    Raises UsageError for a name that is not a choice, StoppedByOperator if nothing should change.
     """
     if named is not None:
         known = {outcome.value: outcome for outcome in choices}
@@ -124,7 +124,10 @@ def choose_amendment(
 
 @dataclass(frozen=True)
 class Unattended:
-    """`--yes`: nobody answers. Never confirms the motion of a real arm: `wiring` gives a real one to `Attended`."""
+    """`--yes`: nobody answers.
+
+    It never confirms the motion of a real arm, because `wiring` uses `Attended` for real arms.
+    """
 
     screen: Screen
     most_attempts: int = 5

@@ -1,4 +1,4 @@
-"""What a bug report needs of a session, in one archive: records, versions, settings. No pictures unless asked."""
+"""The parts of a session for a bug report, in one archive: records, versions, settings. Pictures only on request."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from adaptsim_cli.storage import durable
 
 TEXT = (".json", ".toml", ".jsonl")
 PICTURES = (".jpg", ".mcap", ".html")
-"""What shows a lab: images, recordings, and pages that hold images."""
+"""Files that show a lab: images, recordings, and pages with images."""
 
 
 @dataclass(frozen=True)
 class Bundled:
-    """An archive that was written."""
+    """A written archive."""
 
     path: Path
     files: tuple[str, ...]
-    left_out: int  # files with pictures
+    left_out: int  # number of files with pictures
 
 
 def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False) -> Bundled:
     """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises SessionError, DiskFull.
 
-    The names of folders above the session are left out: they may name a person.
+    Folder names above the session are left out, because they may name a person.
     """
     chosen, left_out = list[Path](), 0
     for path in _files(folder):
@@ -64,7 +64,7 @@ def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Every file below `folder`, without leftovers and what solvers keep."""
+    """Every file in `folder`, without leftovers and the files of solvers."""
     found = []
     for entry in entries(folder):
         if entry.is_dir():
@@ -75,7 +75,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _anonymous(text: str) -> str:
-    """The home folder of whoever made it is written as ~."""
+    """Replace the user's home folder by ~."""
     return text.replace(str(Path.home()), "~") if len(str(Path.home())) > 1 else text
 
 

@@ -46,7 +46,7 @@ SCHEMAS = {
     f"{_SEPARATOR}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n",
     "tf2_msgs/msg/TFMessage": f"geometry_msgs/TransformStamped[] transforms\n{_TRANSFORM}{_STAMP}",
 }
-"""Message definitions, as MCAP's `ros2msg` encoding wants them."""
+"""Message definitions in MCAP's `ros2msg` encoding."""
 
 
 class Writer:
@@ -56,7 +56,7 @@ class Writer:
         self._body = bytearray()
 
     def message(self) -> bytes:
-        """The whole message: the header and all that was appended."""
+        """The whole message: header and content."""
         return b"\x00\x01\x00\x00" + bytes(self._body)
 
     def header(self, t_ns: int, frame: str) -> Writer:
@@ -96,7 +96,7 @@ class Writer:
         return self
 
     def doubles(self, values: Sequence[float], *, counted: bool) -> Writer:
-        """float64 values, with their number in front when `counted` (a sequence rather than fields)."""
+        """float64 values; if `counted`, their number comes first (a sequence instead of fields)."""
         if counted:
             self._pack("<I", len(values))
         self._body += b"\x00" * (-len(self._body) % 8) if len(values) else b""
@@ -155,7 +155,7 @@ def joint_state(
     velocity: Sequence[float] = (),
     effort: Sequence[float] = (),
 ) -> bytes:
-    """A ROS 2 JointState: rad, rad/s and N m; what is not known is left empty."""
+    """A ROS 2 JointState: rad, rad/s and N m; unknown fields stay empty."""
     writer = Writer().header(t_ns, "").strings(names).doubles(position, counted=True)
     return writer.doubles(velocity, counted=True).doubles(effort, counted=True).message()
 
@@ -172,7 +172,7 @@ def transform(t_ns: int, parent: str, child: str, xyz: Sequence[float], xyzw: Se
 
 
 class Reader:
-    """Reads back what `Writer` wrote, field by field. Raises struct.error or IndexError where it is cut short."""
+    """Reads the messages of `Writer`, field by field. Raises struct.error or IndexError if the message is truncated."""
 
     def __init__(self, message: bytes) -> None:
         self._body = memoryview(message)[4:]

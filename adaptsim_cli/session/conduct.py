@@ -35,28 +35,28 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
-"""(settings, folder where a solver may keep what it learns) -> the parts, connected."""
+"""(settings, folder for a solver's policies) -> the connected parts."""
 
 OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
-"""(screen, session, parts) -> whoever looks on beside the terminal."""
+"""(screen, session, parts) -> a watcher besides the terminal."""
 
 _FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particles")
 
 
 @dataclass(frozen=True)
 class SessionRequest:
-    """What the operator asked for on the command line."""
+    """The operator's options on the command line."""
 
     session: str | None
     given: frozenset[str]  # settings that came as flags
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
     as_json: bool = False
-    until_done: bool = False  # stop where another iteration is not worth its trials
+    until_done: bool = False  # stop once another iteration is not worth its trials
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
-    """Nobody beside the terminal."""
+    """No watcher besides the terminal."""
     return nullcontext(Unwatched())
 
 
@@ -70,8 +70,8 @@ def conduct(
 ) -> Path:
     """Run the iterations and return the path of the report that `draw` makes after each.
 
-    An iteration is done only when its result and report have reached the operator: a run that was killed just before
-    that shows them when it is started again. Raises whatever stops a session, with how to go on.
+    An iteration is done only once its result and report have reached the operator; a run that was killed just before
+    shows them after a restart. Raises any error that stops a session, with the command to continue.
     """
     root = resolved.places.sessions
     asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
@@ -88,7 +88,7 @@ def conduct(
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
-        if not config.is_simulated:  # --yes or not: a person confirms what a real arm does
+        if not config.is_simulated:  # even with --yes, a person confirms the motions of a real arm
             console.require_terminal()
         store = _same_parts(known, parts) if known else begin(root, name, config, parts)
         operator = Unattended(screen) if unattended else Attended(screen)
@@ -116,7 +116,7 @@ def conduct(
 
 
 def _is_done(summary: Mapping[str, Any], method: str) -> bool:
-    """Raises UsageError where the method cannot tell."""
+    """Raises UsageError if the method makes no forecast."""
     if summary.get("outlook") is None:
         raise UsageError(
             f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
@@ -126,7 +126,10 @@ def _is_done(summary: Mapping[str, Any], method: str) -> bool:
 
 
 def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
-    """A name that no session has may be a slip. Raises StoppedByOperator where it was one."""
+    """Ask whether a new session is meant, because an unknown name may be a typing error.
+
+    Raises StoppedByOperator if it was one.
+    """
     name, known = request.session or "", stores.names(root)
     near = difflib.get_close_matches(name, known, n=3)
     meant = f" Did you mean {' or '.join(near)}?" if near else ""
@@ -139,7 +142,7 @@ def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
 
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
-    """What the session was begun with that the request means. Raises UsageError where it is not begun yet."""
+    """The facts of the requested session. Raises UsageError if it does not exist yet."""
     asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
     name = request.session or default_name(asked)
     if (known := _known(resolved.places.sessions, name)) is None:
@@ -148,13 +151,13 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
 
 
 def default_name(config: Config) -> str:
-    """The session that is meant when none is named: one of each task, world, method and seed."""
+    """The name of a session if none is given: one for each task, world, method and seed."""
     parts = (config.task, Path(config.object).stem, config.place, config.method, config.solver, f"seed{config.seed}")
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
 def absolute(named: str) -> str:
-    """A file by its whole path, so that a session can be continued from another folder."""
+    """A file's absolute path, so that a session can be continued from another folder; other names unchanged."""
     is_file = named.endswith(".toml") or "/" in named
     return str(Path(named).expanduser().absolute()) if is_file else named
 
@@ -164,7 +167,7 @@ def _known(root: Path, name: str) -> SessionStore | None:
 
 
 def _continued(config: Config, store: SessionStore, request: SessionRequest) -> Config:
-    """The settings that the session was begun with. Raises UsageError where a flag contradicts them."""
+    """The settings that the session was begun with. Raises UsageError if a flag contradicts them."""
     for key in _FROZEN:
         was, asked = getattr(store.facts, key), getattr(config, key)
         if key in request.given and was != asked:
@@ -176,7 +179,7 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
 
 
 def settings_of(store: SessionStore, config: Config) -> Config:
-    """The settings that a session was begun with; those that it does not freeze are of `config`."""
+    """The settings that a session was begun with; settings that it does not freeze come from `config`."""
     kept = {key: getattr(store.facts, key) for key in _FROZEN}
     if store.facts.method == "adaptsim":
         kept["method"] = store.facts.adaptsim_is

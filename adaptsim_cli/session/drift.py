@@ -1,4 +1,4 @@
-"""Whether the camera still sees as it did in the session's first trial: exposure, white balance, brightness."""
+"""Whether the camera's picture has changed since the session's first trial: exposure, white balance, brightness."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.session.records import RigFacts
 
 MOST_BRIGHTER = 0.15
-"""Share by which the picture before the motion may become brighter or darker before it is said."""
+"""Change of brightness of the picture before the motion, as a share, that is worth a message."""
 
 
 def brightness(rgb: NDArray[np.uint8]) -> float:
@@ -19,7 +19,7 @@ def brightness(rgb: NDArray[np.uint8]) -> float:
 
 
 def drift(first: RigFacts, now: RigFacts) -> str | None:
-    """What to tell the operator of a camera that sees otherwise than in the first trial; None: nothing."""
+    """A message for the operator if the camera's picture differs from the first trial; None: it does not."""
     before, after = _exposed(first), _exposed(now)
     said = []
     if before and after and before != after:
@@ -38,7 +38,7 @@ def drift(first: RigFacts, now: RigFacts) -> str | None:
 
 
 def _exposed(facts: RigFacts) -> list[tuple[int, int]]:
-    """Every exposure (µs) and white balance (K) of the recording; none where the camera does not tell."""
+    """Every exposure (µs) and white balance (K) of the recording; empty if the camera does not report them."""
     film: Any = (facts.camera or {}).get("recording") or {}
     return sorted((int(e), int(w)) for e, w in film.get("exposure_us_and_white_balance_K", ()))
 

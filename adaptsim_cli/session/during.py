@@ -1,4 +1,4 @@
-"""How a step that takes time says so: `with during("Finding the bottle", "finding"):` around it."""
+"""Announces and times a slow step: `with during("Finding the bottle", "finding"):` around it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Protocol
 
 
 class During(Protocol):
-    """Tells the operator what is being done while it is done; `Screen.busy` is one."""
+    """Tells the operator about a running step; `Screen.busy` is one."""
 
     def __call__(self, what: str, stage: str = "") -> AbstractContextManager[None]:
-        """`what` for the operator; `stage`: one word under which its time is added up."""
+        """`what` is the sentence for the operator; `stage` is the word under which its time is added up."""
         ...
 
 
 @contextmanager
 def silently(what: str, stage: str = "") -> Iterator[None]:
-    """Nobody is told."""
+    """A `During` that says nothing."""
     yield

@@ -1,4 +1,4 @@
-"""Completed trials as a LeRobot data set (v2.1): one episode a trial, its images as they were recorded.
+"""Completed trials as a LeRobot data set (v2.1): one episode per trial, with the recorded images.
 
 Format: https://huggingface.co/docs/lerobot; read by `lerobot.datasets.lerobot_dataset.LeRobotDataset(repo_id, root)`.
 """
@@ -36,14 +36,14 @@ class Episode:
     state: NDArray[np.float32]  # (N, s)
     action: NDArray[np.float32]  # (N, a)
     t_s: NDArray[np.float32]  # (N,) since the start of the motion
-    images: tuple[bytes, ...]  # JPEG; empty where there is no camera
+    images: tuple[bytes, ...]  # JPEG; empty without a camera
     size: tuple[int, int]  # (height, width) of an image
 
 
 def write(store: SessionStore, folder: Path) -> int:
     """Write the data set of a session into a new `folder`; returns how many episodes it has.
 
-    Raises UsageError where the folder exists or the session has no trial, ExtraMissing without pyarrow, SessionError.
+    Raises UsageError if the folder exists or the session has no trial, ExtraMissing without pyarrow, SessionError.
     """
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
@@ -75,7 +75,7 @@ def write(store: SessionStore, folder: Path) -> int:
 
 
 def whole_folder(store: SessionStore, record: TrialRecord) -> Path:
-    """Where a trial lies."""
+    """The folder of a trial."""
 
     return store.trial_folder(*record.place)
 
@@ -105,7 +105,7 @@ def _arrow() -> tuple[Any, Any]:
 
 
 def _seen(store: SessionStore, record: TrialRecord) -> Episode:
-    """Of a recording: joints at every image."""
+    """The episode of a recording: joints at every image."""
     trial = whole.open_trial(store, record)
     played, pictures = trial.stored.execution, whole.jpegs(trial)
     times_s = np.array([t_s for t_s, _ in pictures]) - played.t_start_s
@@ -119,7 +119,7 @@ def _seen(store: SessionStore, record: TrialRecord) -> Episode:
 
 
 def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
-    """Of a trajectory: the state at even times; the action is that of the whole trial."""
+    """The episode of a trajectory: the state at even times; the action is that of the whole trial."""
     track = record.track.track()
     times_s = np.arange(0.0, float(track.t_s[-1]) + 1e-9, 1.0 / SIMULATED_FPS)
     action = np.tile(np.array(record.action, np.float32), (len(times_s), 1))
@@ -174,7 +174,7 @@ def _statistics(values: NDArray[Any]) -> dict[str, Any]:
 
 
 def _image_statistics(images: Sequence[bytes]) -> dict[str, Any]:
-    """Of each colour over some of the images, from 0 to 1, as LeRobot keeps them."""
+    """Statistics of each colour over some of the images, from 0 to 1, in LeRobot's form."""
     import cv2
 
     from hw.bounded import decode_image

@@ -23,9 +23,9 @@ Progress = Callable[[str, int, int], None]
 def export(
     store: SessionStore, kind: str, out: Path, progress: Progress = lambda stage, done, total: None
 ) -> list[Path]:
-    """Write the trials that count to `out`: a file for tables, a folder otherwise. Returns what was written.
+    """Write the counting trials to `out`: a file for tables, else a folder. Returns the written paths.
 
-    Raises UsageError on an unknown format, without a trial, or where a data set would overwrite something;
+    Raises UsageError for an unknown format, for a session without trials, or if a data set would overwrite something;
     ExtraMissing, SessionError.
     """
     if kind not in FORMATS:
@@ -60,7 +60,7 @@ def export(
 
 
 def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
-    """The command that looks at what was written, and what it does."""
+    """The command that shows the export, and its effect."""
     if kind == "csv":
         return f"column -s, -t {out} | less -S", "the table, in the terminal"
     if kind == "parquet":
@@ -76,12 +76,12 @@ def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
 
 
 def layout() -> bytes:
-    """The layout that shows such a file in Foxglove."""
+    """The Foxglove layout for such a file."""
     return (resources.files("adaptsim_cli.session") / LAYOUT).read_bytes()
 
 
 def default_name(store: SessionStore, kind: str) -> str:
-    """Where it is written when nobody says: in the present folder."""
+    """The default name of an export, in the current folder."""
     return f"{store.facts.name}.{kind}" if kind in ("csv", "parquet") else f"{store.facts.name}-{kind}"
 
 

@@ -1,4 +1,4 @@
-"""What learning asks of the simulator's answers: task policies, and what they earn.
+"""The contract of solvers: task policies, and expectations of their trials.
 
 Three siblings: `sim.solvers.emulator.solver`, `sim.solvers.naf.solver`, and a task's own exact one (`Task.exact`).
 """
@@ -16,7 +16,7 @@ __all__ = ["Executable", "Expectations", "Policies", "SolvedPolicy", "Solver", "
 Policies = PoliciesOf[Task]
 """Makes task policies."""
 Expectations = ExpectationsOf[Task]
-"""Tells what trials earn and look like in the simulator."""
+"""Predicts rewards and trajectories of trials in the simulator."""
 Solver = SolverOf[Task]
 """Both."""
 
@@ -24,7 +24,8 @@ Solver = SolverOf[Task]
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:
     """The task policy for the distribution of parameters that `samples` (m, p) stand for.
 
-    Drawn alike every time: where many actions look equally good to a solver its draws decide between them, and reality
-    need not agree. So the same distribution has the same policy, and what a session goes with is what it has tried.
+    Its draws are the same every time. If many actions look equally good to a solver, its draws decide between them, and
+    they may differ in reality. So the same distribution always has the same policy, and the final policy of a session
+    is one that it has tried.
     """
     return policies.policies(np.asarray(samples)[None], np.random.default_rng(seed), executable)[0]

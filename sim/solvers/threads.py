@@ -1,4 +1,4 @@
-"""How many threads torch computes with."""
+"""The number of threads of torch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """The same numbers on every number of cores: sums are split differently on each."""
+    """Compute on one thread: with several, sums are split differently and results depend on the number of cores."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

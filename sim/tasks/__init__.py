@@ -1,7 +1,7 @@
-"""Every task by name: ours, and those of installed packages. Each is imported when first asked for.
+"""Every task by name: ours, and those of installed packages. Each is imported on first use.
 
-A package offers a task with an entry point of the group `adaptsim.tasks`: its name, and the module whose `TASK` it is.
-Beside that module may lie folders `worlds` and `checkpoints`.
+A package offers a task by an entry point of the group `adaptsim.tasks`: the task's name, and the module with its
+`TASK`. Beside that module there may be folders `worlds` and `checkpoints`.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ TASKS = {
     "pushing": "sim.tasks.pushing",
     "scooping": "sim.tasks.scooping",
 }
-"""Name -> the module whose `TASK` it is: ours."""
+"""Name -> module with the `TASK`, for our tasks."""
 
 OFFERED = "adaptsim.tasks"
-"""The group of entry points by which packages offer theirs."""
+"""The group of entry points by which packages offer tasks."""
 
 
 def task_names() -> tuple[str, ...]:
-    """Ours, then those of installed packages."""
+    """Names of our tasks, then of those of installed packages."""
     return (*TASKS, *sorted(_installed()))
 
 
@@ -38,11 +38,11 @@ def get_task(name: str) -> Task:
 
 
 def files_of(name: str, kind: Literal["worlds", "checkpoints"]) -> Path:
-    """Folder of what ships with the task called `name`; it need not exist. No task is imported."""
+    """The folder of the files that ship with task `name`; it need not exist. No task is imported."""
     if name not in TASKS and (module := _installed().get(name)) is not None:
         try:
             spec = find_spec(module)
-        except ImportError:  # of a package around it; `get_task` says so
+        except ImportError:  # in a parent package; `get_task` reports it
             spec = None
         if spec is not None and spec.origin is not None:
             return Path(spec.origin).parent / kind
@@ -69,5 +69,5 @@ def _theirs(name: str) -> Task:
 
 @cache
 def _installed() -> dict[str, str]:
-    """Name -> module. A name of ours stays ours."""
+    """Name -> module of installed packages, except names of our own tasks."""
     return {entry.name: entry.value for entry in entry_points(group=OFFERED) if entry.name not in TASKS}

@@ -1,4 +1,4 @@
-"""What a stored dataset or checkpoint must share with the task that it is used with."""
+"""The properties that a stored dataset or checkpoint must share with its task."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def describe(space: Space) -> list[dict[str, Any]]:
 
 
 def interface(task: Task) -> dict[str, Any]:
-    """Everything of a task that decides what the numbers in a dataset or a network mean."""
+    """Every property of a task that decides the meaning of the numbers in a dataset or a network."""
     seen = task.observation
     return {
         "task": task.name,

@@ -1,4 +1,4 @@
-"""An own object: a task with the ranges of one kind of object instead of the paper's.
+"""An own object: a task with the ranges for one kind of object instead of the paper's.
 
     task = "scooping"
     name = "tofu"
@@ -7,8 +7,8 @@
     mu = [0.30, 0.40]
     h = [1.8, 2.6]
 
-What `[ranges]` leaves out keeps the task's own range. The ranges become Omega; the margin around it keeps the
-proportions that the task's own margin has, and ends where that ends: no further has the scene been tried.
+Parameters missing from `[ranges]` keep the task's own range. The ranges become Omega. The margin around it has the
+proportions of the task's own margin and ends where that ends, because the scene is not tested beyond.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from sim.types import Dimension, Space
 
 @dataclass(frozen=True)
 class OwnObject:
-    """Ranges of some parameters of one task, in its units. Raises ObjectError where low is not below high."""
+    """Ranges of some parameters of one task, in its units. Raises ObjectError if low is not below high."""
 
     task: str
-    name: str  # how a person calls it
+    name: str  # its name for a person
     ranges: Mapping[str, tuple[float, float]]
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ def load_object(path: Path) -> OwnObject:
 
 
 def with_ranges(task: Task, own: OwnObject) -> Task:
-    """The same task with the object's ranges: Omega, the margin around it, and what the object is called.
+    """The task with the object's ranges (Omega and the margin around it) and the object's name.
 
     Raises ObjectError on a parameter that the task does not have, and on a range beyond the task's margin.
     """

@@ -1,4 +1,4 @@
-"""Whether two programs simulate the same scene."""
+"""A key that is equal for two programs that simulate the same scene."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
 _PROBES = 8
-"""Rollouts spread over all ranges: the first of a Sobol sequence. Half a second for a contact task."""
+"""Number of rollouts spread over all ranges, the first of a Sobol sequence. Half a second for a contact task."""
 
 
 def scene_key(task: Task) -> str:
-    """Sixteen hexadecimal digits that change with the task's interface, its physics, or with when a rollout is over.
+    """Sixteen hexadecimal digits that change with the task's interface, its physics, or its rule for the end of a
+    rollout.
 
-    A few rollouts stand for the physics: contact makes them feel any change of mesh, mass, step or contact law, and
-    their ends any change of what is judged.
+    A few rollouts represent the physics. Contact makes them sensitive to any change of mesh, mass, step or contact law,
+    and their ends to any change of the final judgement.
     """
     spaces = task.parameters, task.action, task.nuisance
     unit = qmc.Sobol(sum(map(len, spaces)), scramble=True, seed=0).random(_PROBES)

@@ -1,7 +1,7 @@
-"""The contract of a solver: task policies of one task, and what they earn in its simulator.
+"""The contract of a solver: task policies of one task, and expectations of trials in its simulator.
 
-The two are contracts of their own: a session may take its policies from elsewhere than its expectations. A task with
-exact answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
+These are two separate contracts: a session may take policies and expectations from different solvers. A task with exact
+answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from hw.types import Array
 
 T_co = TypeVar("T_co", covariant=True)
-"""The task. A task names its own solver, so the contract must not name the task."""
+"""The task's type. A task names its own solver, so this module must not import the task."""
 
 Executable = Callable[[Array, Array], bool]
 """(context (c,), action (a,)) in units -> whether the arm can do it within its limits."""
@@ -23,20 +23,20 @@ Executable = Callable[[Array, Array], bool]
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How finely a solver that has to search searches, and how cautious it is."""
+    """The resolution and caution of a solver's search."""
 
     candidates: int = 256
-    scenarios: int = 16  # parameters x nuisance x action errors an action is averaged over
-    refine: int = 32  # points around the winner; 0: none
-    kappa: float = 0.5  # reward counted: mean - kappa * standard deviation of the ensemble
+    scenarios: int = 16  # draws of parameters, nuisance and action error per action
+    refine: int = 32  # points around the best action; 0: none
+    kappa: float = 0.5  # the reward is mean - kappa * standard deviation of the ensemble
     attempts: int = 64  # candidates offered to the executability check before giving up
 
 
 class SolvedPolicy(Protocol):
-    """A task policy, for one distribution of parameters, that can say what it expects."""
+    """A task policy for one distribution of parameters, with its predicted reward."""
 
     def __call__(self, context: Array) -> Array:
-        """(c,) in units -> (a,) in units. Raises NotExecutable when nothing good enough can be executed."""
+        """(c,) in units -> (a,) in units. Raises NotExecutable if no good action can be executed."""
         ...
 
     def actions(self, contexts: Array) -> Array:
@@ -44,7 +44,7 @@ class SolvedPolicy(Protocol):
         ...
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of this policy at `context`, were its parameters true: mean, low, high."""
+        """Expected reward of this policy at `context` if its parameters are true: mean, low, high."""
         ...
 
 
@@ -53,7 +53,7 @@ class PoliciesOf(Protocol[T_co]):
 
     @property
     def task(self) -> T_co:
-        """Whose policies it makes."""
+        """The task of the policies."""
         ...
 
     def policies(
@@ -68,17 +68,17 @@ class PoliciesOf(Protocol[T_co]):
 
 
 class ExpectationsOf(Protocol[T_co]):
-    """What to expect of trials in the simulator of one task. Parameters, contexts and actions are in units."""
+    """Expectations of trials in the simulator of one task. Parameters, contexts and actions are in units."""
 
     @property
     def task(self) -> T_co:
-        """Whose trials it speaks of."""
+        """The task of the trials."""
         ...
 
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over all but B."""
+        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over everything but B."""
         ...
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
@@ -92,7 +92,7 @@ class ExpectationsOf(Protocol[T_co]):
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
         """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
 
-        M opinions: those of an ensemble, or one.
+        M is the size of the ensemble, or 1.
         """
         ...
 
@@ -103,7 +103,7 @@ class ExpectationsOf(Protocol[T_co]):
 
     @property
     def misfit_limit(self) -> float:
-        """Misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges stay below."""
+        """The misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges do not exceed."""
         ...
 
 

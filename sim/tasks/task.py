@@ -1,7 +1,7 @@
-"""The contract of a task: what differs between scooping, pushing and the pendulum, and nothing else.
+"""The contract of a task: everything that differs between scooping, pushing and the pendulum.
 
-Physics, planning and scoring of one task live in its folder; everything that learns, stores or
-walks an operator takes a `Task` and never asks which one it is.
+Physics, planning and scoring of one task live in its folder; code that learns, stores or guides an operator takes a
+`Task` and never asks which one it is.
 """
 
 from __future__ import annotations
@@ -34,21 +34,23 @@ class AdaptationSettings:
     horizon: int  # I, iterations of a session
     delta: float  # step, fraction of each parameter's range
     discount: float
-    threshold: float  # sparse reward: R counts only where R >= threshold
+    threshold: float  # sparse reward: R counts only if R >= threshold
     trials_per_iteration: int
     learning_rate: float
     trial_std: float = 0.4
-    """Spread of single trials around their expectation. The default is nearly that of a coin: of contact tasks, most
-    rewards are near 0 or near 1."""
+    """Standard deviation of single trials around their expectation.
+
+    The default is almost that of a coin, because most rewards of contact tasks are near 0 or near 1.
+    """
     end_moments: int = 1
-    """The last moments of an observation, which are all that the state-only variants see."""
+    """Number of last moments of an observation; the state-only variants see only these."""
 
 
 @dataclass(frozen=True)
 class ReuseRules:
     """When NAF reuses a task policy: D, M, M_min, M_max and alpha of the paper (A2.2); budgets in rollouts.
 
-    Raises ValueError when they contradict.
+    Raises ValueError if they contradict each other.
     """
 
     distance: float  # D, between means normalised by their ranges
@@ -76,7 +78,7 @@ class ReuseRules:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What the adaptation policy sees of one trial: the state at fixed times, normalised with fixed bounds."""
+    """The observation of one trial: the state at fixed times, normalised by fixed bounds."""
 
     times_s: Array  # (M,)
     columns: tuple[int, ...]  # which entries of ObjectTrack.state
@@ -85,11 +87,11 @@ class Observation:
     noise_mean: Array  # (len(columns),) added to simulated observations, in state units
     noise_std: Array  # (len(columns),)
     curves: tuple[str, ...] = ()
-    """What the columns are called where they are to be drawn over time; empty: they are x and y on the table."""
+    """Names of the columns if they are drawn over time; empty: they are x and y on the table."""
 
     @property
     def size(self) -> int:
-        """Numbers in an observation."""
+        """Number of values in an observation."""
         return len(self.times_s) * len(self.columns)
 
     def __call__(self, track: ObjectTrack) -> Array:
@@ -121,15 +123,15 @@ class Simulate(Protocol):
     ) -> ObjectTrack:
         """All in units, unnormalised: parameters (p,), context (c,), executed action (a,), nuisance (n,).
 
-        Deterministic. Parameters may lie outside of their ranges. `unmodelled` (an instance of
-        `Task.unmodelled`) adds effects of a lab's world; None in training. A solver that does not
-        converge gives a track with outcome SOLVER_FAILED and the reason in `flags`, never an exception.
+        Deterministic. Parameters may lie outside their ranges. `unmodelled` (an instance of `Task.unmodelled`) adds
+        effects of a lab's world; None in training. A solver that does not converge gives a track with outcome
+        SOLVER_FAILED and the reason in `flags`, never an exception.
         """
         ...
 
 
 class SimulateMany(Protocol):
-    """The rollouts of a task that is cheaper in stacks, each the same as by `Simulate`."""
+    """Many rollouts at once, for a task that is cheaper in stacks; each is the same as by `Simulate`."""
 
     def __call__(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Sequence[ObjectTrack]:
         """(N, p), (N, c), (N, a), (N, n) -> N tracks."""
@@ -138,7 +140,7 @@ class SimulateMany(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SceneBodies:
-    """What `BuildScene` added to a plant."""
+    """The bodies that `BuildScene` added to a plant."""
 
     tool: str  # name of the tool's body; its body frame is T
     object: str  # name of the object's free body; its body frame is at the centre, Z up at rest
@@ -148,7 +150,7 @@ class SceneBodies:
 
 
 class BuildScene(Protocol):
-    """Adds table, object and tool to a plant: the same physics whether the tool is driven directly or by an arm."""
+    """Adds table, object and tool to a plant. The physics is the same whether a carriage or an arm drives the tool."""
 
     def __call__(
         self,
@@ -165,7 +167,7 @@ class BuildScene(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """A round object that stands on a mark before a trial: the sizes that its tracker needs."""
+    """A round object that stands on a mark before a trial, with the sizes for its tracker."""
 
     radius_m: float
     height_m: float
@@ -174,59 +176,59 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Hardware:
-    """What a task has that an arm does before a camera: its tool, its motion, its scene, its tracker."""
+    """The parts of a task with arm and camera: tool, motion, scene, tracker."""
 
     X_FT: Array  # (4, 4) the tool in the arm's flange
-    tool_mass: Mass  # what the tool weighs, in its frame T, without the hand
-    keep_clear: tuple[Capsule, ...]  # what of the tool, in its frame T, must stay clear of arm, table and boxes
+    tool_mass: Mass  # mass of the tool, in its frame T, without the hand
+    keep_clear: tuple[Capsule, ...]  # parts of the tool, in its frame T, that must stay clear of arm, table and boxes
     plan: Callable[[Array, Array], ToolMotion]  # (context, action) -> motion
     build_scene: BuildScene
-    time_step_s: Callable[[Any], float]  # of the plant, given the unmodelled effects (None: training)
+    time_step_s: Callable[[Any], float]  # time step of the plant, given the unmodelled effects (None: training)
     rest_pose: Callable[[Array, Array, Array, Any], Array]
-    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object lying ready on the table."""
+    """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object at rest before the trial."""
     tracker: str  # the key of the tracker in adaptsim_cli.devices.trackers
     standing: Standing | None = None  # for a tracker of objects that stand on a mark
     home_pitch_rad: float = 0.0
-    """How the tool is pitched between trials; positive: its front down."""
+    """Pitch of the tool between trials; positive: front down."""
     carries: bool = False
-    """Whether the tool carries the object home, and the way there must be gentle."""
-    touchable: Touchable | None = None  # how its tool finds the table by touch; None: it cannot
+    """Whether the tool carries the object home, so that the way there must be gentle."""
+    touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    """Of each unmodelled effect, the range that a lab may show: what worlds are drawn from."""
+    """The plausible range of each unmodelled effect, from which worlds are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Everything that is particular to one task. Without `hardware` its trials need neither arm nor camera."""
+    """Everything that is specific to one task. Without `hardware` its trials need neither arm nor camera."""
 
     name: str
     title: str
     parameters: Space  # Omega
-    margin: Space  # Omega and a margin around it: where datasets are drawn
+    margin: Space  # Omega and a margin around it; datasets are drawn from it
     context: Space  # may be empty
     action: Space
-    nuisance: Space  # what varies from trial to trial and nobody chooses (may be empty)
+    nuisance: Space  # values that vary from trial to trial and that nobody chooses (may be empty)
     action_noise: Array  # (a,) half-width of the uniform error of executed actions
     observation: Observation
     adaptation: AdaptationSettings
-    unmodelled: type[Any]  # frozen dataclass of a world's effects that no parameter expresses; all have defaults
+    unmodelled: type[Any]  # frozen dataclass of a world's unmodelled effects; all have defaults
     simulate: Simulate
-    reference_context: Array  # (c,) where datasets are drawn: contexts differ from it by `relocate` alone
-    relocate: Callable[[Array, Array], Array]  # observation (..., size) at reference, context (..., c) -> there
+    reference_context: Array  # (c,) context of all datasets; others differ from it only by `relocate`
+    relocate: Callable[[Array, Array], Array]  # observation (..., size) at the reference, context (..., c) -> there
     succeeded: Callable[[ObjectTrack], bool]
-    end_state: Callable[[ObjectTrack], Array]  # (k,) what the reward of a success depends on
+    end_state: Callable[[ObjectTrack], Array]  # (k,) quantities that decide the reward of a success
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
-    object_name: str  # how a person calls it, e.g. "piece of food"
+    object_name: str  # its name for a person, e.g. "piece of food"
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
-    reuse: ReuseRules | None = None  # of policies that NAF trains (Table A1); None: it trains none
+    reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     exact: Callable[[Task], SolverOf[Task]] | None = None
-    """Makes the solver of a task whose answers are exact; None: they are learnt from a dataset, as an emulator."""
+    """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None
-    """Context (c,) -> where on the table the object is wanted, (2,) m; None: the context is where it lies at first."""
+    """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
     hardware: Hardware | None = None  # None: it runs in simulation only
 
     def require_hardware(self) -> Hardware:
-        """Raises NoHardware for a task that runs in simulation only."""
+        """The parts for an arm. Raises NoHardware for a task that runs in simulation only."""
         if self.hardware is None:
             raise NoHardware(f"the task {self.name} has no motion for a robot arm; it runs in simulation only")
         return self.hardware
@@ -237,5 +239,5 @@ class Task:
         return 0.0 if end is None else float(self.reward_of_success(end, context))
 
     def end_of(self, track: ObjectTrack) -> Array | None:
-        """The end state (k,) of a success; None where it failed."""
+        """The end state (k,) of a success; None for a failure."""
         return self.end_state(track) if self.succeeded(track) else None

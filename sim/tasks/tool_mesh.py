@@ -1,4 +1,4 @@
-"""A task's tool as one mesh in its own frame, for whoever has to tell tool and object apart in an image."""
+"""A task's tool as one mesh in its own frame, to tell tool and object apart in an image."""
 
 from __future__ import annotations
 

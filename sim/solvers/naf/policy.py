@@ -1,8 +1,8 @@
-"""Normalised advantage functions: the task policy of the paper, trained on true rollouts alone.
+"""Normalised advantage functions: the task policy of the paper, trained on true rollouts only.
 
 Q(c, a) = V(c) - 1/2 (a - mu(c))^T P(c) (a - mu(c)) with P = L L^T and L lower triangular with a positive
-diagonal (Gu et al. 2016, eq. 4), so that the best action is mu(c) and P is a full positive definite matrix. A trial is
-one step: Q is regressed on the reward with the Huber loss.
+diagonal (Gu et al. 2016, eq. 4), so the best action is mu(c), and P is a full positive definite matrix. A trial is one
+step: Q is regressed on the reward with the Huber loss.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
 
 CANDIDATES = 256
-"""Actions among which one that the arm can do is sought, where it cannot do the best."""
+"""Number of actions to search for an executable one, if the best one is not."""
 
 
 class NafNetwork(nn.Module):
@@ -61,13 +61,13 @@ class NafSettings:
     """How a NAF policy explores and learns."""
 
     round: int = 50  # rollouts between two bouts of learning
-    updates: int = 60  # gradient steps a bout
+    updates: int = 60  # gradient steps per bout
     batch: int = 64
     learning_rate: float = 1e-3
     noise_first: float = 0.8  # standard deviation of exploration, normalised to [-1, 1]
-    noise_again: float = 0.4  # the same where a policy goes on from a donor
+    noise_again: float = 0.4  # the same for a policy that starts from a donor
     noise_last: float = 0.1
-    checked: float = 1 / 8  # largest share of the budget, and at most a round, that tells how far the value is off
+    checked: float = 1 / 8  # share of the budget, at most one round, that measures the error of the value
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +76,12 @@ class NafPolicy:
 
     task: Task
     network: NafNetwork
-    value_error: float  # by which the mean of the value head may be off, two standard errors; 1: not known
+    value_error: float  # error of the value head's mean, two standard errors; 1: unknown
     executable: Executable | None = None
     attempts: int = 64
 
     def __call__(self, context: Array) -> Array:
-        """(c,) in units -> (a,) in units. Raises NotExecutable when none of the best actions can be executed."""
+        """(c,) in units -> (a,) in units. Raises NotExecutable if none of the best actions can be executed."""
         best = self.actions(context[None])[0]
         if self.executable is None or self.executable(context, best):
             return frozen_array(best)
@@ -101,10 +101,10 @@ class NafPolicy:
         return self.task.action.denormalise(0.5 * (mean + 1.0))
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Q at `context` for the action that is taken, within the rewards there are: mean, low, high.
+        """Q at `context` for the chosen action, clipped to the possible rewards: mean, low, high.
 
-        Low and high come from rollouts of the finished policy that it did not learn from: they hold for the mean over
-        contexts, not for this one alone.
+        Low and high come from held-out rollouts of the finished policy. They hold for the mean over contexts, not for
+        this context alone.
         """
         q = float(np.clip(self._q(context, self(context)[None])[0], 0.0, 1.0))
         return q, max(0.0, q - self.value_error), min(1.0, q + self.value_error)
@@ -117,11 +117,11 @@ class NafPolicy:
 
 
 Training = Generator[Requests, Rollouts, NafPolicy]
-"""Asks for rollouts until the policy is trained."""
+"""A generator that requests rollouts until the policy is trained."""
 
 
 def train_together(trainings: Sequence[Training], roll: Roll) -> tuple[NafPolicy, ...]:
-    """Several trainings at once, so that a pool of many workers has enough to do; the numbers do not depend on it."""
+    """Run several trainings at once, to keep many workers busy; the results do not depend on it."""
     policies: dict[int, NafPolicy] = {}
     asked: dict[int, Requests] = {}
 
@@ -154,7 +154,7 @@ def naf_training(
 ) -> Training:
     """Train on `budget` rollouts for the distribution `samples` (m, p) in units, from the weights of `donor` if any.
 
-    The last of them only tell how far the value is off. The same seed gives the same policy.
+    The last rollouts only measure the error of the value. The same seed gives the same policy.
     """
     settings = settings or NafSettings()
     rng = np.random.default_rng(seed)
@@ -193,7 +193,7 @@ def naf_training(
 
 
 def restore_policy(task: Task, tensors: dict[str, Tensor], value_error: float) -> NafPolicy:
-    """A stored policy. Raises RuntimeError when the tensors are not those of a network of this task."""
+    """A stored policy. Raises RuntimeError if the tensors are not those of a network of this task."""
     network = _new_network(task, 0)
     network.load_state_dict(tensors)
     return NafPolicy(task, network, value_error)
@@ -212,7 +212,7 @@ def _signed(unit: Array) -> Tensor:
 def _explore(
     network: NafNetwork, task: Task, context: Array, noise: float, rng: np.random.Generator, blind: bool
 ) -> Array:
-    """(n, a) in [-1, 1]: around the mean, or anywhere while nothing has been learnt."""
+    """(n, a) in [-1, 1]: around the mean, or anywhere before the first learning."""
     if blind:
         return np.asarray(rng.uniform(-1.0, 1.0, (len(context), len(task.action))))
     with one_thread(), torch.no_grad():
@@ -221,7 +221,7 @@ def _explore(
 
 
 def _requests(task: Task, samples: Array, context: Array, action: Array, rng: np.random.Generator) -> Requests:
-    """Rollouts of actions (n, a) in [-1, 1] at contexts (n, c) in units, executed with their error."""
+    """Requests for rollouts of actions (n, a) in [-1, 1] at contexts (n, c) in units, with action error."""
     drawn = Disturbances.at_random(task, len(context), rng)
     parameters = np.asarray(samples)[rng.integers(len(samples), size=len(context))]
     commanded = task.action.denormalise(0.5 * (action + 1.0))

@@ -1,8 +1,8 @@
-"""The paper's solver: NAF task policies, trained on true rollouts alone within the budgets and reuse rules of A2.2.
+"""The paper's solver: NAF task policies, trained only on true rollouts, with the budgets and reuse rules of A2.2.
 
-It knows nothing but the simulator, so every expectation that `sim.solvers.solver.Solver` asks of it is rollouts:
-rewards are means of `REWARD_ROLLOUTS` of them (unbiased, but noisy), those of executed trials and trajectories are the
-simulator's own. What a policy says of itself is its value head.
+It has only the simulator, so every expectation of `sim.solvers.solver.Solver` needs rollouts. Expected rewards are
+means of `REWARD_ROLLOUTS` (unbiased, but noisy); trial rewards and trajectories are the simulator's own. A policy's own
+prediction is its value head.
 """
 
 from __future__ import annotations
@@ -29,15 +29,18 @@ from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import ReuseRules, Task
 
 REWARD_ROLLOUTS = 8
-"""Behind one expected reward. A mean of eight is off by 0.15 or so; Phase 1 averages over its ten thousand steps."""
+"""Rollouts behind one expected reward.
+
+A mean of eight has an error of about 0.15; Phase 1 averages over ten thousand steps.
+"""
 
 MISFIT_TRIALS = 32
-"""Simulated trials that tell how far one lies from the nearest of `sim.solvers.misfit.DRAWS` others."""
+"""Simulated trials that measure the distance of one to the nearest of `sim.solvers.misfit.DRAWS` others."""
 
 
 @dataclass(frozen=True, eq=False)
 class NafSolver:
-    """A `sim.solvers.solver.Solver`. Its policies depend on those that were trained before (paper, remark 1)."""
+    """A `sim.solvers.solver.Solver`. Its policies depend on those trained before (paper, remark 1)."""
 
     task: Task
     roll: Roll
@@ -53,7 +56,9 @@ class NafSolver:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[NafPolicy, ...]:
-        """One for each of B distributions, samples (B, m, p), in their order: an earlier one may give to a later."""
+        """One policy for each of B distributions, samples (B, m, p), in order: an earlier one may donate to a later
+        one.
+        """
         seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
         keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]
         known = {key: policy for key in keys if (policy := self.memory.find(key)) is not None}
@@ -67,8 +72,8 @@ class NafSolver:
     ) -> Array:
         """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c).
 
-        At least `REWARD_ROLLOUTS` each, every context as often; the same action errors and nuisance for all targets.
-        `draws` of each context where those are fewer.
+        `draws` rollouts per context, or at least `REWARD_ROLLOUTS` per target, spread evenly over contexts; the same
+        action errors and nuisance for all targets.
         """
         count, g = actions.shape[:2]
         repeats = min(draws, -(-REWARD_ROLLOUTS // g))
@@ -83,7 +88,7 @@ class NafSolver:
         return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
-        """(N,) rewards of the same trials in the simulator: no estimate."""
+        """(N,) rewards of the same trials in the simulator; exact, not estimated."""
         return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
@@ -91,7 +96,7 @@ class NafSolver:
         return self.roll(Requests(parameters, at_reference(self.task, len(parameters)), action, nuisance)).observation
 
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """Of the same trials in the simulator: (1, ...) and (1, ..., k); 0 where they fail."""
+        """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
         lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
         where, executed, varied = (
             np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (parameters, action, nuisance)
@@ -106,7 +111,10 @@ class NafSolver:
         return np.zeros(self.task.observation.size)
 
     def _train(self, wanted: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
-        """(key, samples, seed) of each -> its policy. Plans first; then trains in turns whatever has its donor."""
+        """(key, samples, seed) of each -> its policy.
+
+        Plans first, then trains in rounds every policy whose donor is ready.
+        """
         plans: list[TrainingPlan] = []
         record = self.memory.record
         first = len(record)
@@ -136,7 +144,7 @@ def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -
 
 
 def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
-    """The task's, all budgets times `scale`. Raises UnknownName for a task that has none."""
+    """The reuse rules of the task, with all budgets times `scale`. Raises UnknownName for a task without rules."""
     if task.reuse is None:
         why = "its task policies are exact" if task.exact else "it does not define how NAF's policies are reused"
         raise UnknownName(f"{task.name} has no solver naf: {why}. Leave --solver out")
@@ -144,7 +152,7 @@ def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
 
 
 def naf_facts(solver: NafSolver) -> dict[str, Any]:
-    """What a checkpoint's card must say of the solver, for `restore_naf`."""
+    """The facts about the solver for a checkpoint's card, read by `restore_naf`."""
     return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": solver.misfit_limit}}
 
 
@@ -153,8 +161,8 @@ def restore_naf(
 ) -> NafSolver:
     """The solver of a checkpoint whose card has the table `facts`.
 
-    `folder`: where to keep its policies, and to go on from; None: nowhere. Without `roll` it rolls out one by one.
-    Raises KeyError, TypeError or ValueError where the table is damaged, CheckpointError where the folder is foreign.
+    `folder` stores its policies and may hold earlier ones; None: nothing is stored. Without `roll` it runs rollouts one
+    by one. Raises KeyError, TypeError or ValueError if the table is damaged, CheckpointError if the folder is foreign.
     """
     rules = ReuseRules(**{name: value for name, value in facts.items() if name != "misfit_limit"})
     roll = roll or partial(run_many, task, executor=serial_executor())
@@ -162,7 +170,7 @@ def restore_naf(
 
 
 def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: int = MISFIT_TRIALS) -> float:
-    """Misfit that 95 % of simulated trials inside the ranges stay below. Takes some `trials` x 500 rollouts."""
+    """The misfit that 95 % of simulated trials inside the ranges do not exceed. Needs about `trials` x 500 rollouts."""
     task = solver.task
     parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
     contexts = at_reference(task, trials)

@@ -2,7 +2,7 @@
 
 With the angles small, the masses move by q1 and 2 q1 + q2 (links of 1 m), which gives
 M q'' = G q - D q' + u with M = [[m1 + 4 m2, 2 m2], [2 m2, m2]], G = g [[m1 + 2 m2, m2], [m2, m2]], D = diag(b1, b2).
-Everything works on stacks of any leading shape.
+Every function is vectorised over the leading axes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def motion(closed: Array, dt_s: float, steps: int) -> Array:
 def exponential(matrices: Array) -> Array:
     """Matrix exponentials of a stack (..., n, n): a Taylor series after scaling, then squaring.
 
-    All matrices are scaled alike, so that the whole stack is one product; each is exact to rounding.
+    All matrices have the same scaling, so that the whole stack is one product; each is exact to rounding.
     """
     n = matrices.shape[-1]
     scaled = matrices / 2.0**_HALVINGS
@@ -56,8 +56,10 @@ def exponential(matrices: Array) -> Array:
 
 
 _HALVINGS, _ORDER = 9, 12
-"""Norms up to 100 become 0.2, where twelve terms leave less than rounding does. Fixed numbers, so that a result does
-not depend on what else is in the stack."""
+"""Norms up to 100 become 0.2, where twelve terms are exact to rounding.
+
+Fixed numbers, so that a result does not depend on the rest of the stack.
+"""
 
 
 def _stack(a: Array, b: Array, c: Array, d: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Linear quadratic regulators of whole stacks of pendulums: optimal gains, and what any gain costs, exactly.
+"""Linear quadratic regulators for stacks of pendulums: optimal gains, and the exact cost of any gain.
 
 Cost: the integral of x'x + u'u over all time, from `START`.
 """
@@ -45,7 +45,7 @@ def closed_loop(parameters: Array, gains: Array) -> Array:
 
 
 def cost(closed: Array, gains: Array) -> Array:
-    """J of the gains (..., 2, 4) in the closed loop (..., 4, 4): (...), infinite where it is not stable.
+    """J of the gains (..., 2, 4) in the closed loop (..., 4, 4): (...), infinite if the loop is unstable.
 
     From the Lyapunov equation C'P + PC + I + K'K = 0, written out as 16 linear equations.
     """
@@ -60,7 +60,7 @@ def cost(closed: Array, gains: Array) -> Array:
 
 
 def excess(parameters: Array, gains: Array) -> Array:
-    """(J - J*) / J* of gains (..., 2, 4) in pendulums (..., 4): (...), at least 0 but for rounding."""
+    """(J - J*) / J* of gains (..., 2, 4) in pendulums (..., 4): (...), at least 0, up to rounding."""
     _, best = optimal(parameters)
     return np.asarray(cost(closed_loop(parameters, gains), gains) / best - 1.0)
 
@@ -70,4 +70,4 @@ def _cost(P: Array) -> Array:
 
 
 _STABLE = 1e-9
-"""Rates slower than this do not count as stable."""
+"""A loop counts as stable only if it decays faster than this rate (1/s)."""

@@ -1,4 +1,4 @@
-"""What a balanced pendulum is worth."""
+"""Success, end state and reward of the pendulum."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
 STEEPNESS = 10.0
-"""A tenth more than the least possible cost is worth nothing (method.md)."""
+"""At this excess over the least possible cost, the reward is 0."""
 
 
 def succeeded(track: ObjectTrack) -> bool:
@@ -27,5 +27,5 @@ def reward_of_success(excess: Array, context: Array) -> Array:
 
 
 def relocate(observation: Array, context: Array) -> Array:
-    """Every trial starts from the same state, so there is nothing to move."""
+    """The observation itself: every trial starts from the same state."""
     return observation

@@ -35,7 +35,7 @@ MARGIN = Space(
 """Omega and everything that the targets of Table A2 reach."""
 
 CONTEXT = Space(())
-"""Every trial starts from `START`, so a policy is told nothing."""
+"""Empty: every trial starts from `START`."""
 
 REFERENCE_CONTEXT: Array = frozen_array(np.zeros(0))
 
@@ -77,11 +77,11 @@ ADAPTATION = AdaptationSettings(
     threshold=0.95,
     trials_per_iteration=1,
     learning_rate=3e-4,
-    trial_std=0.01,  # a repeated trial earns the same
+    trial_std=0.01,  # a repeated trial has the same reward
     end_moments=3,  # the last half second (paper: twelve points of it; the state has four numbers)
 )
 
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """What a world may add and no simulation parameter expresses: nothing, this is the control experiment."""
+    """Unmodelled effects of a world: none, because this is the control experiment."""

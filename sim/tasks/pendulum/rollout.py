@@ -21,10 +21,10 @@ TIMES_S: Array = frozen_array(
 )
 
 HELD_RAD = 4.0 * np.pi
-"""Two turns: beyond, an angle of the linear model means nothing and is held there."""
+"""Two turns: a larger angle of the linear model is meaningless and is held at this value."""
 
 WORST = 1e3
-"""The excess cost that is written down where the true one is larger or infinite."""
+"""The stored excess cost if the true one is larger or infinite."""
 
 _NOWHERE = np.full(3, np.nan)
 _SURE: Array = frozen_array(np.ones(len(TIMES_S)))
@@ -54,14 +54,14 @@ def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, 
 
 
 def observed_many(parameters: Array, action: Array) -> Array:
-    """Observations (N, 24) of N rollouts, parameters (N, 4), action (N, 8), without what else a track holds."""
+    """Observations (N, 24) of N rollouts, parameters (N, 4), action (N, 8), without building tracks."""
     gains = np.asarray(action, dtype=np.float64).reshape(-1, INPUTS, STATES)
     states = _motions(closed_loop(np.asarray(parameters, dtype=np.float64), gains))
     return OBSERVATION.normalise(states[:, ::BETWEEN, list(OBSERVATION.columns)])
 
 
 def _motions(closed: Array) -> Array:
-    """States (N, T, 4) at `TIMES_S` in the closed loops (N, 4, 4), held where they mean nothing any more."""
+    """States (N, T, 4) at `TIMES_S` in the closed loops (N, 4, 4), held once they are meaningless."""
     with np.errstate(over="ignore", invalid="ignore"):
         states = motion(closed, float(TIMES_S[1]), len(TIMES_S) - 1)
     return np.clip(np.nan_to_num(states, nan=HELD_RAD), -HELD_RAD, HELD_RAD)

@@ -1,4 +1,4 @@
-"""Task policies of the pendulum and what they earn, exactly: no dataset, no emulator."""
+"""Exact task policies and rewards of the pendulum, without dataset or emulator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True, eq=False)
 class LqrPolicy:
-    """The optimal gain for the mean of one distribution, whatever the context."""
+    """The optimal gain for the mean of one distribution."""
 
     samples: Array  # (m, 4) the distribution, in units
     gain: Array  # (8,)
@@ -31,7 +31,7 @@ class LqrPolicy:
         return np.tile(self.gain, (len(contexts), 1))
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Mean reward over the distribution, and the least and largest of it; 1 for a single mean."""
+        """Mean, least and largest reward over the distribution; 1 for a single sample."""
         earned = rewards(self.samples, self.gain)
         return float(earned.mean()), float(earned.min()), float(earned.max())
 
@@ -49,7 +49,7 @@ class LqrSolver:
         executable: Executable | None = None,
         settings: SolverSettings | None = None,
     ) -> tuple[LqrPolicy, ...]:
-        """Of B distributions, samples (B, m, 4). Nothing is searched and nothing can fail to be executable."""
+        """Policies of B distributions, samples (B, m, 4). Needs no search, and every action is executable."""
         gains, _ = optimal(samples.mean(axis=1))
         return tuple(
             LqrPolicy(frozen_array(s), frozen_array(k.reshape(-1))) for s, k in zip(samples, gains, strict=True)
@@ -58,7 +58,7 @@ class LqrSolver:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 1
     ) -> Array:
-        """(B,) rewards in targets (B, 4) of actions (B, G, 8): one context is like another, so the first is all."""
+        """(B,) rewards in targets (B, 4) of actions (B, G, 8). Contexts are all equal, so the first one is enough."""
         return rewards(targets, actions[:, 0])
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
@@ -70,7 +70,7 @@ class LqrSolver:
         return observed_many(parameters, np.broadcast_to(action, (len(parameters), 8)))
 
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """Whether the loop is stable (1, ...), and the excess of the cost (1, ..., 1), 0 where it is not."""
+        """Whether the loop is stable (1, ...), and the excess of the cost (1, ..., 1), 0 if unstable."""
         spent = _excess(parameters, action)
         stable = np.isfinite(spent)
         return stable[None].astype(np.float64), np.where(stable, spent, 0.0)[None, ..., None]
@@ -82,17 +82,17 @@ class LqrSolver:
 
     @property
     def misfit_limit(self) -> float:
-        """Measured on targets in Omega, observed under the gain of another E (`benchmarks/pendulum.py`)."""
+        """The misfit limit, measured on targets in Omega under the gain of another E (`benchmarks/pendulum.py`)."""
         return _MISFIT_LIMIT
 
 
 def rewards(parameters: Array, action: Array) -> Array:
-    """(..., 4), (..., 8), broadcast -> (...): 0 where the loop is not stable."""
+    """(..., 4), (..., 8), broadcast -> rewards (...): 0 if the loop is unstable."""
     return np.asarray(reward_of_success(_excess(parameters, action)[..., None], np.zeros(0)))
 
 
 def _excess(parameters: Array, action: Array) -> Array:
-    """(..., 4), (..., 8), broadcast -> (...): infinite where the loop is not stable."""
+    """(..., 4), (..., 8), broadcast -> excess (...): infinite if the loop is unstable."""
     lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1])
     gains = np.broadcast_to(action, (*lead, INPUTS * STATES)).reshape(*lead, INPUTS, STATES)
     return excess(np.broadcast_to(parameters, (*lead, STATES)), gains)

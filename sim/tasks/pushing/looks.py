@@ -1,4 +1,4 @@
-"""What the camera sees: coloured meshes of the patch, the bottle and the printed pusher."""
+"""Coloured meshes for the camera: patch, bottle and printed pusher."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from sim.types import Visual
 _PRINT = (0.02, 0.05, 0.16)
 _FELT = (0.03, 0.20, 0.07)
 _BOTTLE = (0.70, 0.68, 0.62)
-_FELT_M = 3e-4  # drawn so much above the table, in which physics has it
+_FELT_M = 3e-4  # drawn this much above the table; in physics it is flush
 _SIDES = 32
 
 
 def patch_visual(x_m: tuple[float, float], y_m: tuple[float, float]) -> Visual:
-    """The patch on the table, over the given stretches."""
+    """The patch on the table, over the given ranges of x and y."""
     size, centre = np.array([x_m[1] - x_m[0], y_m[1] - y_m[0], _FELT_M]), np.array([sum(x_m), sum(y_m), _FELT_M]) / 2
     return Visual("world", *box(size, centre), _FELT)
 
 
 def bottle_visual(body: str) -> Visual:
-    """The bottle's proxy is its looks: a cylinder."""
+    """The bottle as the cylinder that stands for it in tracking."""
     half_m = BOTTLE_HEIGHT_M / 2
     outline = np.array([[BOTTLE_RADIUS_M, -half_m], [BOTTLE_RADIUS_M, half_m]])
     return Visual(body, *turned_body(outline, _SIDES), _BOTTLE)

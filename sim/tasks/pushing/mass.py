@@ -1,4 +1,4 @@
-"""The mass of the pusher, in its frame T: what the scene gives it, spread evenly over plate, stem and block."""
+"""The mass of the pusher, in its frame T: that of the scene, spread evenly over plate, stem and block."""
 
 from __future__ import annotations
 

@@ -17,14 +17,14 @@ PLATE_HEIGHT_M = 0.08
 PLATE_THICKNESS_M = 0.005
 
 ROOT_M: Array = frozen_array([-PLATE_THICKNESS_M, 0.0, 0.05], (3,))
-"""Where the stem leaves the plate's back, in T."""
+"""The point where the stem meets the plate's back, in T."""
 
 GRIP_M: Array = frozen_array([-0.074, 0.072, 0.125], (3,))
 """The middle of the block that the fingers hold, in T."""
 
 STEM_M = 0.022
 BLOCK_M = (0.024, 0.024, 0.036)
-"""Edges of stem and block; the block's last one runs along the hand."""
+"""Edge lengths of stem and block; the block's last one runs along the hand."""
 
 _LEAN_RAD, _TURN_RAD, _ROLL_RAD = 1.174, 1.237, -2.878
 _FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
@@ -33,8 +33,8 @@ _FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
 def mounting() -> Array:
     """(4, 4) the tool in the flange.
 
-    Grip, lean, turn and roll were chosen together, by a search, so that the worst ratio of any joint of either arm to
-    its limits over the action space is smallest (docs/decisions/0008).
+    Grip, lean, turn and roll come from a joint search. It minimised the worst ratio of any joint of either arm to its
+    limits over the action space (docs/decisions/0008).
     """
     return mount_in_hand(GRIP_M, _LEAN_RAD, _TURN_RAD, _ROLL_RAD)
 
@@ -43,7 +43,7 @@ def mount_in_hand(grip_m: Array, lean_rad: float, turn_rad: float, roll_rad: flo
     """(4, 4) the tool in a flange whose hand holds it at `grip_m` (3,) in T.
 
     The hand comes from above, leaning `lean_rad` from straight down towards the heading `turn_rad` about Z; `roll_rad`
-    turns it about its own axis.
+    rotates it about its own axis.
     """
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     approach = np.array([np.sin(lean_rad) * cos, np.sin(lean_rad) * sin, -np.cos(lean_rad)])
@@ -58,12 +58,14 @@ def mount_in_hand(grip_m: Array, lean_rad: float, turn_rad: float, roll_rad: flo
 
 def block_axes() -> Array:
     """(3, 3) the hand's axes in T: the fingers close along the second, the third runs along the hand."""
-    half = np.sqrt(0.5)  # the hand is turned by -45° against the flange
+    half = np.sqrt(0.5)  # the hand is rotated by -45° against the flange
     return np.asarray(np.linalg.inv(mounting())[:3, :3] @ [[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _rim(name: str, y_m: tuple[float, float], z_m: tuple[float, float]) -> Capsule:
-    """Along a border of the plate, as thick as it: inside by a radius, so that it ends where the plate ends."""
+    """A capsule along a border of the plate, as thick as the plate and inset by a radius, so that both end at the same
+    place.
+    """
     radius_m = PLATE_THICKNESS_M / 2
     start, end = (np.array([-radius_m, y, z]) for y, z in zip(y_m, z_m, strict=True))
     return Capsule(f"{name} of the plate", FLANGE, start, end, radius_m)
@@ -78,4 +80,4 @@ KEEP_CLEAR = (
     _rim("right side", (-_SIDE_M, -_SIDE_M), (_LOW_M, _HIGH_M)),
     Capsule("stem of the pusher", FLANGE, ROOT_M, GRIP_M, STEM_M * np.sqrt(0.5)),
 )
-"""What of the pusher must stay clear of the arm and of the table, in T."""
+"""The parts of the pusher that must stay clear of arm and table, in T."""

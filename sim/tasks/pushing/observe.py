@@ -1,4 +1,4 @@
-"""What a push is worth, and how its observation moves with the goal: not at all."""
+"""Success, end state and reward of a push."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sim.tasks.pushing.params import GOAL_SCALE_M, goal_m
 
 
 def succeeded(track: ObjectTrack) -> bool:
-    """The bottle rests upright on the table; how near the goal, the reward says."""
+    """The bottle rests upright on the table, at any distance from the goal."""
     return track.outcome is Outcome.UPRIGHT
 
 
 def end_state(track: ObjectTrack) -> Array:
-    """(2,) where the bottle came to rest: (x, y) in the base frame, m."""
+    """(2,) final place of the bottle: (x, y) in the base frame, m."""
     return np.array(track.state[-1, :2])
 
 
@@ -26,7 +26,7 @@ def reward_of_success(end_m: Array, context: Array) -> Array:
 
 
 def relocate(observation: Array, context: Array) -> Array:
-    """Observation (..., size) as it would be at another goal: the same, since the goal moves nothing."""
+    """The observation (..., size) itself: it does not depend on the goal."""
     return np.array(
         np.broadcast_to(
             observation, (*np.broadcast_shapes(observation.shape[:-1], context.shape[:-1]), observation.shape[-1])

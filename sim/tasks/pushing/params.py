@@ -68,8 +68,8 @@ CONTEXT = Space(
     )
 )
 """The goal. The paper's region is a wedge: X in [0.7, 1.0] m and at most 10° off the centre line as seen from the
-bottle's start. In X and bearing the wedge is a box; in X and Y a box would hold goals 36° off, or crowd them at its rim
-if it were clipped. `goal_m` gives metres, for people and for rewards."""
+bottle's start. In X and bearing the wedge is a box. A box in X and Y would contain goals 36° off, or crowd goals at its
+rim if it were clipped. `goal_m` converts to metres, for people and for rewards."""
 
 ACTION = Space(
     (
@@ -113,16 +113,18 @@ NUISANCE = Space(
         ),
     )
 )
-"""How far from `START_M` the bottle stands. Every corner passes the check of 5 mm before a motion, and the spread is
-that of a steady hand, 2 mm."""
+"""Offset of the bottle from `START_M`.
+
+Every corner passes the 5 mm check before a motion; the spread of 2 mm is that of a steady hand.
+"""
 
 ACTION_NOISE: Array = frozen_array([0.01, 0.01], (2,))
-"""Half-width of the uniform error of an executed action, in the order of `ACTION`; ours, the paper gives none here."""
+"""Half-width of the uniform error of an executed action, in the order of `ACTION`. Ours: the paper states none here."""
 
 REFERENCE_CONTEXT: Array = frozen_array([0.85, 0.0], (2,))
 
 OBSERVATION_TIMES_S: Array = frozen_array(1.3 * np.arange(1, 7) / 6)
-"""Six evenly spaced moments of 1.3 s. Not the first one, when the bottle always stands at the start."""
+"""Six evenly spaced moments within 1.3 s, without time 0, when the bottle always stands at the start."""
 
 OBSERVATION = Observation(
     times_s=OBSERVATION_TIMES_S,
@@ -130,7 +132,7 @@ OBSERVATION = Observation(
     low=frozen_array([0.50, -0.30]),
     high=frozen_array([1.30, 0.30]),
     noise_mean=frozen_array([0.0, 0.0]),
-    noise_std=frozen_array([0.001, 0.001]),  # what tracking a bottle in a point cloud leaves
+    noise_std=frozen_array([0.001, 0.001]),  # error of tracking a bottle in a point cloud
 )
 
 ADAPTATION = AdaptationSettings(
@@ -140,23 +142,23 @@ REUSE = ReuseRules(0.16, first_budget=10_000, least_budget=2_500, max_budget=30_
 """Table A1; the least budget is ours."""
 
 START_M: Array = frozen_array([0.56, 0.0], (2,))
-"""Where the bottle stands before the push."""
+"""The bottle's place before the push."""
 
 BOTTLE_RADIUS_M = 0.03
 BOTTLE_HEIGHT_M = 0.10
 BOTTLE_MASS_KG = 0.3
 TIPPED_RAD = float(np.deg2rad(30.0))
-"""A bottle that leans more has fallen."""
+"""A bottle that leans more than this counts as fallen."""
 
 PATCH_X_M = 0.75
 PATCH_SIZE_M = 0.10
 """A square of other friction, centred at (`PATCH_X_M`, y_p)."""
 
 PLATE_FRICTION = 0.3
-"""Of the pair bottle-plate."""
+"""Friction of the pair bottle-plate."""
 
 GOAL_SCALE_M = 0.20
-"""Distance from the goal at which the reward is down to 0."""
+"""Distance from the goal at which the reward reaches 0."""
 
 X_FT: Array = frozen_array(mounting(), (4, 4))
 """The tool in the flange (docs/decisions/0008)."""
@@ -170,15 +172,15 @@ def goal_m(context: Array) -> Array:
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """What a world of the lab may add and no simulation parameter expresses. Defaults are the training scene."""
+    """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
 
     bottle_mass_scale: float = 1.0
-    com_height_m: float = BOTTLE_HEIGHT_M / 2  # of what does not slosh, above the bottom
-    slosh_share: float = 0.0  # of the bottle's mass that moves to and fro as the liquid of a half-full bottle does
+    com_height_m: float = BOTTLE_HEIGHT_M / 2  # of the part that does not slosh, above the bottom
+    slosh_share: float = 0.0  # share of the bottle's mass that moves to and fro, like the liquid of a half-full bottle
     slosh_height_m: float = 0.03  # of that mass above the bottom
     patch_size_scale: float = 1.0
-    table_tilt_rad: tuple[float, float] = (0.0, 0.0)  # of table and arm against level, about X and Y (Y: far end down)
-    plate_restitution_scale: float = 1.0  # divides the dissipation of the bottle, which is that of its contacts
+    table_tilt_rad: tuple[float, float] = (0.0, 0.0)  # of table and arm from level, about X and Y (Y: far end down)
+    plate_restitution_scale: float = 1.0  # divides the dissipation of the bottle's contacts
     contact: Literal["sap", "lagged"] = "lagged"
     dt_s: float | None = None  # step of the plant; None: the step of training
 
@@ -212,4 +214,4 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "plate_restitution_scale": (1.0, 10.0),
     "contact": ("lagged", "sap"),
 }
-"""What a lab may show of each effect; of the contact law, training's and the other one."""
+"""The plausible range of each effect; for the contact law, training's and the other one."""

@@ -1,9 +1,9 @@
 """From an action to the motion of the pusher.
 
-The plate moves along a line through the bottle's start, turned by the action's yaw. It speeds up to the action's speed
-before it touches, pushes for `HOLD_S`, and slows down over `SLOW_S` while it rises, so that it lets the bottle go. All
-the while it pitches up about its lower edge, upright at the moment of touch. It never nears the table. The tool frame T
-is described in mount.py.
+The plate moves along a line through the bottle's start, turned by the action's yaw. It reaches the action's speed
+before it touches, pushes for `HOLD_S`, and slows down over `SLOW_S` while it rises, so that it releases the bottle.
+During the whole motion it pitches up about its lower edge, upright at the moment of touch. It stays clear of the table.
+For the tool frame T see mount.py.
 
 Figures from the paper (A4.1) and its public code: hold, slowing, pitch rate and rise. Ours: a ramp of 0.35 s instead
 of 0.2 s, the lean before the touch, and rounded corners everywhere, because an arm wants finite jerk
@@ -25,16 +25,16 @@ PITCH_RATE_RAD_S = 0.8
 RISE_M_S = 0.1
 
 GAP_M = 0.010
-"""What the plate still has to go at full speed before it touches: more than a bottle may be misplaced."""
+"""Distance that the plate moves at full speed before it touches: more than the bottle may be misplaced."""
 
 CLEARANCE_M = 0.005
 """Height of the plate's lower edge over the table during the push."""
 
 _ROUND = 0.3
-"""Share of a change of speed during which its acceleration builds up, and again during which it fades."""
+"""Share of a speed change during which the acceleration builds up, and again during which it fades."""
 
 _TURN_S = 0.30
-"""How long the pitch rate takes to build up and to fade."""
+"""How long the pitch rate takes to build up, and to fade."""
 
 _RISE_TURN_S = 0.15
 
@@ -42,7 +42,7 @@ _RISE_TURN_S = 0.15
 def plan(context: Array, action: Array) -> ToolMotion:
     """The motion for `action` (yaw, speed), in units. The goal in `context` does not enter.
 
-    Starts behind the bottle and is at rest with zero acceleration at both ends. Never touches the table.
+    It starts behind the bottle, is at rest with zero acceleration at both ends, and never touches the table.
     """
     yaw_rad, speed_m_s = float(action[0]), float(action[1])
     touch_s, slow_s, end_s = phases_s(speed_m_s)
@@ -55,7 +55,7 @@ def plan(context: Array, action: Array) -> ToolMotion:
 
 
 def phases_s(speed_m_s: float) -> tuple[float, float, float]:
-    """When the plate touches the bottle, begins to slow down, and rests; whole milliseconds."""
+    """Times at which the plate touches the bottle, begins to slow down, and rests; whole milliseconds."""
     touch_s = RAMP_S + GAP_M / speed_m_s
     slow_s = round((touch_s + HOLD_S) * PATH_RATE_HZ) / PATH_RATE_HZ
     return touch_s, slow_s, slow_s + SLOW_S
@@ -74,7 +74,7 @@ def _poses(yaw_rad: float, along_m: Array, pitch_rad: Array, rise_m: Array) -> A
 
 
 def _ramp(t_s: Array, start_s: float, duration_s: float) -> Array:
-    """(N,) integral over time of a speed that goes from 0 to 1 within `duration_s` from `start_s` on.
+    """(N,) integral over time of a speed that rises from 0 to 1 within `duration_s`, from `start_s` on.
 
     Its acceleration rises and falls as a half wave of a cosine over the share `_ROUND`, and is constant in between.
     """

@@ -1,4 +1,4 @@
-"""Where the bottle stands before the push: how far it sinks in under its own weight."""
+"""The bottle's pose before the push, with the depth to which it sinks in under its own weight."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sink_m(mass_kg: float, e_Pa: float) -> float:
     """Depth d at which the pressure under the bottom carries the weight.
 
     Drake's field of a cylinder is e times the distance to the nearest surface over the radius R, so at depth d the
-    force is pi e (R^3 - (R - d)^3) / (3 R). It ends at d = R, where the bottle is too soft to stand.
+    force is pi e (R^3 - (R - d)^3) / (3 R). The formula ends at d = R, where the bottle is too soft to stand.
     """
     R = BOTTLE_RADIUS_M
     left = R**3 - 3.0 * R * mass_kg * GRAVITY_M_S2 / (math.pi * e_Pa)

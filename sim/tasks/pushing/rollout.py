@@ -1,7 +1,7 @@
 """One training rollout: the plate driven directly against the bottle, until the bottle rests.
 
-It starts shortly before the plate touches (before that nothing happens) and ends once the bottle rests where the plate
-does not come any more, has fallen, or has left the table. A bottle that fell counts from then on as where it fell.
+It starts shortly before the plate touches (nothing happens before) and ends once the bottle rests out of the plate's
+reach, has fallen, or has left the table. A fallen bottle counts as staying where it fell.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sim.tasks.shared.readings import Course, Ending, Moment, Readings, Start, r
 from sim.types import ToolMotion
 
 LEAD_S = 0.020
-"""How long before the plate touches the rollout starts at the latest."""
+"""The rollout starts at least this long (s) before the plate touches."""
 
 ARM = Compliance(
     p_TP_m=(0.0, 0.0),
@@ -39,7 +39,7 @@ ARM = Compliance(
 (tests/sim/lab/test_lab_agreement.py)."""
 
 STILL_MOVING = f"the bottle is still moving {SETTLE_S:g} s after the push"
-"""The flag of a bottle that is judged while it moves."""
+"""The flag of a bottle that still moved when it was judged."""
 
 _NEAR_M = 0.002
 
@@ -55,20 +55,20 @@ def simulate(
 def play(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> ObjectTrack:
-    """The motion at a bottle that stands at X_BO (4, 4)."""
+    """Play the motion against a bottle at X_BO (4, 4)."""
     return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled))
 
 
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
-    """What the motion does to a bottle that stands at X_BO (4, 4)."""
+    """The readings of the motion against a bottle at X_BO (4, 4)."""
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
     return run(course_of(motion, X_BO), build, time_step_s(unmodelled))
 
 
 def course_of(motion: ToolMotion, X_BO: Array) -> Course:
-    """How the plate is driven at a bottle that stands at X_BO (4, 4), from when to when."""
+    """The drive of the plate against a bottle at X_BO (4, 4), with start and end."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
@@ -76,7 +76,7 @@ def course_of(motion: ToolMotion, X_BO: Array) -> Course:
 
 
 def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:
-    """Shortly before the plate touches, on the grid of readings."""
+    """A time shortly before the plate touches, on the grid of readings."""
     touching = _gap_m(motion.X_BT, p_BO_m) <= 0.0
     touch_s = float(motion.t_s[touching][0]) if touching.any() else float(motion.t_s[-1])
     return reading_before_s(touch_s - LEAD_S)
@@ -97,7 +97,7 @@ def _has_fallen(now: Moment) -> bool:
 
 
 def _still(motion: ToolMotion, now: Moment) -> bool:
-    """Whether the bottle is still where the plate does not come any more."""
+    """Whether the bottle is still and out of the plate's further reach."""
     if not now.is_still_on_table:
         return False
     return now.t_s >= motion.t_s[-1] or float(_gap_m(motion.X_BT[-1], np.asarray(now.X_BO.translation()))) > _NEAR_M

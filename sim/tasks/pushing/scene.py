@@ -1,8 +1,8 @@
 """Table, patch, bottle and pusher in a Drake plant: the same physics whether an arm carries the pusher or not.
 
 The bottle is compliant hydroelastic (it has the modulus e), everything else is rigid. Each of its three pairs has its
-own friction: Drake combines two coefficients harmonically, the bottle has `BOTTLE_COEFFICIENT`, and table, patch and
-plate have what makes the pair right. The plate stays clear of the table.
+own friction: Drake combines two coefficients harmonically. So the bottle has `BOTTLE_COEFFICIENT`, and table, patch and
+plate have the coefficients that give the right pair. The plate stays clear of the table.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ DISSIPATION_S_M = 10.0
 """Hunt-Crossley: a bottle hit at 0.6 m/s hardly bounces (docs/decisions/0008)."""
 
 RELAXATION_S = 0.020
-"""Where a world asks for contact = "sap"."""
+"""Dissipation in a world with contact = "sap"."""
 
 BOTTLE_COEFFICIENT = 1.0
 PLATE_MASS_KG = 0.1
 GRAVITY_M_S2 = 9.81
 
 SLOSH_RAD_S = math.sqrt(1.841 * GRAVITY_M_S2 / BOTTLE_RADIUS_M)
-"""First sideways mode of a liquid as deep as wide in a cylinder (1.841: first root of J1')."""
+"""First sideways mode of a liquid in a cylinder, as deep as wide (1.841: first root of J1')."""
 SLOSH_DAMPING_RATIO = 0.05
 SLOSH_LIMIT_M = 0.02
 
 
 def time_step_s(unmodelled: Unmodelled | None) -> float:
-    """The step of the plant that `build_scene` is made for."""
+    """The time step of the plant for `build_scene`, s."""
     return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
 
 
@@ -78,7 +78,7 @@ def build_scene(
 ) -> SceneBodies:
     """Add table, bottle and pusher, and set contact model and gravity. The pusher's body frame is T (see mount.py).
 
-    Raises OutOfRange when the patch leaves the table.
+    Raises OutOfRange if the patch leaves the table.
     """
     effects = unmodelled or Unmodelled()
     mu, e_Pa, mu_p, y_p_m = map(float, parameters)
@@ -118,7 +118,7 @@ def _add_bottle(plant: MultibodyPlant, e_Pa: float, effects: Unmodelled) -> None
 
 
 def _add_slosh(plant: MultibodyPlant, bottle: RigidBody, mass_kg: float, height_m: float) -> None:
-    """A mass that slides across the bottle on two damped springs, as the liquid's first mode does."""
+    """Add a mass that slides across the bottle on two damped springs, like the liquid's first mode."""
     instance = bottle.model_instance()
     at = RigidTransform(vector(0.0, 0.0, height_m - BOTTLE_HEIGHT_M / 2))
     frame = plant.AddFrame(FixedOffsetFrame("slosh_centre", bottle.body_frame(), at))

@@ -1,8 +1,8 @@
-"""The table with its patch, as Drake's contact sees it: flat, and each piece with its own friction.
+"""Contact geometry of the table with its patch: flat, and each part with its own friction.
 
-Two flush rigid surfaces, the patch and the table around it, each an open sheet of triangles at z = 0. A bottle that
-stands across the seam has one contact surface with each, over the part of its bottom that lies there, and the seam has
-no wall that could be run into. Every sheet gets one vertex far below, unused, so that its hull has a volume.
+Two flush rigid surfaces, the patch and the table around it, each an open sheet of triangles at z = 0. A bottle across
+the seam has one contact surface with each, over the part of its bottom that lies there, and the seam has no wall to run
+into. Every sheet has one unused vertex far below, so that its hull has a volume.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def on_table(xy_m: Array) -> bool:
 
 
 def table_around(x_m: tuple[float, float], y_m: tuple[float, float]) -> Mesh:
-    """The table without the rectangle. Raises OutOfRange when that does not lie within the table."""
+    """The table without the rectangle. Raises OutOfRange if it does not lie within the table."""
     outer, inner = _corners(*TABLE_CORNERS_M[:, :2].T), _corners(x_m, y_m)
     if not (on_table(inner[0]) and on_table(inner[2])):
         raise OutOfRange(

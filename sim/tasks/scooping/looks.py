@@ -1,4 +1,4 @@
-"""What the camera sees: coloured meshes of the piece and a nylon turner."""
+"""Coloured meshes for the camera: the piece and a nylon turner."""
 
 from __future__ import annotations
 

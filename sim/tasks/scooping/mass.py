@@ -1,7 +1,7 @@
 """The mass of the turner, in its frame T.
 
-The whole weighs what the example of a rig file says (docs/guide/rig.md, `[tools.scooping.payload]`). The blade weighs
-what the scene gives it; the rest is spread evenly along neck and handle.
+The total is that of the example rig file (docs/guide/rig.md, `[tools.scooping.payload]`). The blade has the mass of the
+scene; the rest is spread evenly along neck and handle.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a scoop is worth, and how its observation moves with the piece's place."""
+"""Success, end state and reward of a scoop, and how its observation depends on the piece's place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def succeeded(track: ObjectTrack) -> bool:
 
 
 def end_state(track: ObjectTrack) -> Array:
-    """(2,) where on the blade the piece ended: (x, y) in the tool frame, m."""
+    """(2,) final place of the piece on the blade: (x, y) in the tool frame, m."""
     return np.array(track.end_in_tool_m[:2])
 
 
@@ -30,7 +30,8 @@ def reward_of_success(end_in_tool_m: Array, context: Array) -> Array:
 
 
 def relocate(observation: Array, context: Array) -> Array:
-    """Observation (..., size) at the reference context as it would be at `context` (..., 2): the motion starts
-    relative to the piece and the table is the same everywhere, so all moves along."""
+    """The observation (..., size) at the reference context, moved to `context` (..., 2): the motion starts relative to
+    the piece and the table is uniform, so everything moves along.
+    """
     states = OBSERVATION.denormalise(observation)
     return OBSERVATION.normalise(states + (context - REFERENCE_CONTEXT)[..., None, :])

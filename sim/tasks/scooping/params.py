@@ -68,7 +68,7 @@ CONTEXT = Space(
         ),
     )
 )
-"""Where the centre of the piece lies on the table, in the base frame."""
+"""Place of the piece's centre on the table, in the base frame."""
 
 ACTION = Space(
     (
@@ -100,7 +100,7 @@ ACTION = Space(
 )
 
 NUISANCE = Space((Dimension("radius", "m", 0.010, 0.015, plain="piece radius", meaning="half the width of the piece"),))
-"""Half the width of the piece: different from piece to piece, chosen by nobody."""
+"""Half the width of the piece, which differs from piece to piece."""
 
 ACTION_NOISE: Array = frozen_array([0.04, 0.012, 0.0], (3,))
 """Half-width of the uniform error of an executed action, in the order of `ACTION`."""
@@ -138,16 +138,16 @@ PIECE_DENSITY_KG_M3 = 1000.0
 """Food is mostly water."""
 
 WRIST_IN_TOOL_M: Array = frozen_array([-0.177, 0.0, 0.143], (3,))
-"""The point whose velocity the profile prescribes, in the tool frame T (public code)."""
+"""The wrist point, for which the profile prescribes the velocity, in the tool frame T (public code)."""
 
 HANDLE_RISE_RAD = 0.9
-"""How steeply the handle rises from the root of the blade, towards the back."""
+"""Angle at which the handle rises from the root of the blade, towards the back."""
 
 GRIP_M = 0.215
-"""Where the fingers hold the handle: distance from the root of the blade."""
+"""Distance of the fingers on the handle from the root of the blade."""
 
 HOME_PITCH_RAD = -0.10
-"""The blade between trials: tilted back, so that a round piece stays at its root."""
+"""Pitch of the blade between trials: tilted back, so that a round piece stays at its root."""
 
 _APPROACH_LEAN_RAD, _APPROACH_TURN_RAD = float(np.deg2rad(60.7)), float(np.deg2rad(-53.8))
 _FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
@@ -156,14 +156,14 @@ _FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
 def _mounting() -> Array:
     """(4, 4) the tool in the flange: the hand comes from behind and the left, its fingers close across the handle.
 
-    Lean (from straight down) and turn of the approach, grip and rise were chosen together, by a search, so that the
-    worst ratio of any joint to its limits over contexts and actions is smallest (`benchmarks/executability.py`).
+    Lean (from straight down) and turn of the approach, grip and rise come from a joint search. It minimised the worst
+    ratio of any joint to its limits over contexts and actions (`benchmarks/executability.py`).
     """
     lean, turn, rise = _APPROACH_LEAN_RAD, _APPROACH_TURN_RAD, HANDLE_RISE_RAD
     approach = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), -np.cos(lean)])
     handle = np.array([-np.cos(rise), 0.0, np.sin(rise)])
     across = np.cross(handle, approach) / np.linalg.norm(np.cross(handle, approach))  # Y axis of the hand
-    half = np.sqrt(0.5)  # the flange is turned by 45° against the hand
+    half = np.sqrt(0.5)  # the flange is rotated by 45° against the hand
     R_TH = np.column_stack([np.cross(across, approach), across, approach])
     X_TF = np.eye(4)
     X_TF[:3, :3] = R_TH @ np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
@@ -177,15 +177,15 @@ X_FT: Array = frozen_array(_mounting(), (4, 4))
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """What a world of the lab may add and no simulation parameter expresses. Defaults are the training scene."""
+    """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
 
     semi_axis_scale: tuple[float, float] = (1.0, 1.0)  # half widths of the piece along X and Y, relative to its radius
     density_scale: float = 1.0
     com_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # centre of mass from the piece's centre
     second_friction_scale: float = 1.0  # friction piece-blade relative to piece-table
     pitch_bias_rad: float = 0.0  # added to the pitch of the whole motion, about the edge; positive: edge down
-    blade_flex_rad: float = 0.0  # bend of the blade when it is pressed into the table by the full depth
-    distance_bias_m: float = 0.0  # the edge starts so much farther from the piece than asked
+    blade_flex_rad: float = 0.0  # bend of the blade when pressed into the table by the full depth
+    distance_bias_m: float = 0.0  # the edge starts this much farther from the piece than commanded
     contact: Literal["sap", "lagged"] = "sap"
     dt_s: float | None = None  # step of the plant; None: the step of training
 
@@ -207,7 +207,7 @@ class Unmodelled:
             raise OutOfRange(f'contact = "{self.contact}" must be "sap" or "lagged"')
 
     def friction_of_blade(self, mu: float) -> float:
-        """Coefficient of the blade whose pair with a piece of coefficient `mu` is `second_friction_scale * mu`.
+        """The blade's coefficient that gives a pair of `second_friction_scale * mu` with a piece of coefficient `mu`.
 
         Drake combines two coefficients harmonically, 2ab / (a + b), so a pair never exceeds 2 mu.
         """
@@ -225,4 +225,4 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "distance_bias_m": (-0.004, 0.008),
     "contact": ("sap", "lagged"),
 }
-"""What a lab may show of each effect; of the contact law, training's and the other one."""
+"""The plausible range of each effect; for the contact law, training's and the other one."""

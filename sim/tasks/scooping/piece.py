@@ -1,4 +1,4 @@
-"""The piece of food as a convex polyhedron: what physics, camera and pictures see is the same body."""
+"""The piece of food as a convex polyhedron, the same body for physics, camera and pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _RING_ELEVATIONS_RAD = np.deg2rad(np.linspace(-75.0, 75.0, 11))
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex piece, centred at the origin, lying as it does at rest with Z up."""
+    """A convex piece, centred at the origin, in its resting orientation with Z up."""
 
     vertices_m: Array  # (V, 3)
     triangles: NDArray[np.int32]  # (F, 3) counter-clockwise seen from outside
@@ -31,8 +31,8 @@ class Piece:
 def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> Piece:
     """Shape `g` (0 ellipsoid, 1 cylinder, 2 box) of a height and half widths along X and Y.
 
-    The ellipsoid ends in flat spots a quarter as wide as itself, above and below, so that even a
-    tall one lies where it is put. Raises OutOfRange for another shape.
+    The ellipsoid has flat spots above and below, a quarter as wide as itself, so that even a tall one stays where it is
+    placed. Raises OutOfRange for another shape.
     """
     if g == ELLIPSOID:
         rings = [(np.cos(a), np.sin(a)) for a in _RING_ELEVATIONS_RAD]
@@ -49,7 +49,7 @@ def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> P
 def blade() -> Piece:
     """The blade in the tool frame: flat on top, `EDGE_M` thick, its last `BEVEL_M` bevelled to a lip.
 
-    Its underside is a trifle higher than the corners that ride on the table (scene.py), so that only these touch.
+    Its underside is slightly higher than the corners that ride on the table (scene.py), so that only these touch.
     """
     half_m, under_m = BLADE_WIDTH_M / 2.0, -EDGE_M + CLEARANCE_M
     outline = [

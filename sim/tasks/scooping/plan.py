@@ -3,11 +3,11 @@
 The tool frame T sits on the top face of the blade at the middle of its leading edge: X points forward out of
 the edge, Y to the left, Z up from the face. Pitch is about +Y: positive holds the edge down and the handle up.
 
-The paper prescribes velocities of the wrist point F (A4.1; knots of the public code). Taken literally the edge would be
-commanded up to 11 mm into the table, a reflex stop on a real arm. So X and pitch are the paper's, and the
-height of the edge is the paper's, lifted where that goes too deep so that it ends `DEPTH_LIMIT_M` below the table.
-What happens there is a matter of compliance: `VERTICAL_STIFFNESS_N_M` is that of a Franka under its default joint
-impedance (3000, 2500 and 2000 Nm/rad in joints 2, 4, 6 with levers of about 0.75, 0.4 and 0.25 m).
+The paper prescribes velocities of the wrist point F (A4.1; knots of the public code). Taken literally, they command the
+edge up to 11 mm into the table, which stops a real arm with a reflex. So X and pitch are the paper's, and the height of
+the edge is the paper's, but lifted so that it goes at most `DEPTH_LIMIT_M` below the table. There the arm's compliance
+matters: `VERTICAL_STIFFNESS_N_M` is that of a Franka under its default joint impedance (3000, 2500 and 2000 Nm/rad in
+joints 2, 4, 6 with levers of about 0.75, 0.4 and 0.25 m).
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ DURATION_S = 1.0
 DEPTH_LIMIT_M = 0.003
 VERTICAL_STIFFNESS_N_M = 4000.0
 VERTICAL_DAMPING_NS_M = 130.0
-"""Critical for an effective mass of 1 kg at the edge."""
+"""Critical damping for an effective mass of 1 kg at the edge."""
 
 _KNOTS_S = np.array([0.0, 0.25, 0.35, 0.60, 0.70, 1.00])
 _WRIST_VX_M_S = np.array([0.0, 0.6, 0.7, 0.2, 0.0, 0.0])
 _WRIST_VZ_M_S = np.array([0.0, -0.01, -0.01, 0.01, 0.0, 0.0])
-_PITCH_RATE_RAD_S = np.array([0.0, 0.0, -0.6, -0.6, 0.0, 0.0])  # the second one is the action's
+_PITCH_RATE_RAD_S = np.array([0.0, 0.0, -0.6, -0.6, 0.0, 0.0])  # the second one is set by the action
 _HANN = 0.5 + 0.5 * np.cos(np.linspace(-np.pi, np.pi, 2 * 90 + 1))
 _LIFT_WINDOW = _HANN / _HANN.sum()  # samples at 1 kHz
 _RELEASE_S = 0.05
-"""How long after its command the edge may still touch: the lag of the compliance, with reserve."""
+"""How long the edge may still touch after its command rises: the lag of the compliance, with reserve."""
 
 
 def plan(context: Array, action: Array) -> ToolMotion:
     """The motion for `action` (pitch rate, pitch, distance) at a piece lying at `context` (x, y), in units.
 
-    Starts with the edge touching the table, `distance` behind the nearest side of the largest piece, and is at
-    rest with zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
+    It starts with the edge on the table, `distance` behind the nearest side of the largest piece, and is at rest with
+    zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
     """
     pitch_rad, p_m = edge_path(float(action[0]), float(action[1]))
     t_s = _times()
@@ -57,7 +57,7 @@ def plan(context: Array, action: Array) -> ToolMotion:
 def edge_path(pitch_rate_rad_s: float, pitch_rad: float) -> tuple[Array, Array]:
     """Pitch (N,) and the edge's (x, z) (N, 2) at 1 kHz: x from its start, z the height of its lowest point.
 
-    A clamped cubic spline of the wrist's velocity, lifted to `DEPTH_LIMIT_M` below the table where it goes deeper.
+    A clamped cubic spline of the wrist's velocity, lifted where it goes deeper than `DEPTH_LIMIT_M` below the table.
     """
     wrist_m, turned_rad = _profile()
     pitch = pitch_rad + turned_rad[:, 0] + pitch_rate_rad_s * turned_rad[:, 1]
@@ -69,10 +69,10 @@ def edge_path(pitch_rate_rad_s: float, pitch_rad: float) -> tuple[Array, Array]:
 
 
 def _lifted(height_m: Array) -> Array:
-    """(N,) heights whose lowest is -`DEPTH_LIMIT_M`: what lies under some level is added again, smoothed in time.
+    """(N,) heights with the minimum -`DEPTH_LIMIT_M`: the depth below some level is added back, smoothed in time.
 
-    The smoothing is what an arm feels: a Hann window of 2 x 90 ms asks for at most 2 m/s² where a plain saturation
-    asks for 6 (docs/decisions/0002).
+    The smoothing protects the arm: with a Hann window of 2 x 90 ms the motion needs at most 2 m/s²; a plain saturation
+    needs 6 (docs/decisions/0002).
     """
 
     def with_floor(floor_m: float) -> Array:
@@ -109,7 +109,7 @@ def _times() -> Array:
 
 @lru_cache(maxsize=1)
 def _profile() -> tuple[Array, Array]:
-    """Wrist (x, z) (N, 2) from its start; pitch turned with pitch rate 0, and per unit of pitch rate (N, 2)."""
+    """Wrist (x, z) (N, 2) from its start; pitch travelled with pitch rate 0, and per unit of pitch rate (N, 2)."""
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as above
 
     unit = (np.arange(len(_KNOTS_S)) == 1).astype(float)

@@ -1,4 +1,4 @@
-"""Where a soft piece rests on a rigid table: how far it sinks in under its own weight."""
+"""The rest pose of a soft piece on a rigid table, with the depth to which it sinks in under its own weight."""
 
 from __future__ import annotations
 

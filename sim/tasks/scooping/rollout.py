@@ -1,7 +1,7 @@
 """One training rollout: the spatula driven directly, through springs as stiff as the arm's.
 
-The rollout starts shortly before the edge reaches the piece (before that nothing happens) and goes on after the motion,
-the tool held where it ended, until the piece rests or has left the blade (`perception.types.SETTLE_S`).
+The rollout starts shortly before the edge reaches the piece (nothing happens before). After the motion it continues,
+with the tool held still, until the piece rests or has left the blade (`perception.types.SETTLE_S`).
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ ARM = Compliance(
     inertia_kg_m2=0.012,
 )
 """A Franka under its default joint impedance, as the edge feels it while it touches the table: joint stiffness,
-damping and inertia carried to the edge along planned scoops (tests/sim/panda/test_arm_compliance.py). Nearly all of it
-is a turn about a point above and behind the blade, so an edge that is held up moves forward too."""
+damping and inertia carried to the edge along planned scoops (tests/sim/panda/test_arm_compliance.py). Nearly all of the
+yielding is a rotation about a point above and behind the blade, so an edge that is pushed up moves forward too."""
 
 LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""
 
 SETTLING_S = 0.70
-"""From here on the tool all but rests; a piece that rests too is not simulated further."""
+"""From here on the tool almost rests; a piece that also rests is not simulated further."""
 
 LATEST_S = DURATION_S + SETTLE_S
 STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
-"""The flag of a piece that is judged while it moves."""
+"""The flag of a piece that still moved when it was judged."""
 
 _ASIDE_M = 0.02
 
 
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
-    """(4, 4) pose X_BO of the piece lying ready on the table."""
+    """(4, 4) pose X_BO of the piece at rest on the table, before the trial."""
     piece = piece_of(parameters, nuisance, unmodelled)
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
     return lying(context, float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1])))
@@ -74,27 +74,27 @@ def simulate(
 def play(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> ObjectTrack:
-    """The motion at a piece that lies at X_BO (4, 4)."""
+    """Play the motion against a piece at X_BO (4, 4)."""
     return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled), motion)
 
 
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
-    """What the motion does to a piece that lies at X_BO (4, 4)."""
+    """The readings of the motion against a piece at X_BO (4, 4)."""
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
     return run(course_of(motion, X_BO, nuisance, unmodelled), build, time_step_s(unmodelled))
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
-    """How the spatula is driven at a piece that lies at X_BO (4, 4), from when to when."""
+    """The drive of the spatula against a piece at X_BO (4, 4), with start and end."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, float(X_BO[0, 3]), nuisance, unmodelled)
     return Course(drive, Start(start_s, X_BO, _on_table(drive, start_s)), Ending(_still, _off_blade, LATEST_S))
 
 
 def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
-    """Shortly before the edge reaches the piece, on the grid of readings."""
+    """A time shortly before the edge reaches the piece, on the grid of readings."""
     effects = unmodelled or Unmodelled()
     side_m = x_m - nuisance[0] * effects.semi_axis_scale[0]
     reached = motion.X_BT[:, 0, 3] - effects.distance_bias_m >= side_m
@@ -103,7 +103,7 @@ def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmode
 
 
 def _on_table(drive: Drive, t_s: float) -> Array:
-    """(6,) where the motion has the carriage, except that the table holds the edge up and the springs give way."""
+    """(6,) the carriage's state along the motion, except that the table holds the edge up and the springs yield."""
     start, arm = np.array(drive.trajectory.value(t_s)[:, 0]), drive.compliance
     height_m, rate_m_s = arm.tool_height(start)
     pitch_rad = float(start[2])
@@ -115,7 +115,7 @@ def _on_table(drive: Drive, t_s: float) -> Array:
 
 
 def _still(now: Moment) -> bool:
-    """Whether the tool all but rests, and the piece on it or on the table."""
+    """Whether the tool almost rests, and the piece rests on it or on the table."""
     return now.t_s >= SETTLING_S and (now.is_still_on_tool or now.is_still_on_table)
 
 
@@ -129,7 +129,9 @@ def _off_blade(now: Moment) -> bool:
 
 
 def track_of(readings: Readings, motion: ToolMotion) -> ObjectTrack:
-    """The readings, held before the first one, and after the last one carried along by whatever the piece lies on."""
+    """The readings; before the first one the piece is held, after the last one it moves with the table or tool on which
+    it lies.
+    """
     t_s, p_BO_m, p_TO_m = readings.t_s, readings.p_BO_m, readings.p_TO_m
     outcome = Outcome.SOLVER_FAILED if readings.failure else _outcome(p_BO_m[-1], p_TO_m)
     if t_s[-1] < DURATION_S:
@@ -145,7 +147,7 @@ def track_of(readings: Readings, motion: ToolMotion) -> ObjectTrack:
 
 
 def _carried(motion: ToolMotion, from_s: float, to_s: Array, p_B_m: Array) -> Array:
-    """(M, 3) where a point ends up that moves with the tool from `from_s` to each of `to_s`."""
+    """(M, 3) place of a point that moves with the tool from `from_s` until each of `to_s`."""
     indices = np.searchsorted(motion.t_s, np.append(to_s, from_s) - 1e-9)
     X_BT = motion.X_BT[np.minimum(indices, len(motion.t_s) - 1)]
     p_T = np.linalg.inv(X_BT[-1]) @ np.append(p_B_m, 1.0)

@@ -40,15 +40,15 @@ STEP_S = 0.0025
 
 EDGE_STIFFNESS_N_M = 2e5
 EDGE_RELAXATION_S = 0.0
-"""With more, SAP lets an edge that is pressed down creep into the table, by .3 mm in a tenth of a second."""
+"""With a larger value, SAP lets a pressed edge creep into the table, by 0.3 mm in a tenth of a second."""
 
 BLADE_MASS_KG = 0.02
 FLEX_TIME_S = 0.010
-"""How fast a bent blade returns: nylon is well damped."""
+"""Damping of a bent blade's return: nylon is well damped."""
 
 
 def time_step_s(unmodelled: Unmodelled | None) -> float:
-    """The step of the plant that `build_scene` is made for."""
+    """The time step of the plant for `build_scene`, s."""
     return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
 
 
@@ -108,8 +108,11 @@ def add_piece(
 
 
 def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:
-    """Handle and blade. A pitch or distance bias turns or shortens the mount about the edge; a blade that bends
-    is hinged at its root, with the stiffness that bends it by `blade_flex_rad` under the full depth."""
+    """Add handle and blade.
+
+    A pitch or distance bias rotates or shifts the mount about the edge. A flexible blade is hinged at its root, with
+    the stiffness that bends it by `blade_flex_rad` at the full depth.
+    """
     instance = plant.AddModelInstance(TOOL)
     inertia = SpatialInertia.SolidBoxWithMass(BLADE_MASS_KG, BLADE_LENGTH_M, BLADE_WIDTH_M, EDGE_M)
     handle = plant.AddRigidBody(TOOL + "_handle", instance, inertia)
@@ -132,7 +135,7 @@ def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unm
 
 
 def _add_neck(plant: MultibodyPlant, handle: RigidBody, friction: float) -> GeometryId:
-    """Where the handle rises from the root of the blade."""
+    """Add the neck, between the root of the blade and the handle."""
     X_TG = RigidTransform(RollPitchYaw(0.0, HANDLE_RISE_RAD, 0.0), vector(*(ROOT_M + NECK_M / 2 * UP)))
     neck: GeometryId = plant.RegisterCollisionGeometry(handle, X_TG, Box(*NECK_SIZE_M), "neck", rigid(friction))
     return neck

@@ -1,4 +1,4 @@
-"""Where the blade touches the table in a touch-off."""
+"""The points of the blade that touch the table in a touch-off."""
 
 from __future__ import annotations
 

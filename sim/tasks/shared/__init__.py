@@ -1,1 +1,1 @@
-"""What several tasks are built with."""
+"""Parts that several tasks share."""

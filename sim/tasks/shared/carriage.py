@@ -1,8 +1,7 @@
-"""What carries the tool in a training rollout: forward, up and pitch, each through a spring and a damper.
+"""The carriage of the tool in a training rollout: forward, up and pitch, each through a spring and a damper.
 
-An arm gives way in all three at once: who pushes the tool up also turns it, and so moves it forward. But there is a
-point, the centre of compliance, where the three are independent; there the springs are. They are part of Drake's
-implicit solver.
+An arm yields in all three at once: a push upwards also rotates the tool, and so moves it forward. But at one point, the
+centre of compliance, the three are independent, and the springs act there. They are part of Drake's implicit solver.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _KNOT_EVERY = 4  # samples of the motion between two knots of the drive
 
 @dataclass(frozen=True)
 class Compliance:
-    """How what carries the tool gives way in one vertical plane: springs, dampers and a mass about one point P.
+    """The compliance of the carriage in one vertical plane: springs, dampers and a mass about one point P.
 
     Positions are (x, z) along the axes of T. Stiffness and damping are forward, up (N/m, Ns/m) and pitch (Nm, Nms).
     """
@@ -49,7 +48,7 @@ class Compliance:
     inertia_kg_m2: float  # about the centre of mass
 
     def yielding(self, pitch_rad: float) -> Array:
-        """(3,) how P moves forward and up (m) and pitches (rad) for every newton that lifts the origin of T."""
+        """(3,) motion of P forward and up (m) and its pitch (rad) per newton that lifts the origin of T."""
         ahead_m = -(math.cos(pitch_rad) * self.p_TP_m[0] + math.sin(pitch_rad) * self.p_TP_m[1])
         return np.array([0.0, 1.0 / self.stiffness[1], -ahead_m / self.stiffness[2]])
 
@@ -60,14 +59,14 @@ class Compliance:
         return float(state[1] + sin * x_m - cos * z_m), float(state[4] + rate_rad_s * (cos * x_m + sin * z_m))
 
     def lift_m_N(self, pitch_rad: float) -> float:
-        """How far the origin of T rises for every newton that lifts it."""
+        """Rise of the origin of T per newton that lifts it, m/N."""
         _, up, turn = self.yielding(pitch_rad)
         return float(up + turn**2 * self.stiffness[2])
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A motion in one vertical plane, as the carriage follows it."""
+    """A motion of the carriage in one vertical plane."""
 
     X_BP: Array  # (4, 4) X along the plane at table height, Z up; its origin is the plane's nearest to that of B
     trajectory: PiecewisePolynomial  # (6,) forward, up and pitch of the centre of compliance, and their rates

@@ -21,9 +21,9 @@ from sim.tasks.shared import drake_log
 
 RELAXATION_TIME_S = 0.120
 HUNT_CROSSLEY_S_M = 1.0
-"""Dissipation under "sap" and under "lagged", where a task says nothing else."""
+"""Default dissipation under "sap" and under "lagged"."""
 
-drake_log.silence()  # every scene comes by here: Drake warns of half spaces that deformable bodies would not feel
+drake_log.silence()  # every scene uses this module; Drake warns that deformable bodies would not feel half spaces
 
 
 def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> None:
@@ -34,7 +34,7 @@ def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> Non
 
 
 def keep_apart(scene_graph: SceneGraph, pairs: Iterable[tuple[GeometryId, GeometryId]]) -> None:
-    """Let the two of each pair pass through each other. Before anything is built from `scene_graph`."""
+    """Let the two bodies of each pair pass through each other. Call it before anything is built from `scene_graph`."""
     for one, other in pairs:
         apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet(one), GeometrySet(other))
         scene_graph.collision_filter_manager().Apply(apart)
@@ -50,13 +50,13 @@ def material(
 
 
 def relaxing(properties: ProximityProperties, relaxation_time_s: float) -> ProximityProperties:
-    """With a relaxation time, which matters under "sap": a pair has the sum of its two, and one not set is 100 ms."""
+    """Set a relaxation time, which matters under "sap": a pair has the sum of both; unset, it is 100 ms."""
     properties.AddProperty("material", "relaxation_time", relaxation_time_s)
     return properties
 
 
 def rigid(friction: float) -> ProximityProperties:
-    """Without relaxation time: that of a pair is the other's."""
+    """A rigid material with relaxation time 0, so that a pair has that of the other material."""
     properties = relaxing(material(friction), 0.0)
     AddRigidHydroelasticProperties(1.0, properties)
     return properties
@@ -70,12 +70,17 @@ def compliant(
     dissipation_s_m: float = HUNT_CROSSLEY_S_M,
     relaxation_time_s: float = RELAXATION_TIME_S,
 ) -> ProximityProperties:
-    """With the hydroelastic modulus `e_Pa`; `resolution_m` is the edge length of the mesh of a round shape."""
+    """A compliant material with the hydroelastic modulus `e_Pa`; `resolution_m` is the mesh edge length of a round
+    shape.
+    """
     properties = relaxing(material(friction, None, dissipation_s_m), relaxation_time_s)
     AddCompliantHydroelasticProperties(resolution_m, e_Pa, properties)
     return properties
 
 
 def coefficient(pair: float, other: float) -> float:
-    """The coefficient that makes a `pair` with `other`. Needs pair < 2 other: a pair never exceeds twice the lesser."""
+    """The coefficient that gives the `pair` coefficient with `other`.
+
+    Needs pair < 2 other: a pair never exceeds twice the smaller one.
+    """
     return pair * other / (2.0 * other - pair)

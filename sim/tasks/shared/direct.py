@@ -1,4 +1,4 @@
-"""A rollout without an arm, in Drake: the tool driven directly by a carriage."""
+"""A rollout without an arm, in Drake: a carriage drives the tool directly."""
 
 from __future__ import annotations
 
@@ -51,10 +51,13 @@ class _Moment:
 
 
 def run(course: Course, build: Callable[[MultibodyPlant, Frame], SceneBodies], dt_s: float) -> Readings:
-    """Step the scene that `build` adds through the course. Never raises for a solver that does not converge."""
+    """Step the scene of `build` through the course.
+
+    A solver that does not converge is noted in the readings, never raised.
+    """
     robot = RobotDiagramBuilder(time_step=dt_s)  # a plain DiagramBuilder leaks some 150 KB a rollout in pydrake
     builder, plant, start = robot.builder(), robot.plant(), course.start
-    plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
+    plant.SetUseSampledOutputPorts(False)  # nothing reads these ports
     bodies = build(plant, add_carriage(plant, course.drive))
     keep_apart(robot.scene_graph(), bodies.apart)
     plant.Finalize()
@@ -70,8 +73,10 @@ def run(course: Course, build: Callable[[MultibodyPlant, Frame], SceneBodies], d
 
 
 class _Drake:
-    """A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
-    whether the step at a reading has been taken."""
+    """A step taken at t gives the state at t + dt.
+
+    The clock runs half a step early, so that rounding never decides whether the step at a reading has been taken.
+    """
 
     def __init__(self, simulator: Simulator, plant: MultibodyPlant, bodies: SceneBodies, dt_s: float) -> None:
         self._simulator, self._dt_s = simulator, dt_s

@@ -1,4 +1,4 @@
-"""What Drake says by itself: warnings about features that no scene uses, and addresses that the program announces."""
+"""Silences Drake's own log: warnings about unused features, and addresses that the program itself announces."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ import pydrake.common  # noqa: F401 - sets the level of its logger when it is fi
 
 
 def silence() -> None:
-    """Let Drake's errors through alone, in this process."""
+    """Let only Drake's errors through, in this process."""
     logging.getLogger("drake").setLevel(logging.ERROR)

@@ -8,5 +8,5 @@ import numpy as np
 
 
 def vector(x: float, y: float, z: float) -> Any:
-    """(3,) for a Drake call. Typed `Any`: Drake's stubs spell their array type so that no array of NumPy's fits."""
+    """(3,) for a Drake call. Typed `Any`, because no NumPy array matches the array type of Drake's stubs."""
     return np.array([x, y, z], dtype=np.float64)

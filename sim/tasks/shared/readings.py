@@ -1,4 +1,4 @@
-"""A rollout as it is read: where it starts, its poses every 20 ms, and when it is over, whatever physics steps it."""
+"""A rollout independent of its physics: its start, its poses every 20 ms, and its end."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from sim.tasks.shared.carriage import Drive
 
 READ_EVERY_S = 0.020
 _STILL_READINGS = round(REST_S / READ_EVERY_S) + 1
-"""So many in a row span `REST_S`. One alone is no rest: what rolls to and fro stands still where it turns."""
+"""This many readings in a row span `REST_S`.
+
+One alone is not rest: an object that rolls to and fro is still at each turning point.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a rollout begins; what happens before is left out."""
+    """The start of a rollout; the motion before it is left out."""
 
     t_s: float
     X_BO: Array  # (4, 4) the object at rest
@@ -33,7 +36,7 @@ class Moment(Protocol):
 
     @property
     def t_s(self) -> float:
-        """Since the start of the motion."""
+        """Time since the start of the motion."""
         ...
 
     @property
@@ -48,29 +51,29 @@ class Moment(Protocol):
 
     @property
     def is_still_on_table(self) -> bool:
-        """Whether the object is as slow as at rest."""
+        """Whether the object is slow enough for rest on the table."""
         ...
 
     @property
     def is_still_on_tool(self) -> bool:
-        """Whether it is as slow as at rest against the tool."""
+        """Whether it is slow enough for rest relative to the tool."""
         ...
 
 
 @dataclass(frozen=True)
 class Ending:
-    """When a rollout is over."""
+    """The end of a rollout."""
 
     still: Callable[[Moment], bool]
-    """Whether the object is still where nothing moves it any more; it rests once it has been for `REST_S`."""
+    """Whether the object is still and nothing can move it any more; after `REST_S` it counts as at rest."""
     decided: Callable[[Moment], bool]
-    """Whether nothing that comes can change how it is judged."""
+    """Whether nothing later can change the outcome."""
     latest_s: float
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A rollout but for its physics: how the tool is moved, where all starts, and when it is over."""
+    """A rollout without its physics: the drive of the tool, the start, and the end."""
 
     drive: Drive
     start: Start
@@ -79,12 +82,12 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What a rollout went through."""
+    """The readings of one rollout."""
 
     t_s: Array  # (N,) every 20 ms
     X_BO: tuple[RigidTransform, ...]
     X_BT: tuple[RigidTransform, ...]
-    is_settled: bool  # whether it came to its end before the latest moment
+    is_settled: bool  # whether it ended before the time limit
     failure: str | None  # why the solver gave up
 
     @property
@@ -99,19 +102,22 @@ class Readings:
 
 
 class Physics(Protocol):
-    """What steps a rollout."""
+    """A physics engine that steps a rollout."""
 
     def now(self, t_s: float) -> Moment:
-        """The present state, which belongs to the time `t_s`."""
+        """The present state, at time `t_s`."""
         ...
 
     def advance_to(self, t_s: float) -> None:
-        """Step until then. Raises RuntimeError when the solver gives up."""
+        """Step until `t_s`. Raises RuntimeError if the solver gives up."""
         ...
 
 
 def read(physics: Physics, course: Course) -> Readings:
-    """Step from the start of a course to its end. Never raises for a solver that does not converge."""
+    """Step from the start of a course to its end.
+
+    A solver that does not converge is noted in the readings, never raised.
+    """
     start_s, ending = course.start.t_s, course.ending
     now = physics.now(start_s)
     t_s, X_BO, X_BT = [start_s], [now.X_BO], [now.X_BT]
@@ -143,5 +149,5 @@ def reading_before_s(t_s: float) -> float:
 
 
 def is_slow(v_m_s: Array, w_rad_s: Array) -> bool:
-    """Whether velocities (3,), (3,) are those of an object at rest."""
+    """Whether velocities (3,), (3,) are slow enough for an object at rest."""
     return bool(np.linalg.norm(v_m_s) < REST_M_S) and bool(np.linalg.norm(w_rad_s) < REST_RAD_S)

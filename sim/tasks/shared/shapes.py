@@ -1,4 +1,4 @@
-"""Triangle meshes for what the camera sees, and the table that all tasks share."""
+"""Triangle meshes for the camera, and the table that all tasks share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def table_visual() -> Visual:
 
 
 def box(size_m: Array, centre_m: Array, pitch_rad: float = 0.0) -> Shape:
-    """A box turned by `pitch_rad` about Y (positive: its X end down)."""
+    """A box rotated by `pitch_rad` about Y (positive: its X end down)."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size_m
     cos, sin = np.cos(pitch_rad), np.sin(pitch_rad)
     turned = corners @ np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]).T

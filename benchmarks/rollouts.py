@@ -5,8 +5,9 @@
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
-arm. With --all also for other steps and the other contact model. Finished rollouts are kept in the cache; an
-interrupted run goes on where it stopped.
+arm. With --all also for other steps and the other contact model, with --cenic also for an integrator that chooses its
+steps: against its own limit, and against that of training. Finished rollouts are kept in the cache; an interrupted run
+goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ import argparse
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cenic
 import numpy as np
 from scipy.stats import qmc
 
@@ -27,6 +30,8 @@ from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
 
 COARSER = 4
+ACCURACIES, LIMIT = (1e-2, 1e-3), 1e-6
+"""Of CENIC, and the one that stands for its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +40,15 @@ class Setting:
 
     contact: str
     dt_s: float
+    accuracy: float | None = None  # None: fixed steps; else CENIC's
 
     def __str__(self) -> str:
-        return f"{self.contact:>6}, {1e3 * self.dt_s:5.3f} ms"
+        return f"CENIC, {self.accuracy:g}" if self.accuracy else f"{self.contact:>6}, {1e3 * self.dt_s:5.3f} ms"
+
+    @property
+    def file(self) -> str:
+        """Its part of the name in the cache."""
+        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +84,15 @@ def main() -> None:
         coarse = measure(task, draws, setting, cache)
         fine = measure(task, draws, Setting(setting.contact, setting.dt_s / COARSER), cache)
         print(f"{setting} {'<- training' if setting is chosen else '':11} | {compare(coarse, fine)}", flush=True)
-    alone_s = measure(task, draws, chosen, cache).cpu_s[: arguments.arm].mean()
+    if arguments.cenic:
+        limits = [Setting(chosen.contact, chosen.dt_s, LIMIT), Setting(chosen.contact, chosen.dt_s / COARSER)]
+        for accuracy in ACCURACIES:
+            candidate = measure(task, draws, replace(chosen, accuracy=accuracy), cache)
+            for limit in limits:
+                row = compare(candidate, measure(task, draws, limit, cache))
+                print(f"CENIC, {accuracy:g}, against {limit} | {row}", flush=True)
     if arguments.arm:
+        alone_s = measure(task, draws, chosen, cache).cpu_s[: arguments.arm].mean()
         whole_s = whole_arm_cpu_s(task, draws, arguments.arm)
         print(f"with a whole arm: {1e3 * whole_s:.0f} ms, {whole_s / alone_s:.1f} times the rollout of training")
 
@@ -93,7 +111,7 @@ def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
 
 def measure(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting, cache: Path) -> Measured:
     """Every draw with `setting`, from the cache as far as it goes."""
-    file = cache / f"{task.name}-{setting.contact}-{1e6 * setting.dt_s:.0f}us-ends.jsonl"
+    file = cache / f"{task.name}-{setting.file}-ends.jsonl"
     file.parent.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     with file.open("a") as out:
@@ -111,9 +129,10 @@ def measure(task: Task, draws: list[tuple[Array, Array, Array]], setting: Settin
 def _rollouts(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting) -> Iterator[dict[str, object]]:
     unmodelled = task.unmodelled(contact=setting.contact, dt_s=setting.dt_s)
     for parameters, action, nuisance in draws:
-        before_s = time.process_time()
-        track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
-        cpu_s = time.process_time() - before_s
+        with cenic.stepping(task, setting.accuracy) if setting.accuracy else nullcontext():
+            before_s = time.process_time()
+            track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
+            cpu_s = time.process_time() - before_s
         states = track.at(task.observation.times_s).tolist()
         succeeded, end = float(task.succeeded(track)), track.state[-1].tolist()
         yield {"outcome": track.outcome.value, "succeeded": succeeded, "state": states, "end": end, "cpu_s": cpu_s}
@@ -164,6 +183,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--arm", type=int, default=20, help="rollouts with a whole arm; 0 for none")
     parser.add_argument("--all", action="store_true", help="also other steps and the other contact model")
+    parser.add_argument("--cenic", action="store_true", help="also CENIC, an integrator that chooses its steps")
     parser.add_argument("--cache", default="build/convergence")
     return parser.parse_args()
 

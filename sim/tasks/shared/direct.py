@@ -51,40 +51,45 @@ class _Moment:
 
 
 def run(course: Course, build: Callable[[MultibodyPlant, Frame], SceneBodies], dt_s: float) -> Readings:
-    """Step the scene of `build` through the course.
-
-    A solver that does not converge is noted in the readings, never raised.
-    """
-    robot = RobotDiagramBuilder(time_step=dt_s)  # a plain DiagramBuilder leaks some 150 KB a rollout in pydrake
-    builder, plant, start = robot.builder(), robot.plant(), course.start
-    plant.SetUseSampledOutputPorts(False)  # nothing reads these ports
-    bodies = build(plant, add_carriage(plant, course.drive))
-    keep_apart(robot.scene_graph(), bodies.apart)
-    plant.Finalize()
-    source = builder.AddSystem(TrajectorySource(course.drive.trajectory))
-    port = plant.get_desired_state_input_port(plant.GetModelInstanceByName(CARRIAGE))
-    builder.Connect(source.get_output_port(), port)
-    simulator = Simulator(robot.Build())
-    simulator.get_mutable_context().SetTime(start.t_s - dt_s / 2)  # see _Drake
-    state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(start.X_BO))
-    place_carriage(plant, state, start.tool)
-    return read(_Drake(simulator, plant, bodies, dt_s), course)
+    """Step the scene that `build` adds through the course. Never raises for a solver that does not converge."""
+    return read(Stepped.at_start(course, build, dt_s), course)
 
 
-class _Drake:
-    """A step taken at t gives the state at t + dt.
+class Stepped:
+    """Drake, as `Physics`.
 
-    The clock runs half a step early, so that rounding never decides whether the step at a reading has been taken.
+    A step taken at t brings the state of t + dt. The clock runs half a step early, so that rounding never decides
+    whether the step at a reading has been taken.
     """
 
     def __init__(self, simulator: Simulator, plant: MultibodyPlant, bodies: SceneBodies, dt_s: float) -> None:
-        self._simulator, self._dt_s = simulator, dt_s
+        self.simulator, self.plant, self._dt_s = simulator, plant, dt_s
         self._state = plant.GetMyContextFromRoot(simulator.get_context())
         self._object, self._tool = (plant.GetBodyByName(name) for name in (bodies.object, bodies.tool))
 
+    @classmethod
+    def at_start(cls, course: Course, build: Callable[[MultibodyPlant, Frame], SceneBodies], dt_s: float) -> Stepped:
+        """The scene that `build` adds, where the course starts; with `dt_s` 0 an integrator has to be chosen for it."""
+        robot = RobotDiagramBuilder(time_step=dt_s)  # a plain DiagramBuilder leaks some 150 KB a rollout in pydrake
+        builder, plant, start = robot.builder(), robot.plant(), course.start
+        plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
+        bodies = build(plant, add_carriage(plant, course.drive))
+        keep_apart(robot.scene_graph(), bodies.apart)
+        plant.Finalize()
+        source = builder.AddSystem(TrajectorySource(course.drive.trajectory))
+        port = plant.get_desired_state_input_port(plant.GetModelInstanceByName(CARRIAGE))
+        builder.Connect(source.get_output_port(), port)
+        simulator = Simulator(robot.Build())
+        simulator.get_mutable_context().SetTime(start.t_s - dt_s / 2)
+        state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(start.X_BO))
+        place_carriage(plant, state, start.tool)
+        return cls(simulator, plant, bodies, dt_s)
+
     def now(self, t_s: float) -> _Moment:
+        """See `Physics`."""
         return _Moment(t_s, self._object, self._tool, self._state)
 
     def advance_to(self, t_s: float) -> None:
-        self._simulator.AdvanceTo(t_s - self._dt_s / 2)
+        """See `Physics`."""
+        self.simulator.AdvanceTo(t_s - self._dt_s / 2)

@@ -1,7 +1,7 @@
 """Reuse of task policies (the paper's A2.2), with NAF in the loop: scooping, sessions of the paper's adaptation policy.
 
 Every task policy is trained by NAF on true rollouts, at `SCALE` of the budgets of Table A1: by the rules of reuse, and
-anew for every E. Trials come from the world's table: adaptsim world-tables --task scooping --targets soft-cheese
+anew for every E. Trials and scores are true rollouts in the world.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.benchmark.places import Place
 from sim.benchmark.sessions import Conditions, judge, run_session
@@ -18,15 +18,17 @@ from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.executors import serial_executor
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, rules_of
-from studies.shared import Asked, Watched, plot, save, table, table_of
+from sim.tasks import get_task
+from studies.shared import Asked, Watched, plot, save, simulated, table
 
-TARGET, METHOD, SCALE, CONDITIONS = "soft-cheese", "adaptsim-iteration", 0.25, Conditions(budget=20)
+TARGET, METHOD, SCALE, CONDITIONS = "soft-cheese", "adaptsim-iteration", 0.25, Conditions(budget=20, judged=16)
 WAYS = {"by the rules": True, "anew for every E": False}
 
 
 def run(asked: Asked) -> None:
     """Run the sessions, print the table, draw."""
-    rows, (checkpoint, place) = asked.rows, table_of("scooping", TARGET)
+    rows, checkpoint = asked.rows, load_checkpoint(get_task("scooping"))
+    place = simulated(checkpoint, TARGET)
     found = dict[str, list[dict[str, Any]]]()
     for way, reusing in WAYS.items():
         for seed in range(asked.seeds):

@@ -117,6 +117,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """The console script."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs more than it saves
     if foreign := foreign_packages():
         _say(foreign)
         sys.exit(2)

@@ -12,6 +12,7 @@ from typing import Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from sim.render.rays import Array32
 
@@ -104,17 +105,24 @@ def _with_colour_noise(colour: NDArray[np.uint8], noise: SensorNoise, rng: np.ra
     if noise.colour_std <= 0:
         return colour
     height, width = colour.shape[:2]
-    std = np.float32(noise.colour_std)
-    luma = std * rng.standard_normal((height, width), dtype=np.float32)
-    blocks = ((height + 1) // 2, (width + 1) // 2, 2)
-    chroma = cv2.resize(
-        np.float32(0.5) * std * rng.standard_normal(blocks, dtype=np.float32),
-        (width, height),
-        interpolation=cv2.INTER_NEAREST,
-    )
-    red, blue = chroma[..., 0], chroma[..., 1]
-    shift = cv2.merge((luma + red, luma - np.float32(0.5) * (red + blue), luma + blue))
+    luma = _normal(rng, (height, width), noise.colour_std)
+    red, blue = _normal(rng, (2, (height + 1) // 2, (width + 1) // 2), noise.colour_std / 2)
+    blocks = cv2.merge((red, np.float32(-0.5) * (red + blue), blue))
+    chroma = cv2.resize(blocks, (width, height), interpolation=cv2.INTER_NEAREST)
+    shift = cv2.add(cv2.cvtColor(luma, cv2.COLOR_GRAY2RGB), chroma)
     return np.asarray(cv2.add(colour, shift, dtype=cv2.CV_8U), dtype=np.uint8)
+
+
+_QUANTILES = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
+
+
+def _normal(rng: np.random.Generator, shape: tuple[int, ...], std: float) -> Array32:
+    """Normal draws of 65,536 equally likely sizes, up to 4.3 `std`: a quarter of the time of exact ones.
+
+    Good enough for colours, which are rounded to grey levels: that is coarser.
+    """
+    drawn: Array32 = (np.float32(std) * _QUANTILES).take(rng.integers(len(_QUANTILES), size=shape, dtype=np.uint16))
+    return drawn
 
 
 def _compressed(colour: NDArray[np.uint8], noise: SensorNoise) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from statistics import NormalDist
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.render.poses import STILL, held_still, within_exposure
 from sim.render.rays import pixel_rays
+from sim.render.sensor import sense_colour
 from sim.types import Visual
 
 RNG = np.random.default_rng
@@ -210,3 +212,19 @@ def test_poses_within_an_exposure() -> None:
     turn[:2, :2] = [[0, -1], [1, 0]]
     R = within_exposure(np.stack([np.eye(4), turn]), np.array([0.5]))[0, :3, :3]
     assert pytest.approx(np.eye(3)) == R @ R.T and R[0, 0] == pytest.approx(np.sqrt(0.5))
+
+
+def test_colour_noise_is_normal_and_of_the_stated_size() -> None:
+    grey = np.full((360, 640, 3), 128, dtype=np.uint8)
+    noise = SensorNoise(colour_std=6.0)
+    off = (sense_colour(grey, noise, RNG(4)) - grey.astype(float)).astype(int)
+    luma = 6.0 * np.sqrt(1.25)  # of red and blue: brightness and half as much colour
+    assert off.std(axis=(0, 1))[[0, 2]] == pytest.approx(luma, rel=0.01)
+    assert off.mean(axis=(0, 1)) == pytest.approx(0.0, abs=0.1)
+    for levels in (3, 7, 14, 21):
+        share = 2 * NormalDist(sigma=luma).cdf(levels + 0.5) - 1  # rounded to whole levels
+        assert (np.abs(off[..., 0]) <= levels).mean() == pytest.approx(share, abs=0.005)
+    tint = off[..., 0] - off[..., 2]  # the same within a block of two by two pixels but for rounding
+    assert np.abs(tint[::2, ::2] - tint[1::2, 1::2]).max() <= 2
+    assert np.corrcoef(tint[::2, ::2].ravel(), tint[::2, 1::2].ravel())[0, 1] > 0.95
+    assert abs(np.corrcoef(tint[:, 1:-1:2].ravel(), tint[:, 2::2].ravel())[0, 1]) < 0.02

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import open3d as o3d
@@ -21,8 +22,7 @@ class Hits:
 
     index: NDArray[np.intp]  # (m,) which rays, rising
     t: Array32  # (m,) along the rays: depth in metres where directions have z = 1
-    along: Array32  # (m, 3) the rays, in the body's frame
-    normal: Array32  # (m, 3) unit, in the body's frame, towards the ray's origin
+    triangle: NDArray[np.uint32]  # (m,) of the body
     albedo: Array32  # (m, 3) linear RGB
 
 
@@ -32,19 +32,29 @@ class Body:
     def __init__(self, visuals: Sequence[Visual]) -> None:
         """`visuals` all belong to one body; at least one triangle in all."""
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered side by side
-        albedo: list[Array32] = []
-        for visual in visuals:
-            self._scene.add_triangles(
-                o3d.core.Tensor.from_numpy(np.ascontiguousarray(visual.vertices_m, dtype=np.float32)),
-                o3d.core.Tensor.from_numpy(np.ascontiguousarray(visual.triangles, dtype=np.uint32)),
-            )
-            albedo.append(np.asarray(visual.rgb, dtype=np.float32))
-        self._albedo = np.stack(albedo)
-        self._textures = {i: v.texture for i, v in enumerate(visuals) if v.texture is not None}
-        points = np.concatenate([visual.vertices_m for visual in visuals])
-        low, high = points.min(axis=0), points.max(axis=0)
+        vertices, triangles = _merged([(v.vertices_m, v.triangles) for v in visuals])
+        self._scene.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices, dtype=np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, dtype=np.uint32)),
+        )
+        counts = [len(visual.triangles) for visual in visuals]
+        self._albedo = np.repeat(np.array([v.rgb for v in visuals], dtype=np.float32), counts, axis=0)
+        first = np.cumsum([0, *counts])
+        self._textures = [(first[i], first[i + 1], v.texture) for i, v in enumerate(visuals) if v.texture is not None]
+        a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+        self._on_m, self._normal = a, _unit(np.cross(b - a, c - a))  # of each triangle a point and the normal
+        parts = _connected(len(vertices), triangles)
+        ends = np.cumsum([0, *map(len, parts)])
+        self.points_m: Array = vertices[np.concatenate(parts)]  # (N, 3) of the surface, in the body's frame
+        self.parts = tuple(slice(a, b) for a, b in pairwise(ends))  # those that hang together
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
         corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
         self.corners_m: Array = corners.astype(np.float64)  # (8, 3) of the bounding box, in the body's frame
+
+    def normals(self, p_m: Array) -> Array32:
+        """(T, 3) unit normals of the triangles, on the side of a point `p_m` (3,) in the body's frame."""
+        towards = np.einsum("ni,ni->n", self._normal, p_m - self._on_m)
+        return np.asarray(np.where(towards < 0, -1.0, 1.0)[:, None] * self._normal, dtype=np.float32)
 
     def cast(self, X_body_ray: Array, directions: Array32) -> Hits:
         """Hits of rays from the origin of a frame along `directions` (n, 3) in it."""
@@ -52,16 +62,13 @@ class Body:
         answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
         t_hit = answer["t_hit"].numpy()
         index = np.flatnonzero(np.isfinite(t_hit))
-        t, geometry = t_hit[index], answer["geometry_ids"].numpy()[index]
-        normal = answer["primitive_normals"].numpy()[index]
-        along = rays[index, 3:]
-        normal *= np.where(np.einsum("ni,ni->n", normal, along) > 0, np.float32(-1), np.float32(1))[:, None]
-        albedo = self._albedo[geometry]
-        for number, texture in self._textures.items():
-            on_it = geometry == number
-            points = X_body_ray[:3, 3] + along[on_it].astype(np.float64) * t[on_it, None]
+        t, triangle = t_hit[index], answer["primitive_ids"].numpy()[index]
+        albedo = self._albedo[triangle]
+        for first, last, texture in self._textures:
+            on_it = (triangle >= first) & (triangle < last)
+            points = X_body_ray[:3, 3] + rays[index[on_it], 3:].astype(np.float64) * t[on_it, None]
             albedo[on_it] = paint(texture, points, albedo[on_it])
-        return Hits(index, t, along, normal, albedo)
+        return Hits(index, t, triangle, albedo)
 
     def occludes(self, points_m: Array32, direction: Array) -> NDArray[np.bool_]:
         """(n,) whether the body lies between `points_m` (n, 3) and a light far away along `direction` (3,)."""
@@ -78,3 +85,25 @@ def _rays(X_body_ray: Array, directions: Array32) -> Array32:
     rays[:, :3] = X_body_ray[:3, 3]
     rays[:, 3:] = directions @ X_body_ray[:3, :3].T.astype(np.float32)
     return rays
+
+
+def _merged(meshes: Sequence[tuple[Array, NDArray[np.int32]]]) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices (V, 3) and triangles (T, 3) of several meshes in one."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    triangles = [one + np.int32(start) for (_, one), start in zip(meshes, starts[:-1], strict=True)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(triangles)
+
+
+def _unit(normals: Array) -> Array:
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
+
+
+def _connected(count: int, triangles: NDArray[np.int32]) -> list[NDArray[np.intp]]:
+    """Vertices that hang together by triangles (T, 3)."""
+    label = np.arange(count)
+    while True:
+        before = label.copy()
+        for corner in range(3):
+            np.minimum.at(label, triangles[:, corner], label[triangles].min(axis=1))
+        if np.array_equal(label, before):
+            return [np.flatnonzero(label == one) for one in np.unique(label)]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Self
 
 import cv2
 import numpy as np
@@ -18,35 +17,52 @@ from hw.types import Array, Intrinsics
 from sim.render import shading
 from sim.render.bodies import Body
 from sim.render.layers import Latest, Layer
+from sim.render.outlines import Outline, outline
+from sim.render.poses import holds_still
 from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
-from sim.render.rectangles import Rectangle, coarser, is_empty, union, within
+from sim.render.rectangles import Rectangle, coarser, union, within
 
 JITTER_PX = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 """Where in its pixel each of the samples looks: time and space are sampled together, edges come out smooth."""
 SAMPLES = len(JITTER_PX)
-_SHADOW_STRIDE = 2
+_SHADOWED = SAMPLES // 2
+"""The sample for which shadows are looked for, at every so many pixels:"""
+_STRIDE = 2
 
-Moving = Sequence[tuple[Body, Array]]
+Posed = Sequence[tuple[Body, Array]]
 """Bodies with their poses (samples, 4, 4) in the base frame."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Canvas:
-    """One sample of (a part of) the image; parts share memory with the whole."""
+class _Scene:
+    """All samples of (a part of) the image with some of the bodies in it."""
 
-    t: Array32  # (h, w) depth, inf where nothing is
-    rgb: NDArray[np.floating]  # (h, w, 3) linear
-    lit: NDArray[np.bool_]  # (h, w) turned towards the key light
+    t: tuple[Array32, ...]  # (h, w) depth of each sample, inf where nothing is
+    rgb: tuple[NDArray[np.floating], ...]  # (h, w, 3) linear
+    lit: NDArray[np.bool_]  # (h, w) turned towards the key light, in the sample for shadows
+    dark: Array32  # of the whole image, every `_STRIDE`-th pixel: the key light is taken away, 0 or 1
 
-    def part(self, box: Rectangle) -> Self:
-        return type(self)(self.t[box], self.rgb[box], self.lit[box])
+    def copy(self, box: Rectangle) -> _Scene:
+        """To paint in."""
+        t, rgb = tuple(t[box].copy() for t in self.t), tuple(rgb[box].astype(np.float32) for rgb in self.rgb)
+        return _Scene(t, rgb, self.lit[box].copy(), self.dark.copy())
 
-    def fresh(self) -> _Canvas:
-        return _Canvas(self.t.copy(), self.rgb.astype(np.float32), self.lit.copy())
+    def picture(self, box: Rectangle) -> NDArray[np.uint8]:
+        """(h, w, 3) sRGB of a scene that is cut at `box`."""
+        total: Array32 = np.zeros(self.rgb[0].shape, dtype=np.float32)
+        for rgb in self.rgb:
+            total += rgb
+        size = _STRIDE * self.dark.shape[1], _STRIDE * self.dark.shape[0]
+        shadow = cv2.resize(cv2.blur(self.dark, (3, 3)), size)[box]
+        total *= (1 - np.float32(shading.SHADOW_SHARE) * shadow[..., None]) / SAMPLES
+        return shading.srgb(total)
 
 
 class ColourView:
-    """The colour camera before the still part of the scene."""
+    """The colour camera before the still part of the scene.
+
+    Bodies that hold still during an exposure are painted first, and stay painted as long as nothing else does.
+    """
 
     def __init__(self, camera: Intrinsics, X_BC: Array, world: Body) -> None:
         self._camera, self._X_BC, self._X_CB = camera, X_BC, inverse(X_BC)
@@ -54,95 +70,112 @@ class ColourView:
         self._fov = field_of_view(centre_rays)
         self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            self._still = list(pool.map(partial(self._still_sample, world), self._rays))
-        mean: Array32 = np.mean([sample.rgb.astype(np.float32) for sample in self._still], axis=0, dtype=np.float32)
-        self._still_srgb = shading.srgb(mean)
-        self._boxes: Latest[tuple[Rectangle, Rectangle]] = Latest()
+            t, rgb, lit = zip(*pool.map(partial(self._still_sample, world), self._rays), strict=True)
+        dark = np.zeros((-(-camera.height // _STRIDE), -(-camera.width // _STRIDE)), dtype=np.float32)
+        self._bare = _Scene(t, rgb, lit[_SHADOWED], dark)
+        self._outlines: Latest[Outline] = Latest()
         self._layers: Latest[Layer] = Latest()
+        self._at_rest: Latest[tuple[_Scene, NDArray[np.uint8]]] = Latest()
 
-    def render(self, moving: Moving) -> NDArray[np.uint8]:
+    def render(self, bodies: Posed) -> NDArray[np.uint8]:
         """(H, W, 3) RGB of bodies at `SAMPLES` poses each."""
-        image = self._still_srgb.copy()
-        boxes = [self._boxes.get(body, X, partial(self._covered, body, X)) for body, X in moving]
-        seen, shaded = [box for box, _ in boxes], [box for _, box in boxes]
-        region = union([*seen, *shaded])
+        resting = [(body, X) for body, X in bodies if holds_still(X)]
+        moving = [(body, X) for body, X in bodies if not holds_still(X)]
+        key = tuple((body, X[0].tobytes()) for body, X in resting)
+        backdrop, image = self._at_rest.get("backdrop", key, partial(self._backdrop, resting))
+        region = self._touched(moving)
         if region is None:
             return image
-        total: Array32 = np.zeros((*image[region].shape[:2], 3), dtype=np.float32)
-        shadow = total[..., 0]
-        for k, (still, rays) in enumerate(zip(self._still, self._rays, strict=True)):
-            canvas = still.part(region).fresh()
-            corner = region[0].start, region[1].start
-            for (body, X), box in zip(moving, seen, strict=True):
-                if not is_empty(box):
-                    layer = self._layers.get((body, k), X[k], partial(self._layer, body, X[k], box, rays))
-                    layer.paint(canvas.t, (canvas.rgb, canvas.lit), corner)
-            total += canvas.rgb
-            if k == SAMPLES // 2:
-                shadow = self._shadow([(body, X[k]) for body, X in moving], shaded, region, canvas, rays[region])
-        total *= (1 - np.float32(shading.SHADOW_SHARE) * shadow[..., None]) / SAMPLES
-        image[region] = shading.srgb(total)
+        image = image.copy()
+        image[region] = self._painted(backdrop, resting, moving, region).picture(region)
         return image
 
-    def _still_sample(self, world: Body, rays: Array32) -> _Canvas:
+    def _backdrop(self, resting: Posed) -> tuple[_Scene, NDArray[np.uint8]]:
+        everything = slice(0, self._camera.height), slice(0, self._camera.width)
+        scene = self._painted(self._bare, (), resting, everything)
+        return scene, scene.picture(everything)
+
+    def _painted(self, base: _Scene, there: Posed, coming: Posed, region: Rectangle) -> _Scene:
+        """`base`, which shows the bodies `there`, with those `coming`, in the `region` that these change."""
+        scene = base.copy(region)
+        corner = region[0].start, region[1].start
+        for k in range(SAMPLES):
+            for body, X in coming:
+                layer = self._layers.get((body, k), X.tobytes(), partial(self._layer, body, X, k))
+                pictures = (scene.rgb[k], scene.lit) if k == _SHADOWED else (scene.rgb[k],)
+                layer.paint(scene.t[k], pictures, corner)
+        some = slice(None, None, _STRIDE)
+        lit = scene.lit[some, some] & np.isfinite(scene.t[_SHADOWED][some, some])
+        changed = (scene.t[_SHADOWED] != base.t[_SHADOWED][region])[some, some]
+        scene.dark[coarser(region, _STRIDE)][changed] = 0
+        self._darken(scene, region, coming, lit)
+        self._darken(scene, region, there, lit & changed)
+        return scene
+
+    def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, NDArray[np.floating], NDArray[np.bool_]]:
+        """Depth (H, W), linear colour (H, W, 3), and what is turned towards the key light (H, W)."""
         flat, shape = rays.reshape(-1, 3), rays.shape[:2]
         hits = world.cast(self._X_BC, flat)
-        points = self._X_BC[:3, 3].astype(np.float32) + hits.along * hits.t[:, None]
-        radiance = shading.lambert(hits.albedo, hits.normal)
+        points = self._points(flat[hits.index], hits.t)
+        normal = world.normals(self._X_BC[:3, 3])
+        radiance = hits.albedo * shading.light(normal)[hits.triangle]
         top = np.abs(points[:, 2]) < 2e-3
         radiance[top] *= shading.grain(points[top])
         t, lit = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.bool_)
         rgb = np.tile(shading.BACKGROUND_RGB.astype(np.float16), (len(flat), 1))
-        t[hits.index], rgb[hits.index], lit[hits.index] = hits.t, radiance, shading.lit_by_key(hits.normal)
-        return _Canvas(t.reshape(shape), rgb.reshape(*shape, 3), lit.reshape(shape))
+        t[hits.index], rgb[hits.index] = hits.t, radiance
+        lit[hits.index] = shading.lit_by_key(normal)[hits.triangle]
+        return t.reshape(shape), rgb.reshape(*shape, 3), lit.reshape(shape)
 
-    def _covered(self, body: Body, X_BO: Array) -> tuple[Rectangle, Rectangle]:
-        """Where a body at poses (samples, 4, 4) can be seen, and where it or its shadow can."""
-        corners = self._corners(body, X_BO)
-        return self._rectangle(corners), self._rectangle(_with_feet(corners))
+    def _layer(self, body: Body, X_BO: Array, k: int) -> Layer:
+        """What sample k shows of a body at poses (samples, 4, 4)."""
+        seen = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
+        X_OC = inverse(X_BO[k]) @ self._X_BC
+        hits = body.cast(X_OC, self._rays[k][seen.rows, seen.columns])
+        normal = body.normals(X_OC[:3, 3]) @ X_BO[k, :3, :3].T.astype(np.float32)
+        values: tuple[NDArray[np.generic], ...] = (hits.albedo * shading.light(normal)[hits.triangle],)
+        if k == _SHADOWED:
+            values = (*values, shading.lit_by_key(normal)[hits.triangle])
+        return Layer(seen.rows[hits.index], seen.columns[hits.index], hits.t, values)
 
-    def _layer(self, body: Body, X_BO: Array, box: Rectangle, rays: Array32) -> Layer:
-        """A body at a pose (4, 4), which can only be seen within `box`; `rays` are those of the whole image."""
-        hits = body.cast(inverse(X_BO) @ self._X_BC, rays[box].reshape(-1, 3))
-        normal = hits.normal @ X_BO[:3, :3].T.astype(np.float32)
-        return Layer.within(box, hits.index, hits.t, shading.lambert(hits.albedo, normal), shading.lit_by_key(normal))
+    def _outline(self, body: Body, X_BO: Array) -> Outline:
+        """Where a body at poses (samples, 4, 4) can be seen during the exposure."""
+        X_CO = self._X_CB @ (X_BO[:1] if holds_still(X_BO) else X_BO)
+        points_m = body.points_m @ np.swapaxes(X_CO[:, :3, :3], 1, 2) + X_CO[:, None, :3, 3]
+        return outline(points_m, body.parts, self._camera, self._fov)
 
-    def _shadow(
-        self,
-        moving: Moving,
-        boxes: Sequence[Rectangle],
-        region: Rectangle,
-        canvas: _Canvas,
-        rays: Array32,
-    ) -> Array32:
-        """(h, w) of `region`: how much of the key light the moving bodies, at poses (4, 4), take away; 0 to 1."""
-        step = _SHADOW_STRIDE
-        t, lit, rays = canvas.t[::step, ::step], canvas.lit[::step, ::step], rays[::step, ::step]
-        dark: Array32 = np.zeros(t.shape, dtype=np.float32)
-        for (body, X_BO), box in zip(moving, boxes, strict=True):
-            if is_empty(box):
-                continue
-            part = coarser(within(box, region), step)
-            asked = lit[part] & np.isfinite(t[part]) & (dark[part] < 1)
-            X_OB = inverse(X_BO)
+    def _touched(self, moving: Posed) -> Rectangle | None:
+        """Where bodies at poses (samples, 4, 4), or their shadows, can be seen: whole steps of the shadows."""
+        around = union([self._shaded(body, X) for body, X in moving])
+        if around is None:
+            return None
+        rows, columns = (slice(side.start // _STRIDE * _STRIDE, side.stop) for side in around)
+        return rows, columns
+
+    def _shaded(self, body: Body, X_BO: Array) -> Rectangle:
+        """Where a body at poses (samples, 4, 4) or its shadow can be seen."""
+        corners = (body.corners_m @ np.swapaxes(X_BO[:, :3, :3], 1, 2) + X_BO[:, None, :3, 3]).reshape(-1, 3)
+        points = _with_feet(corners) @ self._X_CB[:3, :3].T + self._X_CB[:3, 3]
+        return image_rectangle(points, self._camera, self._fov)
+
+    def _darken(self, scene: _Scene, region: Rectangle, bodies: Posed, lit: NDArray[np.bool_]) -> None:
+        """Mark in a scene of `region` what bodies at poses (samples, 4, 4) shade of those points that are lit."""
+        some = slice(None, None, _STRIDE)
+        t, rays = scene.t[_SHADOWED][some, some], self._rays[_SHADOWED][region][some, some]
+        dark = scene.dark[coarser(region, _STRIDE)]
+        for body, X in bodies:
+            part = coarser(within(self._shaded(body, X), region), _STRIDE)
+            asked = lit[part] & (dark[part] < 1)
+            X_OB = inverse(X[_SHADOWED])
             points = self._points(rays[part][asked], t[part][asked])
             local: Array32 = points @ X_OB[:3, :3].T.astype(np.float32) + X_OB[:3, 3].astype(np.float32)
             dark[part][asked] = body.occludes(local, X_OB[:3, :3] @ shading.KEY_LIGHT)
-        height, width = canvas.t.shape
-        return np.asarray(cv2.resize(cv2.blur(dark, (3, 3)), (width, height)), dtype=np.float32)
 
     def _points(self, rays: Array32, t: Array32) -> Array32:
         """(n, 3) in the base frame."""
         points: Array32 = (rays * t[:, None]) @ self._X_BC[:3, :3].T.astype(np.float32)
         points += self._X_BC[:3, 3].astype(np.float32)
         return points
-
-    @staticmethod
-    def _corners(body: Body, X_BO: Array) -> Array:
-        return (body.corners_m @ np.swapaxes(X_BO[:, :3, :3], 1, 2) + X_BO[:, None, :3, 3]).reshape(-1, 3)
-
-    def _rectangle(self, points_B_m: Array) -> Rectangle:
-        return image_rectangle(points_B_m @ self._X_CB[:3, :3].T + self._X_CB[:3, 3], self._camera, self._fov)
 
 
 def _with_feet(corners_m: Array) -> Array:

@@ -8,8 +8,9 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
-from sim.render.bodies import Body, Hits
+from sim.render.bodies import Body
 from sim.render.colour import JITTER_PX
+from sim.render.depth import cosines
 from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
 from sim.render.rectangles import is_empty
 
@@ -43,11 +44,11 @@ class InfraredView:
     @staticmethod
     def _cast(body: Body, X_OD: Array, rays: Array32) -> tuple[Array32, Array32]:
         flat = rays.reshape(-1, 3)
-        hits: Hits = body.cast(X_OD, flat)
+        hits = body.cast(X_OD, flat)
         t, light = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.float32)
-        length = np.linalg.norm(hits.along, axis=1)
-        cosine = np.abs(np.einsum("ni,ni->n", hits.normal, hits.along)) / length
-        t[hits.index], light[hits.index] = hits.t, hits.albedo.mean(axis=1) * cosine / (hits.t * length) ** 2
+        distance = hits.t * np.linalg.norm(flat[hits.index], axis=1)
+        t[hits.index] = hits.t
+        light[hits.index] = hits.albedo.mean(axis=1) * cosines(hits, body, X_OD, flat) / distance**2
         return t.reshape(rays.shape[:2]), light.reshape(rays.shape[:2])
 
     def _rectangle(self, body: Body, X_BO: Array) -> tuple[slice, slice]:

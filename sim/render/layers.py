@@ -9,9 +9,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.types import Array
 from sim.render.rays import Array32
-from sim.render.rectangles import Rectangle
 
 Known = TypeVar("Known")
 
@@ -24,12 +22,6 @@ class Layer:
     columns: NDArray[np.intp]  # (m,)
     t: Array32  # (m,) depth
     values: tuple[NDArray[Any], ...]  # (m, ...) each: one for each picture that is painted
-
-    @classmethod
-    def within(cls, box: Rectangle, index: NDArray[np.intp], t: Array32, *values: NDArray[Any]) -> Layer:
-        """Of pixels that are counted row by row in `box`."""
-        rows, columns = np.divmod(index, box[1].stop - box[1].start)
-        return cls(rows + box[0].start, columns + box[1].start, t, values)
 
     def paint(self, t: Array32, pictures: Sequence[NDArray[Any]], corner: tuple[int, int] = (0, 0)) -> None:
         """Where the layer is nearer than `t` (h, w), it takes over there and in the `pictures` (h, w, ...).
@@ -49,11 +41,11 @@ class Latest(Generic[Known]):
     """Remembers of each thing what was made of it last: bodies at rest are not looked at again."""
 
     def __init__(self) -> None:
-        self._known: dict[Hashable, tuple[bytes, Known]] = {}
+        self._known: dict[Hashable, tuple[Hashable, Known]] = {}
 
-    def get(self, what: Hashable, X: Array, make: Callable[[], Known]) -> Known:
-        """What `make` gives for `what` at the poses X, unless that was asked for last."""
-        key, known = X.tobytes(), self._known.get(what)
+    def get(self, what: Hashable, key: Hashable, make: Callable[[], Known]) -> Known:
+        """What `make` gives for `what` where `key` says all that matters, unless that was asked for last."""
+        known = self._known.get(what)
         if known is None or known[0] != key:
             known = key, make()
             self._known[what] = known

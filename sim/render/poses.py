@@ -22,11 +22,18 @@ def held_still(X: Array) -> Array:
     return held
 
 
+def holds_still(X: Array) -> bool:
+    """Whether poses (S, 4, 4) are all the same."""
+    return not np.ptp(X, axis=0).any()
+
+
 def within_exposure(X: Array, fractions: Array) -> Array:
     """Poses (S, 4, 4) at the middles of S equal slices of an exposure -> (K, 4, 4) at `fractions` (K,) in [0, 1].
 
-    Linear in between (rotations made proper again); held beyond the first and last slice.
+    Linear in between (rotations made proper again); held beyond the first and last slice. One that holds still does so.
     """
+    if holds_still(X):
+        X = X[:1]
     count = len(X)
     place = np.clip(fractions * count - 0.5, 0, count - 1)
     lower = np.minimum(place.astype(int), max(count - 2, 0))

@@ -11,6 +11,7 @@ from hw.types import Array, Intrinsics
 Array32 = NDArray[np.float32]
 
 _NODES = 32
+NEAR_M = 0.02
 _FOV_MARGIN = 1.05  # beyond the corners of the image the distortion polynomial is not trusted
 
 
@@ -54,6 +55,13 @@ def field_of_view(rays: Array32) -> tuple[Array, Array]:
     return xy.min(axis=(0, 1)) * _FOV_MARGIN, xy.max(axis=(0, 1)) * _FOV_MARGIN
 
 
+def pixels(xy: Array, camera: Intrinsics) -> Array:
+    """Where rays (N, 2), which go through x, y at z = 1, fall in the image: (N, 2) column and row."""
+    ahead = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+    uv, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
+    return np.asarray(uv.reshape(-1, 2), dtype=np.float64)
+
+
 def image_rectangle(
     points_m: Array, camera: Intrinsics, fov: tuple[Array, Array], margin_px: int = 3
 ) -> tuple[slice, slice]:
@@ -64,13 +72,11 @@ def image_rectangle(
     """
     everything = (slice(0, camera.height), slice(0, camera.width))
     z = points_m[:, 2]
-    if z.min() < 0.02:
+    if z.min() < NEAR_M:
         return everything
-    xy = np.clip(points_m[:, :2] / z[:, None], *fov)
-    inside = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
-    uv, _ = cv2.projectPoints(inside, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
-    first = np.floor(uv.reshape(-1, 2).min(axis=0)).astype(int) - margin_px
-    last = np.ceil(uv.reshape(-1, 2).max(axis=0)).astype(int) + margin_px + 1
+    uv = pixels(np.clip(points_m[:, :2] / z[:, None], *fov), camera)
+    first = np.floor(uv.min(axis=0)).astype(int) - margin_px
+    last = np.ceil(uv.max(axis=0)).astype(int) + margin_px + 1
     size = np.array([camera.width, camera.height])
     first, last = np.clip(first, 0, size), np.clip(last, 0, size)
     return slice(int(first[1]), int(last[1])), slice(int(first[0]), int(last[0]))

@@ -26,9 +26,12 @@ def union(boxes: Sequence[Rectangle]) -> Rectangle | None:
 
 
 def within(box: Rectangle, region: Rectangle) -> Rectangle:
-    """`box` counted from the first corner of `region`."""
-    (rows, columns), (top, left) = box, (region[0].start, region[1].start)
-    return slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left)
+    """What of `box` lies in `region`, counted from its first corner."""
+    rows, columns = (
+        slice(max(side.start - whole.start, 0), max(min(side.stop, whole.stop) - whole.start, 0))
+        for side, whole in zip(box, region, strict=True)
+    )
+    return rows, columns
 
 
 def coarser(box: Rectangle, step: int) -> Rectangle:

@@ -7,6 +7,7 @@ up to 17 mm) and from measurements on matte surfaces at 1 m (1 to 2 mm).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import cv2
@@ -60,17 +61,22 @@ def sense_depth(
     if noise is None:
         return np.round(1000 * z).astype(np.uint16)
     clean = z
-    height, width = z.shape
-    v, u = np.arange(height, dtype=np.float32)[:, None] / height, np.arange(width, dtype=np.float32) / width
-    wave = np.sin(7.1 * u + 4.3 * v) * np.cos(5.3 * v - 2.1 * u)
     brightness = np.clip(albedo * cosine, 0.02, 1.0)
     std = noise.depth_std_m * clean**2 * np.sqrt(0.5 / brightness)
-    z = clean * noise.depth_gain + noise.depth_bias_m + noise.ripple_m * wave
+    z = clean * noise.depth_gain + noise.depth_bias_m + noise.ripple_m * _wave(*z.shape)
     z = z + std * rng.standard_normal(z.shape, dtype=np.float32)
     z, missing = _edges(clean, z, missing, noise, rng)
     missing |= (cosine < 0.10) | (albedo < 0.008)
     z[missing] = 0
     return np.clip(np.round(1000 * z), 0, 65535).astype(np.uint16)
+
+
+@lru_cache
+def _wave(height: int, width: int) -> Array32:
+    """(H, W) -1 to 1, slowly varying."""
+    v, u = np.arange(height, dtype=np.float32)[:, None] / height, np.arange(width, dtype=np.float32) / width
+    wave: Array32 = np.sin(7.1 * u + 4.3 * v) * np.cos(5.3 * v - 2.1 * u)
+    return wave
 
 
 def _edges(

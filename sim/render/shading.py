@@ -25,13 +25,12 @@ BACKGROUND_RGB = np.array([0.20, 0.21, 0.23], dtype=np.float32)
 """What rays meet that leave the scene, linear."""
 
 
-def lambert(albedo: Array32, normal: Array32) -> Array32:
-    """(n, 3) linear radiance of matte surfaces with unit normals in the base frame, without shadows."""
+def light(normal: Array32) -> Array32:
+    """(n, 1) what matte surfaces with unit normals (n, 3) in the base frame get, without shadows."""
     key = KEY_POWER * np.maximum(normal @ KEY_LIGHT.astype(np.float32), 0)
     fill = FILL_POWER * np.maximum(normal @ FILL_LIGHT.astype(np.float32), 0)
     up = np.float32(0.5) * (normal[:, 2] + 1)
-    light: Array32 = key + fill + FLOOR_POWER + (SKY_POWER - FLOOR_POWER) * up
-    return np.asarray(albedo * light[:, None], dtype=np.float32)
+    return np.asarray(key + fill + FLOOR_POWER + (SKY_POWER - FLOOR_POWER) * up, dtype=np.float32)[:, None]
 
 
 def lit_by_key(normal: Array32) -> NDArray[np.bool_]:

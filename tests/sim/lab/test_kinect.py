@@ -228,3 +228,18 @@ def test_colour_noise_is_normal_and_of_the_stated_size() -> None:
     assert np.abs(tint[::2, ::2] - tint[1::2, 1::2]).max() <= 2
     assert np.corrcoef(tint[::2, ::2].ravel(), tint[::2, 1::2].ravel())[0, 1] > 0.95
     assert abs(np.corrcoef(tint[:, 1:-1:2].ravel(), tint[:, 2::2].ravel())[0, 1]) < 0.02
+
+
+def test_what_rests_and_what_moves_are_painted_alike() -> None:
+    plate = cube("plate", (-0.06, -0.06, 0.0), (0.06, 0.06, 0.004), (0.1, 0.2, 0.6))
+    scene = Renderer(close_up(), default_X_BC(), [TABLE, BLOCK, plate])
+    block = np.stack([at(0.69 + 0.002 * i, 0.0, HALF_M) for i in range(4)])
+    over = np.tile(at(0.66, -0.05, 0.12), (4, 1, 1))
+    quivering = over.copy()
+    quivering[:, 2, 3] += 1e-12 * np.arange(4)
+    resting, _ = scene.render({"block": block, "plate": over}, None, RNG(0))
+    moving, _ = scene.render({"block": block, "plate": quivering}, None, RNG(0))
+    bare, _ = scene.render({"block": block, "plate": at(0.7, 0.0, -3.0)[None]}, None, RNG(0))
+    shaded = np.logical_and(red(resting), (bare.astype(int) - resting).max(axis=-1) > 20)
+    assert shaded.sum() > 50  # the plate above shades the block that moves
+    assert np.array_equal(resting, moving)

@@ -29,6 +29,7 @@ PAGE, FOLDER = Path("docs/results/methods.md"), Path("build/results")
 TABLE_A2 = ("wd", "ood-1", "ood-2", "ood-3", "ood-4")
 COLUMNS = (*TABLE_A2, "selected", "drawn", "mujoco")
 LIMITS = ("oracle", "best-action")
+DEFAULT = "adaptsim"
 
 
 @dataclass(frozen=True)
@@ -144,17 +145,65 @@ def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
         [f"`{m}`", *(cell(earned.get((m, c), []), best[c], is_limit=m in LIMITS) for c in columns)] for m in methods
     ]
     conditions = Conditions(part.budget)
-    scored = f"by {part.fresh} true rollouts" if part.fresh else f"at {conditions.judged} contexts"
+    scored = f"by {part.fresh} others" if part.fresh else f"at {conditions.judged} contexts"
     return [
         f"## {part.task.capitalize()}",
         "",
         f"Sessions of {part.budget} trials with {conditions.particles} particles, {part.seeds} of each method in "
-        f"each world; one training seed; tool driven directly. Final policies are scored {scored}.",
+        f"each world; one training seed; tool driven directly. Trials are true rollouts; final policies are scored "
+        f"{scored}.",
         "",
-        *("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)),
+        *_table(head, body),
+        "",
+        *paired(rows),
         "",
         f"    adaptsim {' '.join(part.command(FOLDER))}",
     ]
+
+
+def paired(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """By how much the default method leads every other one, in the same worlds with the same seeds."""
+    named = dict.fromkeys(row["set"] for row in rows)
+    reward = {(r["method"], r["set"], r["target"], r["seed"]): float(r["reward"]) for r in rows}
+    worlds = {s: sorted({r["target"] for r in rows if r["set"] == s}) for s in named}
+    body = []
+    for method in dict.fromkeys(row["method"] for row in rows):
+        if method == DEFAULT:
+            continue
+        cells = []
+        for s in named:
+            ours, theirs = (_means(reward, m, s) for m in (DEFAULT, method))
+            whole = ours.keys() == theirs.keys() == set(worlds[s])
+            cells.append(lead(np.array([ours[w] - theirs[w] for w in worlds[s]]), worlds[s]) if whole else "–")
+        body.append([f"`{method}`", *cells])
+    head = [f"`{DEFAULT}` minus", *(f"{s} ({len(worlds[s])} worlds)" for s in named)]
+    return [
+        "Paired differences of reward, mean over worlds with its 95 % interval, and the world where it is least:",
+        "",
+        *_table(head, body),
+    ]
+
+
+def _means(reward: Mapping[tuple[str, str, str, int], float], method: str, which: str) -> dict[str, float]:
+    """Reward in each world of a set, over its sessions."""
+    found: dict[str, list[float]] = {}
+    for (m, s, world, _), earned in reward.items():
+        if (m, s) == (method, which):
+            found.setdefault(world, []).append(earned)
+    return {world: float(np.mean(earned)) for world, earned in found.items()}
+
+
+def lead(differences: Array, worlds: Sequence[str]) -> str:
+    """One cell."""
+    draws = np.random.default_rng(0).choice(differences, (4000, len(differences))).mean(axis=1)
+    low, high = np.quantile(draws, (0.025, 0.975))
+    least = int(np.argmin(differences))
+    told = f"{differences.mean():+.3f} ({low:+.2f} to {high:+.2f})"
+    return f"{told}; {differences[least]:+.2f} in {worlds[least]}"
+
+
+def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:
+    return ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)]
 
 
 def column_of(row: Mapping[str, Any]) -> str:

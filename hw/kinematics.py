@@ -39,23 +39,22 @@ def link_poses(q_rad: ArrayLike) -> Array:
     if q.shape[-1:] != (JOINTS,):
         raise ValueError(f"joint positions have shape {q.shape}, expected (..., {JOINTS})")
     lead = q.shape[:-1]
-    cos, sin = np.cos(q)[..., None], np.sin(q)[..., None]
-    poses = np.zeros((*lead, FLANGE + 1, 4, 4))
-    poses[..., 3, 3] = 1.0
-    poses[..., 0, :3, :3] = np.eye(3)
-    x, y, z = (np.broadcast_to(axis, (*lead, 3)) for axis in np.eye(3))
-    p = np.zeros((*lead, 3))
+    cos, sin = np.moveaxis(np.cos(q), -1, 0), np.moveaxis(np.sin(q), -1, 0)
+    poses = np.zeros((FLANGE + 1, 4, 4, *lead))  # all samples of an entry side by side
+    poses[:, 3, 3] = 1.0
+    for i in range(3):
+        poses[0, i, i] = 1.0
+    x, y, z, p = (poses[0, :3, column] for column in range(4))
     for i, (a, d, sine) in enumerate(CRAIG):
         if sine:
             y, z = sine * z, -sine * y
         p = p + a * x + d * z
-        c, s = cos[..., i, :], sin[..., i, :]
-        x, y = c * x + s * y, c * y - s * x
+        x, y = cos[i] * x + sin[i] * y, cos[i] * y - sin[i] * x
         for column, axis in enumerate((x, y, z, p)):
-            poses[..., i + 1, :3, column] = axis
-    poses[..., FLANGE, :3, :3] = poses[..., JOINTS, :3, :3]
-    poses[..., FLANGE, :3, 3] = p + FLANGE_M * z
-    return poses
+            poses[i + 1, :3, column] = axis
+    poses[FLANGE, :3, :3] = poses[JOINTS, :3, :3]
+    poses[FLANGE, :3, 3] = p + FLANGE_M * z
+    return np.moveaxis(poses, (0, 1, 2), (-3, -2, -1))
 
 
 def forward(q_rad: ArrayLike) -> Array:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise, product
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -85,27 +86,43 @@ def trial_paths(
     true, home_rad = cell.in_true_joints(), cell.arm.true_rad(frozen_array(q_home, (7,), "q_home"))
     gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, arm=true.arm) if carries else None
     freely: Ways = partial(_ways, q_home=home_rad, cell=true)
-    best: tuple[tuple[bool, float], tuple[JointPath, JointPath, JointPath]] | None = None
+    best: tuple[float, Paths] | None = None
+    unsteady: list[tuple[float, JointPath]] = []  # no gentle way back: only where all others are like that
     refused: NotExecutable | None = None
     for ratio, task in task_paths(motion, X_FT, true, home_rad):
-        if best is not None and (False, ratio) >= best[0]:
+        if best is not None and ratio >= best[0]:
+            continue
+        back = None if gently is None else _unless_refused(task.q_rad[-1], gently, true)
+        if gently is not None and back is None:
+            unsteady.append((ratio, task))
             continue
         try:
-            away = _homeward(task.q_rad[0], freely, true)
-            back = None if gently is None else _unless_refused(task.q_rad[-1], gently, true)
-            rank = gently is not None and back is None, ratio
-            if best is None or rank < best[0]:
-                back = back or _homeward(task.q_rad[-1], freely, true)
-                best = rank, (JointPath(away.t_s, away.q_rad[::-1]), task, back)
+            best = ratio, _with_ways(task, freely, true, back)
         except NotExecutable as error:
             refused = error
             continue
-        if best[0] < (False, GOOD_ENOUGH):
+        if ratio < GOOD_ENOUGH:
             break
+    for ratio, task in sorted(unsteady, key=itemgetter(0)):
+        if best is not None:
+            break
+        try:
+            best = ratio, _with_ways(task, freely, true)
+        except NotExecutable as error:
+            refused = error
     if best is None:
         raise refused or NotExecutable(f"{cell.arm.name}: no task path; choose another action")
     there, task, back = (cell.arm.reported(path) for path in best[1])
     return there, task, back
+
+
+Paths = tuple[JointPath, JointPath, JointPath]
+
+
+def _with_ways(task: JointPath, ways: Ways, cell: Workcell, back: JointPath | None = None) -> Paths:
+    """Approach, task and retreat, which is `back` if that is given. Raises NotExecutable."""
+    away = _homeward(task.q_rad[0], ways, cell)
+    return JointPath(away.t_s, away.q_rad[::-1]), task, back or _homeward(task.q_rad[-1], ways, cell)
 
 
 def task_paths(
@@ -190,12 +207,11 @@ def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
         for over in ways(up.q_rad[-1]):
             path = join_paths(up, over)
             both_ways = path, JointPath(path.t_s, path.q_rad[::-1])
-            reports = [cell.check(way) for way in both_ways]
             low_m = _lowest_m(over, cell)
-            if all(report.ok for report in reports) and low_m >= CLEAR_M:
+            broken = next((report.worst for report in map(cell.check, both_ways) if not report.ok), None)
+            if broken is None and low_m >= CLEAR_M:
                 return path
-            worst = max((report.worst for report in reports), key=lambda check: check.ratio)
-            refused = str(worst) if worst.ratio > 1.0 else f"the tool comes down to {low_m:.3f} m, limit {CLEAR_M:g} m"
+            refused = str(broken) if broken else f"the tool comes down to {low_m:.3f} m, limit {CLEAR_M:g} m"
     raise NotExecutable(f"{cell.arm.name}: no way between the task and home: {refused}; choose another home posture")
 
 

@@ -11,25 +11,27 @@ import datetime
 import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from torch import Tensor
+from numpy.typing import NDArray
 
 from hw.bounded import Unreadable
-from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.prospects import Prospects, restore_prospects
-from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
-from sim.solvers.naf.solver import restore_naf
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, sha256, write_toml
-from sim.storage.tensors import load_tensors, save_tensors
+from sim.storage.tensors import Tensors, load_tensors, save_tensors
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.adaptation.memory import MemoryName
+    from sim.adaptation.q_network import QNetwork
 
 __all__ = [
     "CARD",
@@ -62,10 +64,26 @@ class Checkpoint:
     card: Mapping[str, Any]
     solver: Solver
     emulator: Emulator | None  # None: the solver does not use one
-    networks: Mapping[MemoryName, QNetwork]  # adaptation policies, by their memory of a session
     prospects: Prospects | None  # None with NAF, which cannot answer without simulating
     method: str  # the method that "adaptsim" meant
-    attainable: QNetwork | None = None  # the paper's policy, trained with an attainable threshold
+    tensors: Tensors  # all that is stored
+
+    @cached_property
+    def networks(self) -> Mapping[MemoryName, QNetwork]:
+        """The paper's adaptation policies, by their memory of a session. Raises CheckpointError where one misfits."""
+        found = {memory: self._network(memory, prefix) for memory, prefix in PREFIXES.items()}
+        return {memory: network for memory, network in found.items() if network is not None}
+
+    @cached_property
+    def attainable(self) -> QNetwork | None:
+        """The paper's policy, trained with an attainable threshold. Raises CheckpointError where it misfits."""
+        return self._network("iteration", ATTAINABLE)
+
+    def _network(self, memory: MemoryName, prefix: str) -> QNetwork | None:
+        from sim.adaptation.memory import restore_policy  # noqa: PLC0415 - torch is slow to load, and few methods need it
+
+        part = _part(self.tensors, prefix)
+        return restore_policy(self.solver.task, memory, part) if part else None
 
     @property
     def naf(self) -> Mapping[str, Any] | None:
@@ -94,9 +112,9 @@ def save_checkpoint(
     """
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     for memory, network in networks.items():
-        tensors |= {f"{PREFIXES[memory]}{name}": t.detach() for name, t in network.state_dict().items()}
+        tensors |= {f"{PREFIXES[memory]}{name}": t for name, t in network.tensors.items()}
     if attainable is not None:
-        tensors |= {f"{ATTAINABLE}{name}": t.detach() for name, t in attainable.state_dict().items()}
+        tensors |= {f"{ATTAINABLE}{name}": t for name, t in attainable.tensors.items()}
     if prospects is not None:
         tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
     save_tensors(folder / MODEL, tensors)
@@ -130,9 +148,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         )
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
-    parts = {memory: _part(tensors, prefix) for memory, prefix in PREFIXES.items()}
     ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
-    attainable = _part(tensors, ATTAINABLE)
     if method not in DEFAULTS:
         raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
     by_naf = card.get("solver") == "naf"
@@ -142,10 +158,9 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         card=card,
         solver=EmulatorSolver(emulator) if emulator else _solver(task, path, card),
         emulator=emulator,
-        networks={name: restore_policy(task, name, part) for name, part in parts.items() if part},
         prospects=restore_prospects(task, ahead) if ahead else None,
         method=method,
-        attainable=restore_policy(task, "iteration", attainable) if attainable else None,
+        tensors=tensors,
     )
 
 
@@ -196,13 +211,15 @@ def _solver(task: Task, path: Path, card: Mapping[str, Any]) -> Solver:
     """The solver without an emulator: exact, or NAF's."""
     if task.exact:
         return task.exact(task)
+    from sim.solvers.naf.solver import restore_naf  # noqa: PLC0415 - torch is slow to load, and few checkpoints need it
+
     try:
         return restore_naf(task, card["naf"])
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
 
 
-def _part(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+def _part(tensors: Tensors, prefix: str) -> dict[str, NDArray[Any]]:
     return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
 
 

@@ -6,16 +6,16 @@ trajectories (the paper's AdaptSim-State). "history": everything, of all particl
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from torch import Tensor
 
 from hw.types import Array
 from sim.adaptation.method import Iteration
 from sim.adaptation.q_network import QNetwork, new_network, restore_network
+from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 
 MemoryName = Literal["iteration", "state", "history"]
@@ -63,7 +63,7 @@ def new_policy(task: Task, memory: MemoryName, seed: int) -> QNetwork:
     return new_network(width, len(task.parameters), seed, slots)
 
 
-def restore_policy(task: Task, memory: MemoryName, tensors: Mapping[str, Tensor]) -> QNetwork:
+def restore_policy(task: Task, memory: MemoryName, tensors: Tensors) -> QNetwork:
     """An adaptation policy with this memory. Raises CheckpointError if the tensors do not fit."""
     slots, width = inputs(task, memory)
     return restore_network(width, len(task.parameters), tensors, slots)

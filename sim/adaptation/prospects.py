@@ -5,17 +5,18 @@ Computed once in pretraining and stored in the checkpoint; a session only weighs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver
+from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 
 
@@ -38,13 +39,9 @@ class Prospects:
     rewards: Array  # (C, T)
 
     @property
-    def tensors(self) -> dict[str, Tensor]:
-        """The tensors to store; `restore_prospects` reads them."""
-        return {
-            "candidates": torch.from_numpy(self.candidates),
-            "truths": torch.from_numpy(self.truths),
-            "rewards": torch.from_numpy(self.rewards.astype(np.float16)),
-        }
+    def tensors(self) -> dict[str, NDArray[Any]]:
+        """The arrays to store; `restore_prospects` reads them."""
+        return {"candidates": self.candidates, "truths": self.truths, "rewards": self.rewards.astype(np.float16)}
 
 
 def look_ahead(
@@ -72,10 +69,10 @@ def look_ahead(
     return Prospects(candidates, truths, rewards.astype(np.float64))
 
 
-def restore_prospects(task: Task, tensors: Mapping[str, Tensor]) -> Prospects:
+def restore_prospects(task: Task, tensors: Tensors) -> Prospects:
     """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
     try:
-        found = Prospects(*(tensors[name].double().numpy() for name in ("candidates", "truths", "rewards")))
+        found = Prospects(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
         raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
     parameters = len(task.parameters)

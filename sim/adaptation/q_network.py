@@ -6,7 +6,7 @@ with its mean subtracted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.solvers.threads import one_thread
+from sim.storage.tensors import Tensors
 
 MOVES = 3
 """Choices per parameter: down, stay, up."""
@@ -62,6 +63,11 @@ class QNetwork(nn.Module):
         mean = read.sum(dim=1) / there.sum(dim=1).clamp(min=1.0)
         return torch.cat([read[:, 0], mean, read.amax(dim=1)], dim=-1)
 
+    @property
+    def tensors(self) -> dict[str, NDArray[Any]]:
+        """The arrays to store; `restore_network` reads them."""
+        return {name: t.numpy() for name, t in self.state_dict().items()}
+
     def directions(self, states: Array) -> NDArray[np.int_]:
         """(B, slots * inputs) -> (B, branches) in {-1, 0, 1}, greedy."""
         with one_thread(), torch.no_grad():
@@ -75,7 +81,7 @@ def new_network(inputs: int, branches: int, seed: int, slots: int = 1) -> QNetwo
         return QNetwork(inputs, branches, slots)
 
 
-def restore_network(inputs: int, branches: int, tensors: Mapping[str, Tensor], slots: int = 1) -> QNetwork:
+def restore_network(inputs: int, branches: int, tensors: Tensors, slots: int = 1) -> QNetwork:
     """The stored network. Raises CheckpointError if the tensors do not fit."""
     network = new_network(inputs, branches, 0, slots)
     wanted = {name: tuple(t.shape) for name, t in network.state_dict().items()}
@@ -83,5 +89,5 @@ def restore_network(inputs: int, branches: int, tensors: Mapping[str, Tensor], s
     if wanted != found:
         wrong = sorted(n for n in wanted.keys() | found.keys() if wanted.get(n) != found.get(n))
         raise CheckpointError(f"the adaptation policy does not fit the task: {', '.join(wrong[:3])}; pretrain it again")
-    network.load_state_dict(dict(tensors))
+    network.load_state_dict({name: torch.from_numpy(t) for name, t in tensors.items()})
     return network

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from hw.bounded import Unreadable
 from sim.adaptation.checkpoint import CARD, read_card, save_checkpoint
@@ -267,16 +266,16 @@ def _policies(
         network, curve, seen = train_adaptation(
             means.new_solver(), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[3], i, n), log
         )
-        save_tensors(episodes, {f.name: torch.from_numpy(getattr(seen, f.name)) for f in fields(Episodes)})
-        save_tensors(online, network.state_dict())
+        save_tensors(episodes, {f.name: getattr(seen, f.name) for f in fields(Episodes)})
+        save_tensors(online, network.tensors)
         write_toml(report, _summary(curve))
     for memory, path in further.items():
         if not path.exists():
-            seen = Episodes(**{name: t.numpy() for name, t in load_tensors(episodes).items()})
+            seen = Episodes(**load_tensors(episodes))
             network = learn_from(
                 task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[4], i, n)
             )
-            save_tensors(path, network.state_dict())
+            save_tensors(path, network.tensors)
     for stage in STAGES[3:5]:
         progress(stage, 1, 1)
     files: dict[MemoryName, Path] = {"iteration": online, **further}

@@ -1,26 +1,30 @@
-"""Tensors on disk: safetensors, so that nothing is ever unpickled."""
+"""Arrays on disk: safetensors, so that nothing is ever unpickled."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
-from torch import Tensor
+from safetensors.numpy import load_file, save_file
 
 from hw.bounded import Unreadable, require_tensors
 from sim.errors import CheckpointError
 from sim.storage.files import whole_file
 
+Tensors = Mapping[str, NDArray[Any]]
 
-def save_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+
+def save_tensors(path: Path, tensors: Tensors) -> None:
     """Write a safetensors file that is there whole or not at all. Raises OSError."""
     with whole_file(path) as temporary:
-        save_file({name: t.detach().contiguous() for name, t in tensors.items()}, temporary)
+        save_file({name: np.asarray(t, order="C") for name, t in tensors.items()}, temporary)
 
 
-def load_tensors(path: Path) -> dict[str, Tensor]:
+def load_tensors(path: Path) -> dict[str, NDArray[Any]]:
     """The tensors of a file that someone else may have written. Raises CheckpointError."""
     try:
         require_tensors(path)

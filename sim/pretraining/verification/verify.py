@@ -144,7 +144,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
         card=read_card(folder / "checkpoint", task.name),
         curve=curve,
         networks={m: restore_policy(task, m, load_tensors(path)) for m, path in files.items() if path.exists()},
-        episodes=Episodes(**{n: t.numpy() for n, t in load_tensors(folder / "episodes.safetensors").items()}),
+        episodes=Episodes(**load_tensors(folder / "episodes.safetensors")),
         solver=solver,
         emulator=emulator,
         dataset=dataset,

@@ -7,27 +7,28 @@ al. 2018): near data the trained part cancels it, elsewhere the members disagree
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor, relu_
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.solvers.threads import one_thread
+from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 from sim.types import Space
 
-ROWS = 16384
-"""Inputs evaluated at once: bounds the memory."""
+ROWS = 512
+"""Inputs evaluated at once: what they go through stays in the processor's cache."""
+
+Array32 = NDArray[np.float32]
 
 PRIOR_SCALE = 0.5
 """Weight of the fixed random networks, in standard deviations of the outputs."""
 
 
-def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Tensor:
+def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Array32:
     """(..., p), (..., a), (..., n) in units -> (..., f): each in about [-1, 1], whole numbers one-hot.
 
     The leading shapes broadcast.
@@ -35,10 +36,10 @@ def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Ten
     lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
     columns = [_encode_space(task.margin, parameters), _encode_space(task.action, action)]
     columns.append(_encode_space(task.nuisance, nuisance))
-    return torch.cat([torch.broadcast_to(c, (*lead, c.shape[-1])) for c in columns], dim=-1)
+    return np.concatenate([np.broadcast_to(c, (*lead, c.shape[-1])) for c in columns], axis=-1)
 
 
-def _encode_space(space: Space, value: Array) -> Tensor:
+def _encode_space(space: Space, value: Array) -> Array32:
     unit = 2.0 * space.normalise(value) - 1.0
     columns: list[Array] = []
     for i, d in enumerate(space.dimensions):
@@ -49,7 +50,7 @@ def _encode_space(space: Space, value: Array) -> Tensor:
         else:
             columns.append(unit[..., i, None])
     stacked = np.concatenate(columns, axis=-1) if columns else np.zeros((*value.shape[:-1], 0))
-    return torch.from_numpy(stacked.astype(np.float32))
+    return stacked.astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +65,10 @@ class EmulatedTrials:
 class Emulator:
     """The trained networks of `sim.solvers.emulator.training`, ready for predictions. Not for subclassing."""
 
-    def __init__(self, task: Task, tensors: Mapping[str, Tensor]) -> None:
+    def __init__(self, task: Task, tensors: Tensors) -> None:
         """Raises CheckpointError if the tensors are not those of an emulator of this task."""
         self.task = task
-        self._tensors = {name: tensors[name].detach().clone() for name in sorted(tensors)}
+        self._tensors = {name: tensors[name].copy() for name in sorted(tensors)}
         missing = {"depth", "y_mean", "y_std", "temperature", "residual_std", "misfit_limit", "w0"} - tensors.keys()
         if missing:
             raise CheckpointError(f"the emulator has no {', '.join(sorted(missing))}: pretrain again")
@@ -80,7 +81,7 @@ class Emulator:
         self._depth = int(tensors["depth"])
 
     @property
-    def tensors(self) -> dict[str, Tensor]:
+    def tensors(self) -> dict[str, NDArray[Any]]:
         """The tensors to store; `Emulator(task, tensors)` restores the emulator."""
         return dict(self._tensors)
 
@@ -92,7 +93,7 @@ class Emulator:
     @property
     def residual_std(self) -> Array:
         """(size,) robust spread of the held-out errors of the observation, normalised."""
-        return self._tensors["residual_std"].double().numpy()
+        return np.asarray(self._tensors["residual_std"], dtype=np.float64)
 
     @property
     def misfit_limit(self) -> float:
@@ -134,23 +135,24 @@ class Emulator:
         scaled = np.clip(logit / float(self._tensors["temperature"]), -30.0, 30.0)
         return np.asarray(1.0 / (1.0 + np.exp(-scaled)), dtype=np.float64)
 
-    def _forward(self, features: Tensor, outputs: slice) -> Array:
+    def _forward(self, features: Array32, outputs: slice) -> Array:
         """(N, f) -> (M, N, outputs) in the units of the targets."""
         scale, shift = self._tensors["y_std"][outputs], self._tensors["y_mean"][outputs]
-        with one_thread(), torch.no_grad():
-            parts = [
-                forward(self._tensors, self._depth, rows.expand(self.members, -1, -1), outputs) * scale + shift
-                for rows in torch.split(features, ROWS)
-            ]
-        return torch.cat(parts, dim=1).double().numpy()
+        raw = np.empty((self.members, len(features), len(scale)))
+        for first in range(0, len(features), ROWS):
+            rows = slice(first, first + ROWS)
+            raw[:, rows] = self._standardised(features[rows], outputs) * scale + shift
+        return raw
 
+    def _standardised(self, x: Array32, outputs: slice) -> Array32:
+        """(N, f) -> (M, N, outputs): the trained networks and their fixed priors."""
+        trained, prior = self._network("w", "b", self._depth, x, outputs), self._network("pw", "pb", 1, x, outputs)
+        return trained + np.float32(PRIOR_SCALE) * prior
 
-def forward(tensors: Mapping[str, Tensor], depth: int, x: Tensor, outputs: slice = slice(None)) -> Tensor:
-    """(M, N, f) -> (M, N, outputs), standardised: the trained networks and their fixed priors."""
-    return _network(tensors, "w", "b", depth, x, outputs) + PRIOR_SCALE * _network(tensors, "pw", "pb", 1, x, outputs)
-
-
-def _network(tensors: Mapping[str, Tensor], w: str, b: str, depth: int, x: Tensor, outputs: slice) -> Tensor:
-    for layer in range(depth):
-        x = relu_(torch.baddbmm(tensors[f"{b}{layer}"], x, tensors[f"{w}{layer}"]))
-    return torch.baddbmm(tensors[f"{b}{depth}"][..., outputs], x, tensors[f"{w}{depth}"][..., outputs])
+    def _network(self, w: str, b: str, depth: int, x: Array32, outputs: slice) -> Array32:
+        for layer in range(depth):
+            x = x @ self._tensors[f"{w}{layer}"]
+            x += self._tensors[f"{b}{layer}"]
+            np.maximum(x, 0.0, out=x)
+        last: Array32 = x @ self._tensors[f"{w}{depth}"][..., outputs] + self._tensors[f"{b}{depth}"][..., outputs]
+        return last

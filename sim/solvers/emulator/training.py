@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, relu_
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from hw.types import Array
@@ -19,7 +19,7 @@ from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
-from sim.solvers.emulator.network import Emulator, encode, forward
+from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, encode
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
@@ -80,7 +80,7 @@ def train_emulator(
     targets = _targets(task, dataset)
     y_mean, y_std = _scaling(targets.y[train], targets.known[train])
     data = _Data(
-        x=encode(task, dataset.parameters, dataset.action, dataset.nuisance),
+        x=torch.from_numpy(encode(task, dataset.parameters, dataset.action, dataset.nuisance)),
         y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
         known=torch.from_numpy(targets.known).float(),
         success=torch.from_numpy(dataset.succeeded.copy()).float(),
@@ -88,20 +88,21 @@ def train_emulator(
     with one_thread():
         weights = _fit(data, train, calibrate, settings, rng, progress)
     # The last output is the success logit, which is not scaled.
-    tensors = weights | {
-        "depth": torch.tensor(settings.layers),
-        "y_mean": torch.from_numpy(np.append(y_mean, 0.0)).float(),
-        "y_std": torch.from_numpy(np.append(y_std, 1.0)).float(),
-        "temperature": torch.tensor(1.0),
-        "residual_std": torch.ones(task.observation.size),
-        "misfit_limit": torch.tensor(math.inf),
+    tensors = {name: weight.detach().numpy() for name, weight in weights.items()} | {
+        "depth": np.array(settings.layers),
+        "y_mean": np.append(y_mean, 0.0).astype(np.float32),
+        "y_std": np.append(y_std, 1.0).astype(np.float32),
+        "temperature": np.array(1.0, dtype=np.float32),
+        "residual_std": np.ones(task.observation.size, dtype=np.float32),
+        "misfit_limit": np.array(np.inf, dtype=np.float32),
     }
-    tensors["temperature"] = torch.tensor(_temperature(Emulator(task, tensors), dataset, calibrate))
+    tensors["temperature"] = np.array(_temperature(Emulator(task, tensors), dataset, calibrate), dtype=np.float32)
     predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
     residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
     # From the median, as for a Gaussian: a few outliers must not widen the tolerance.
-    tensors["residual_std"] = torch.from_numpy(np.median(residual, axis=0) / 0.6745 + 1e-4).float()
-    tensors["misfit_limit"] = torch.tensor(_misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng))
+    tensors["residual_std"] = (np.median(residual, axis=0) / 0.6745 + 1e-4).astype(np.float32)
+    limit = _misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng)
+    tensors["misfit_limit"] = np.array(limit, dtype=np.float32)
     emulator = Emulator(task, tensors)
     return emulator, _judge(emulator, task, dataset, judge, len(train))
 
@@ -197,6 +198,17 @@ def _initial(members: int, widths: list[int], w: str, b: str, generator: torch.G
         tensors[f"{w}{i}"] = torch.randn(members, m, n, generator=generator) * gain
         tensors[f"{b}{i}"] = (torch.rand(members, 1, n, generator=generator) * 2 - 1) * (1.0 if i == 0 else 0.0)
     return tensors
+
+
+def forward(tensors: dict[str, Tensor], depth: int, x: Tensor) -> Tensor:
+    """(M, N, f) -> (M, N, outputs), standardised, as `Emulator` does it: for gradients."""
+    return _network(tensors, "w", "b", depth, x) + PRIOR_SCALE * _network(tensors, "pw", "pb", 1, x)
+
+
+def _network(tensors: dict[str, Tensor], w: str, b: str, depth: int, x: Tensor) -> Tensor:
+    for layer in range(depth):
+        x = relu_(torch.baddbmm(tensors[f"{b}{layer}"], x, tensors[f"{w}{layer}"]))
+    return torch.baddbmm(tensors[f"{b}{depth}"], x, tensors[f"{w}{depth}"])
 
 
 def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> Tensor:

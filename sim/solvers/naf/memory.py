@@ -69,7 +69,7 @@ class NafMemory:
         self._errors.append(policy.value_error)
         self.record = record
         if self._folder is not None:
-            save_tensors(self._path(position), policy.network.state_dict())
+            save_tensors(self._path(position), policy.network.tensors)
             write_toml(self._folder / RECORD, self._content())
         else:
             self._networks = {i: p for i, p in self._networks.items() if not record[i].donated}

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import huber_loss, softplus
 
@@ -21,6 +23,7 @@ from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
+from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 
 CANDIDATES = 256
@@ -47,6 +50,11 @@ class NafNetwork(nn.Module):
         diagonal = torch.diagonal(factor, dim1=1, dim2=2)
         factor = factor - torch.diag_embed(diagonal) + torch.diag_embed(softplus(diagonal) + 1e-3)
         return self.value(features)[:, 0], torch.tanh(self.mean(features)), factor
+
+    @property
+    def tensors(self) -> dict[str, NDArray[Any]]:
+        """The arrays to store; `restore_policy` reads them."""
+        return {name: t.numpy() for name, t in self.state_dict().items()}
 
     def q(self, context: Tensor, action: Tensor) -> Tensor:
         """(B, c), (B, a) normalised to [-1, 1] -> (B,)."""
@@ -192,10 +200,10 @@ def naf_training(
     return NafPolicy(task, network, 2.0 * float(np.hypot(gap.mean(), gap.std(ddof=1) / checks**0.5)))
 
 
-def restore_policy(task: Task, tensors: dict[str, Tensor], value_error: float) -> NafPolicy:
+def restore_policy(task: Task, tensors: Tensors, value_error: float) -> NafPolicy:
     """A stored policy. Raises RuntimeError if the tensors are not those of a network of this task."""
     network = _new_network(task, 0)
-    network.load_state_dict(tensors)
+    network.load_state_dict({name: torch.from_numpy(t) for name, t in tensors.items()})
     return NafPolicy(task, network, value_error)
 
 

@@ -72,7 +72,7 @@ def test_updates_repeat_exactly():
 
 
 def test_foreign_weights_are_refused():
-    weights = new_network(3, 2, 0).state_dict()
+    weights = new_network(3, 2, 0).tensors
     same = restore_network(3, 2, weights)
     x = np.random.default_rng(0).random((4, 3))
     assert np.array_equal(same.directions(x), new_network(3, 2, 0).directions(x))

@@ -6,15 +6,21 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
 from perception.arm_mask import Arm
+from perception.geometry import Array32
 from perception.scan import Raw, Scan
 
 LOW_M, HIGH_M = 0.015, 0.22
 """Heights over the table (m) between which objects are searched. Higher parts hang there, like the arm at home."""
 _SMALLEST_M2 = 4e-4  # of the visible face; smaller parts are edges and noise
 _KERNEL = np.ones((3, 3), np.uint8)
+_GAP = np.ones((5, 5), np.uint8)
+"""Missing readings up to four pixels wide do not divide an object: dark, shiny and printed faces have many."""
+_ONE_FACE_M = 0.012
+"""Readings on both sides of such a gap belong to two objects where their depths differ by more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +57,7 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
     kept = ~arm.holds(points)
     mask = np.zeros(up.shape, dtype=np.uint8)
     mask[up] = kept
+    mask |= _between(mask, depth_m)
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _KERNEL)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     of_point = labels[up]  # 0: no object
@@ -59,6 +66,8 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
     for label in range(1, count):
         left, top, w, h, size = (int(x) for x in stats[label])
         chosen = points[of_point == label]
+        if not len(chosen):  # missing readings alone
+            continue
         range_m = float(np.linalg.norm(np.median(chosen, axis=0) - scan.view.X_BV[:3, 3]))
         if size * (step * range_m / scan.view.focal_px) ** 2 < _SMALLEST_M2:
             continue
@@ -67,3 +76,11 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
         at_edge = bool((first <= 2).any() or (last >= np.array([camera.width, camera.height]) - 2).any())
         found.append(Thing(chosen, at_edge))
     return tuple(sorted(found, key=lambda thing: -len(thing.points_m)))
+
+
+def _between(mask: NDArray[np.uint8], depth_m: Array32) -> NDArray[np.uint8]:
+    """(h, w) missing readings that lie between others of one face of `mask`."""
+    nearest = cv2.erode(np.where(mask > 0, depth_m, np.float32(np.inf)), _GAP)
+    farthest = cv2.dilate(np.where(mask > 0, depth_m, np.float32(0.0)), _GAP)
+    closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _GAP)
+    return np.asarray(closed * ((depth_m == 0) & (farthest - nearest < _ONE_FACE_M)), dtype=np.uint8)

@@ -9,7 +9,7 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM, Arm
-from perception.bottle.place import Place, patch, place
+from perception.bottle.place import ENOUGH_READ, Place, patch, place
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
@@ -63,7 +63,7 @@ def find_bottle(
     refines it. Raises ObjectNotFound, naming the objects found instead and the remedy, and TableNotFound.
     """
     scan, raw, table = refine_scan(frame, model, X_BC, area)
-    judged = [_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)]
+    judged = _joined([_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)], body)
     bottles = [c for c in judged if c.best is not None]
     others = [c.thing for c in judged if c.best is None]
     if not bottles:
@@ -102,6 +102,35 @@ class _Candidate:
     share: float  # of the object's readings that lie on the bottle
 
 
+def _joined(candidates: list[_Candidate], body: Cylinder) -> list[_Candidate]:
+    """Parts of one bottle, between which readings are missing, as one candidate."""
+    joined: list[_Candidate] = []
+    for part in candidates:
+        same = next((i for i, other in enumerate(joined) if _same(other.best, part.best, body)), None)
+        if same is None:
+            joined.append(part)
+        else:
+            joined[same] = _both(joined[same], part)
+    return joined
+
+
+def _same(one: Place | None, other: Place | None, body: Cylinder) -> bool:
+    """Whether two places are nearer to each other than two bottles can stand."""
+    if one is None or other is None:
+        return False
+    return bool(np.linalg.norm(one.centre_m - other.centre_m) < body.radius_m)
+
+
+def _both(one: _Candidate, other: _Candidate) -> _Candidate:
+    counts = [len(one.thing.points_m), len(other.thing.points_m)]
+    share = float(np.average([one.share, other.share], weights=counts))
+    points = np.concatenate([one.thing.points_m, other.thing.points_m])
+    thing = Thing(points, at_edge=one.thing.at_edge or other.thing.at_edge)
+    if one.best is None or other.best is None:
+        raise ValueError("not parts of a bottle")
+    return _Candidate(thing, Place.better([one.best, other.best]), share)
+
+
 def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Candidate:
     no_bottle = _Candidate(thing, None, 0.0)
     guess = body.upright(thing.centre_m[:2])
@@ -127,6 +156,11 @@ def _require_whole(candidate: _Candidate) -> Place:
         raise ObjectNotFound(f"{at} lies on its side; stand it on its mark")
     if candidate.thing.at_edge or best.in_picture < 1:
         raise ObjectNotFound(f"{at} reaches beyond the edge of the depth image; move it, or the camera")
+    if best.read < _FREE_VISIBLE * ENOUGH_READ:
+        raise ObjectNotFound(
+            f"the depth camera reads only {100 * best.read:.0f} % of {at}; a dark, shiny or printed face gives few "
+            "readings: turn the bottle, or put matt tape around it"
+        )
     if candidate.share < _FREE_SHARE or best.visible < _FREE_VISIBLE:
         raise ObjectNotFound(f"something touches or hides {at}; keep hands and other things away from it")
     return best
@@ -148,6 +182,11 @@ def _require_on_mark(xy_m: Array, mark_m: Array, within_m: float) -> None:
 def _nothing(others: list[Thing], area: Area, mark_m: Array, body: Cylinder) -> str:
     mark = f"({mark_m[0]:.3f}, {mark_m[1]:+.3f}) m"
     size = f"{2e2 * body.radius_m:.0f} cm wide and {1e2 * body.height_m:.0f} cm high"
+    if others and others[0].at_edge:
+        return (
+            f"no bottle ({size}) is whole in the picture, but something at {others[0].words} reaches beyond the edge "
+            f"of the depth image; move it, or the camera, and put the bottle on its mark at {mark}"
+        )
     if others:
         return (
             f"no bottle ({size}) stands on the table, but something at {others[0].words}; take it away, and put the "

@@ -16,6 +16,8 @@ from perception.scan import Raw, Scan
 
 ABOVE_M = 0.012
 """Readings lower than this (m) count as table."""
+ENOUGH_READ = 0.5
+"""Share of a face that has to give readings: a dark, shiny or printed one gives few."""
 _REACH_M = 0.13  # radius of the search around the expected place
 _TOP_M = 0.008  # readings this near to its full height are its top
 _FEWEST = 30
@@ -36,7 +38,8 @@ class Place:
 
     X_BO: Array  # (4, 4), Z along the axis
     in_picture: float  # share of it that lies inside the camera's image
-    visible: float  # share of its face in the picture that is read and not hidden
+    read: float  # share of its face that gives readings
+    visible: float  # share of its face in the picture that is not hidden; less where under half of it is read
     fit: float  # 0 ... 1, agreement of the readings there with it
 
     @property
@@ -122,7 +125,7 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
     camera = seen.view.camera
     uv = project(camera, seen.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
     inside = float(((uv > 1) & (uv < np.array([camera.width, camera.height]) - 2)).all(axis=1).mean())
-    nothing = Place(X_BO, inside, 0.0, 0.0)
+    nothing = Place(X_BO, inside, 0.0, 0.0, 0.0)
     corner = np.array([seen.view.columns.start, seen.view.rows.start])
     low, high = (np.clip(x - corner, 0, seen.depth_m.shape[::-1]) for x in (uv.min(axis=0) - 1, uv.max(axis=0) + 2))
     box = np.s_[int(low[1]) : int(high[1]), int(low[0]) : int(high[0])]
@@ -138,8 +141,9 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
     if agree == 0:
         return nothing
     hidden = 1 - (agree + deeper) / len(off)
-    known = min(1.0, 2 * len(off) / int(face.sum()))  # up to half may be missing, as on a dark or shiny face
-    return Place(X_BO, inside, known * (1 - hidden) * inside, agree / (agree + deeper))
+    share = len(off) / int(face.sum())
+    known = min(1.0, share / ENOUGH_READ)
+    return Place(X_BO, inside, share, known * (1 - hidden) * inside, agree / (agree + deeper))
 
 
 def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:

@@ -14,7 +14,7 @@ from perception.arm_mask import Arm
 from perception.bottle.detection import HEIGHT_M, BottleDetection
 from perception.bottle.place import Place, patch, place
 from perception.clutter import things
-from perception.cylinder import Cylinder, distance_m
+from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
 from perception.geometry import Area, transform
 from perception.scan import Mask, Raw, Scan, scan_of
@@ -26,6 +26,7 @@ TIPPED_DEG = 30.0
 _NOTICED_S = 0.010  # simulations check every 20 ms, so on average they notice a fall this much later
 _SEEN = 0.35  # confidence from which a place counts
 _WHOLE, _VISIBLE, _FIT = 0.98, 0.60, 0.70  # less is flagged
+_STANDS_DEG = 4.0  # a bottle at rest that leans by more is read wrongly, or stands on something
 _STEP = 3  # clutter is searched in every third row and column
 _OWN_M = 0.020  # readings this near to the bottle belong to it, or to its mixed edges
 _NEAR_M = 0.06
@@ -109,7 +110,7 @@ def _follow(
     sights = []
     for frame in frames:
         arm, raw = arm_at(frame.t_s), scan.raw(frame)
-        best = Place(known[-1][1], 0.0, 0.0, 0.0)
+        best = Place(known[-1][1], 0.0, 0.0, 0.0, 0.0)
         for guess in _guesses(known, frame.t_s):
             seen = patch(scan, raw, guess[:3, 3], arm)
             found = None if seen is None else place(seen, detection.body, guess)
@@ -197,6 +198,12 @@ def _end_flags(
     moved_m = float(np.linalg.norm(state[0, :2] - detection.xy_m))
     if moved_m > _MOVED_M:
         flags.append(f"the bottle moved by {1e3 * moved_m:.0f} mm between detection and start")
+    leant_deg = float(np.rad2deg(tilt_rad(detection.X_BO)))
+    if leant_deg > _STANDS_DEG:
+        flags.append(
+            f"the bottle seems to lean by {leant_deg:.0f}° before the push: it stands on something, or something "
+            "beside it reflects the camera's light"
+        )
     if not sure[-1]:
         flags.append("the bottle is out of sight at the end")
     if len(t_s) >= 3:

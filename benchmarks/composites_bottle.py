@@ -1,0 +1,237 @@
+"""The bottle tracked in depth that our renderer did not make: what breaks first, and is it flagged before?
+
+    python benchmarks/composites_bottle.py [--effect missing ...]
+    python benchmarks/composites_bottle.py --from recording.mkv     cut the readings out of the recording again
+
+Noise and holes are those of a real Azure Kinect (tests/data/azure-kinect, cut from a recording of pyk4a's): the noise
+of a wall, and the readings that are missing on a printed, shining mug. The bottle wears the mug's holes. Table and
+bottle are met by rays, in the view of the planned workcell; the bottle is pushed 25 cm in 0.5 s and rests. Effects are
+added one at a time. Tracking is the product's, unchanged.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from adaptsim_cli.devices.trackers import BOTTLE_AREA
+from hw.types import Array, CameraModel, Frame
+from perception.arm_mask import NO_ARM
+from perception.bottle import find_bottle, track_bottle
+from perception.cylinder import Cylinder
+from perception.errors import PerceptionError, TrackingFailed
+from perception.scan import Mask
+from sim.lab.kinect import default_X_BC, kinect_model
+from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
+
+DATA = Path(__file__).parents[1] / "tests" / "data" / "azure-kinect" / "readings.npz"
+WALL, MUG = (slice(170, 298), slice(60, 188)), (slice(330, 515), slice(132, 270))  # of the recording's depth picture
+BODY = Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
+START_S, PUSHED_S, LAST_S, RATE_HZ = 0.1, 0.5, 0.9, 30.0
+WAY_M = np.array([0.25, 0.05])
+LIMIT_MM, MOST_LOST = 5.0, 0.2
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What a depth camera does to its readings."""
+
+    noise: float = 1.0  # times the wall's
+    missing: int = 0  # pixels by which the mug's holes are widened; -1: no holes
+    ring_px: int = 2  # readings that are missing around the bottle's outline
+    flying_px: int = 1  # width of the edge whose readings lie between bottle and table
+    echo_mm: float = 0.0  # by which the bottle's lower half is read too far: light that comes by the table
+    scale: float = 1.0  # of all depth: a cold camera
+    thin: float = 0.0  # share of all readings that is missing: a dark table
+
+
+LEVELS: dict[str, tuple[float, ...]] = {
+    "noise": (2.0, 4.0, 8.0),
+    "missing": (-1, 2, 4, 6),
+    "ring_px": (4, 6, 8, 10),
+    "flying_px": (2, 4, 6),
+    "echo_mm": (2.0, 5.0, 10.0, 20.0),
+    "scale": (1.002, 1.005, 1.01, 1.02),
+    "thin": (0.3, 0.6, 0.8, 0.9),
+}
+
+
+class Room:
+    """The planned workcell's view, and what a real camera adds to it."""
+
+    def __init__(self) -> None:
+        self.model: CameraModel = kinect_model()
+        self.X_BC = default_X_BC()
+        with np.load(DATA, allow_pickle=False) as data:
+            self.noise_mm, self.holes = data["noise_mm"].astype(float), data["missing"]
+        camera = self.model.depth
+        v, u = np.mgrid[0 : camera.height, 0 : camera.width].astype(np.float64)
+        pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+        normal = cv2.undistortPoints(pixels, camera.K, camera.distortion).reshape(-1, 2)
+        self.rays = np.column_stack([normal, np.ones(len(normal))]).reshape(camera.height, camera.width, 3)
+        self.X_BD = self.X_BC @ self.model.X_CD
+        down = self.rays @ self.X_BD[2, :3]
+        self.table_m = np.where(down < -1e-3, -self.X_BD[2, 3] / np.minimum(down, -1e-3), 0.0)
+        self.table_m[self.table_m > 3.0] = 0.0
+
+    def bottle_m(self, xy_m: Array) -> Array:
+        """(h, w) depth at which rays meet an upright bottle; inf where they miss."""
+        origin = self.X_BD[:3, 3] - [xy_m[0], xy_m[1], 0.0]
+        along = self.rays @ self.X_BD[:3, :3].T
+        a = (along[..., :2] ** 2).sum(axis=-1)
+        b, c = along[..., :2] @ origin[:2], origin[:2] @ origin[:2] - BODY.radius_m**2
+        root = b * b - a * c
+        side = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0.0))) / a, np.inf)
+        height = origin[2] + np.where(np.isfinite(side), side, 0.0) * along[..., 2]
+        side[(height < 0.0) | (height > BODY.height_m)] = np.inf
+        top = (BODY.height_m - origin[2]) / np.minimum(along[..., 2], -1e-6)
+        at = origin[:2] + top[..., None] * along[..., :2]
+        top[(at**2).sum(axis=-1) > BODY.radius_m**2] = np.inf
+        return np.asarray(np.minimum(side, top))
+
+
+def composite(room: Room, xy_m: Array, t_s: float, effects: Effects, rng: np.random.Generator) -> Frame:
+    """The frame with the bottle at `xy_m` (2,)."""
+    bottle = room.bottle_m(xy_m)
+    on = np.isfinite(bottle)
+    depth = np.where(on, bottle, room.table_m)
+    rows, columns = (np.flatnonzero(on.any(axis=axis)) for axis in (1, 0))
+    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    if effects.echo_mm:
+        lower = np.zeros_like(on)
+        lower[(rows[0] + rows[-1]) // 2 : rows[-1] + 1] = True
+        depth = depth + 1e-3 * effects.echo_mm * (on & lower)
+    edge = _grown(on, effects.flying_px) & _grown(~on, effects.flying_px) if effects.flying_px else np.zeros_like(on)
+    share = rng.random(on.shape)
+    depth = np.where(edge, share * np.where(on, bottle, depth) + (1 - share) * room.table_m, depth)
+    depth = effects.scale * depth + 1e-3 * effects.noise * _tiled(room.noise_mm, on.shape, rng)
+    missing = rng.random(on.shape) < effects.thin
+    if effects.missing >= 0:
+        shape = (box[0].stop - box[0].start, box[1].stop - box[1].start)
+        worn = cv2.resize(room.holes.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        missing[box] |= _grown(worn, effects.missing) & on[box]
+    outside = _grown(on, effects.ring_px) & ~on
+    missing |= outside
+    read = np.where(missing | (room.table_m == 0.0) & ~on, 0.0, depth)
+    colour = np.zeros((room.model.colour.height, room.model.colour.width, 3), np.uint8)
+    return Frame(t_s, colour, np.rint(1e3 * np.clip(read, 0.0, 10.0)).astype(np.uint16))
+
+
+def _grown(mask: Mask, by_px: int) -> Mask:
+    if by_px <= 0:
+        return mask
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((2 * by_px + 1, 2 * by_px + 1), np.uint8)) > 0)
+
+
+def _tiled(patch: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """The patch beside its mirror images, from a random corner on: its noise, no repeated edges."""
+    mirrored = np.block([[patch, patch[:, ::-1]], [patch[::-1], patch[::-1, ::-1]]])
+    times = [-(-n // m) for n, m in zip(shape, mirrored.shape, strict=True)]
+    moved = np.roll(mirrored, rng.integers(0, mirrored.shape[0], 2), axis=(0, 1))
+    return np.asarray(np.tile(moved, times)[: shape[0], : shape[1]])
+
+
+@dataclass(frozen=True)
+class Result:
+    middle_mm: float
+    worst_mm: float
+    lost: float  # share of frames
+    found: float  # confidence of the detection
+    sure: float  # median confidence of the track
+    flags: tuple[str, ...]
+    failed: str = ""
+
+    @property
+    def broken(self) -> bool:
+        return bool(self.failed) or self.worst_mm > LIMIT_MM or self.lost > MOST_LOST
+
+    def __str__(self) -> str:
+        if self.failed:
+            return f"REFUSED {self.failed}"
+        state, off = "BROKEN" if self.broken else "ok", f"{self.middle_mm:5.1f} {self.worst_mm:6.1f} mm"
+        told = "; ".join(self.flags) or "-"
+        return f"{state:7s} {off}  lost {self.lost:4.0%}  found {self.found:.2f} sure {self.sure:.2f}  {told}"
+
+
+def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
+    """Find the bottle, follow it, and compare with where it was."""
+    rng = np.random.default_rng(seed)
+    first = composite(room, START_M, -1.0, effects, rng)
+    try:
+        found = find_bottle(first, room.model, room.X_BC, BODY, BOTTLE_AREA, START_M, within_m=0.02)
+    except PerceptionError as error:
+        return Result(0.0, 0.0, 1.0, 0.0, 0.0, (), f"not found: {error}")
+    times = np.arange(0.0, LAST_S, 1 / RATE_HZ)
+    frames = [composite(room, place(t), t, effects, rng) for t in times]
+    try:
+        track = track_bottle(
+            frames, room.model, room.X_BC, found, lambda _: NO_ARM, 0.0, START_S + PUSHED_S, BOTTLE_AREA
+        )
+    except TrackingFailed as error:
+        return Result(0.0, 0.0, 1.0, found.confidence, 0.0, (), f"not tracked: {error}")
+    off_mm = 1e3 * np.linalg.norm(track.state[:, :2] - np.array([place(t) for t in track.t_s]), axis=1)
+    return Result(
+        middle_mm=float(np.median(off_mm)),
+        worst_mm=float(off_mm.max()),
+        lost=float((track.confidence <= 0).mean()),
+        found=found.confidence,
+        sure=float(np.median(track.confidence)),
+        flags=track.flags,
+    )
+
+
+def place(t_s: float) -> Array:
+    """(2,) where the bottle is."""
+    s = np.clip((t_s - START_S) / PUSHED_S, 0.0, 1.0)
+    return np.asarray(START_M + WAY_M * s * s * (3.0 - 2.0 * s))
+
+
+def spoilt(name: str, level: float) -> Effects:
+    """One effect."""
+    return Effects(**{name: int(level) if name in ("missing", "ring_px", "flying_px") else level})  # type: ignore[arg-type]
+
+
+def cut(recording: Path) -> None:
+    """Store what is needed of the recording. Needs PyAV (`pip install adaptsim[kinect]`)."""
+    from hw.camera.recording import KinectRecording  # noqa: PLC0415 - an extra
+
+    with KinectRecording(recording) as opened:
+        depth_mm = next(opened.frames()).depth_mm.astype(np.float64)
+    wall = depth_mm[WALL]
+    v, u = np.mgrid[0 : wall.shape[0], 0 : wall.shape[1]] / wall.shape[0]
+    terms = np.stack([u**i * v**j for i in range(4) for j in range(4 - i)], axis=-1)  # a wall seen through a lens
+    known = wall > 0
+    weights = np.linalg.lstsq(terms[known], wall[known], rcond=None)[0]
+    noise = np.where(known, wall - terms @ weights, 0.0)
+    DATA.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(DATA, noise_mm=noise.astype(np.float32), missing=depth_mm[MUG] == 0)
+    print(
+        f"{DATA}: noise of {noise.std():.2f} mm at {np.median(wall):.0f} mm, {(depth_mm[MUG] == 0).mean():.0%} missing"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--effect", nargs="*", choices=sorted(LEVELS), default=list(LEVELS))
+    parser.add_argument("--from", dest="recording", type=Path, help="cut the readings out of this recording first")
+    parser.add_argument("--png", type=Path, help="a picture of the depth that is tracked")
+    args = parser.parse_args()
+    if args.recording:
+        cut(args.recording)
+    room = Room()
+    if args.png:
+        depth = composite(room, START_M, 0.0, Effects(), np.random.default_rng(0)).depth_mm
+        grey = np.clip((depth.astype(float) - 500.0) / 1000.0 * 255.0, 0, 255).astype(np.uint8)
+        cv2.imwrite(str(args.png), cv2.applyColorMap(grey, cv2.COLORMAP_TURBO))
+    print(f"noise {room.noise_mm.std():.2f} mm, holes {room.holes.mean():.0%}; plain: {judge(room, Effects())}")
+    for name in args.effect:
+        for level in LEVELS[name]:
+            print(f"{name:9s} {level:6g}  {judge(room, spoilt(name, level))}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
+from sim.solvers.blas import one_blas_thread
 from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 from sim.types import Space
@@ -139,9 +140,10 @@ class Emulator:
         """(N, f) -> (M, N, outputs) in the units of the targets."""
         scale, shift = self._tensors["y_std"][outputs], self._tensors["y_mean"][outputs]
         raw = np.empty((self.members, len(features), len(scale)))
-        for first in range(0, len(features), ROWS):
-            rows = slice(first, first + ROWS)
-            raw[:, rows] = self._standardised(features[rows], outputs) * scale + shift
+        with one_blas_thread():
+            for first in range(0, len(features), ROWS):
+                rows = slice(first, first + ROWS)
+                raw[:, rows] = self._standardised(features[rows], outputs) * scale + shift
         return raw
 
     def _standardised(self, x: Array32, outputs: slice) -> Array32:

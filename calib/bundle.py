@@ -1,13 +1,14 @@
-"""Bundle adjustment over poses: the camera, the board, and where asked for the joint zeros and the board's scale.
+"""Bundle adjustment over poses: camera, board, and optionally the joint zeros and the board's scale.
 
-A view disagrees with a prediction for two reasons: its corners are noisy, and the arm is not quite where its joints
-say. The first is the view's own information (`condense`), the second a common twist of all its corners, worth far more
-than one corner. Treating both as corner noise trusts near and oblique views too much. So each view counts with
+A view disagrees with a prediction for two reasons: its corners are noisy, and the arm is not exactly where its joints
+say. The first is the view's own information (`condense`). The second is a common twist of all its corners, far larger
+than the error of one corner. Treating both as corner noise trusts near and oblique views too much. So each view counts
+with
 
     covariance = inverse(information) + joint_rad^2 G G^T,
 
-G the board's motion with each joint (of the flange about itself where joints are not known), and `joint_rad` is
-estimated with everything else, by restricted maximum likelihood.
+G the board's motion with each joint (of the flange about itself if joints are unknown). `joint_rad` is estimated with
+everything else, by restricted maximum likelihood.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ from hw.poses import inverse
 from hw.types import Array
 
 OFFSET_PRIOR_RAD = 0.02
-"""Standard deviation of a joint's zero beforehand: far more than a working arm has, it only ties what no view shows."""
+"""Prior standard deviation of a joint's zero: far more than that of a working arm, it only fixes unobservable
+directions.
+"""
 
 SCALE_PRIOR = 0.1
 JOINT_FLOOR_RAD = 1e-5
-_FLANGE_LEVER_M = 0.5  # where only poses are known: 1 mrad goes with 0.5 mm
+_FLANGE_LEVER_M = 0.5  # if only poses are known: 1 mrad goes with 0.5 mm
 _STEP_RAD = 1e-5
 
 
@@ -40,12 +43,12 @@ class Motion:
     mounting: Mounting
     forward: Forward | None
     q_rad: Array | None  # (N, n)
-    X_BF: Array  # (N, 4, 4) by the joints as reported
-    body: Array  # (N, 6, n) twist of H in its own axes with each joint; of the pose itself where joints are not known
+    X_BF: Array  # (N, 4, 4) by the reported joints
+    body: Array  # (N, 6, n) twist of H in its own axes per joint; of the pose itself if joints are unknown
 
     @property
     def joints(self) -> int:
-        """How many joint offsets could be estimated; 0 where joints are not known."""
+        """How many joint offsets could be estimated; 0 if joints are unknown."""
         return 0 if self.q_rad is None else self.q_rad.shape[1]
 
     def X_AH(self, offsets_rad: Array) -> Array:
@@ -56,7 +59,7 @@ class Motion:
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Motion:
-        """The views `rows` alone."""
+        """Only the views `rows`."""
         q = None if self.q_rad is None else self.q_rad[rows]
         return replace(self, q_rad=q, X_BF=self.X_BF[rows], body=self.body[rows])
 
@@ -79,7 +82,7 @@ def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_B
 
 
 def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None) -> Motion:
-    """From joints where all views have them and `forward` is known, else from poses. Raises UnusableViews."""
+    """From joints if all views have them and `forward` is given, else from poses. Raises UnusableViews."""
     joints = [view.q_rad for view in views if view.q_rad is not None]
     if forward is not None and len(joints) == len(views):
         return motion(mounting, forward, np.stack(joints), None)
@@ -93,7 +96,7 @@ def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What is fitted."""
+    """The unknowns of a fit."""
 
     X_AC: Array
     X_HM: Array
@@ -115,20 +118,21 @@ class Model:
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
-    """All but the first and the last, whose zeros look like a turn of the camera's carrier and of the board."""
+    """All but the first and the last: their zeros look like a rotation of the camera's carrier or of the board.
+    """
     return tuple(range(1, n - 1))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fit and what it leaves, view by view."""
+    """A fit and its residuals, view by view."""
 
     model: Model
     state: State
     joint_rad: float
     residual: Array  # (N, 6) twist from the predicted to the seen pose, in the board's axes
-    B: Array  # (N, 6, P) how a prediction moves with the parameters
-    covariance: Array  # (N, 6, 6) of a residual
+    B: Array  # (N, 6, P) derivative of a prediction by the parameters
+    covariance: Array  # (N, 6, 6) of the residual
     normal: Array  # (P, P)
     log_likelihood: float
 
@@ -139,9 +143,9 @@ class Fit:
 
 
 def predict(state: State, moved: Motion) -> Array:
-    """(N, 4, 4) poses of a board of the stated size as the camera should see it."""
+    """(N, 4, 4) predicted poses, in the camera, of a board of the stated size."""
     X = inverse(state.X_AC) @ moved.X_AH(state.offsets_rad) @ state.X_HM
-    X[:, :3, 3] /= state.scale  # a larger board farther away looks the same
+    X[:, :3, 3] /= state.scale  # a larger board, farther away, looks the same
     return X
 
 
@@ -163,7 +167,7 @@ def linearise(state: State, moved: Motion, X_CM: Array, model: Model) -> tuple[A
 
 
 def joint_spread(state: State, moved: Motion) -> Array:
-    """(N, 6, n) G: the board's twist with one rad of error of each joint."""
+    """(N, 6, n) G: the board's twist per radian of error of each joint."""
     spread: Array = adjoint(inverse(state.X_HM)) @ moved.body
     return spread
 
@@ -177,7 +181,7 @@ def fit(
     weight: Array | None = None,
     joint_rad: float | None = None,
 ) -> Fit:
-    """Poses seen (N, 4, 4) with their information (N, 6, 6) -> the fit; `weight` (N,) of views, all 1 if None.
+    """Observed poses (N, 4, 4) with their information (N, 6, 6) -> the fit; `weight` (N,) of views, None: all 1.
 
     `joint_rad` is estimated unless given.
     """
@@ -224,7 +228,7 @@ def _gauss_newton(
 
 
 def _optional(state: State, model: Model) -> Array:
-    """(P,) offsets and scale as their priors see them, zero for the poses."""
+    """(P,) offsets and scale relative to their priors, zero for the poses."""
     tail = [np.log(state.scale)] if model.scale else []
     return np.concatenate([np.zeros(12), state.offsets_rad[list(model.offsets)], tail])
 
@@ -241,7 +245,7 @@ def _stepped(state: State, step: Array, model: Model) -> State:
 def _joint_noise(e: Array, B: Array, own: Array, GG: Array, w: Array, prior: Array) -> float:
     """Restricted maximum likelihood over a grid of logarithms, refined by a parabola."""
     grid = np.linspace(np.log(JOINT_FLOOR_RAD), np.log(0.03), 25)
-    # in axes in which both covariances are diagonal: own is 1, GG is d
+    # axes in which both covariances are diagonal: own is 1, GG is d
     L = np.linalg.cholesky(own)
     half = np.linalg.solve(L, GG)
     d, Q = np.linalg.eigh(np.linalg.solve(L, np.swapaxes(half, 1, 2)))

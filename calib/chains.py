@@ -1,6 +1,6 @@
-"""Kinematics of any arm: a table of Denavit-Hartenberg parameters, or a URDF, as forward kinematics.
+"""Forward kinematics of any arm, from a table of Denavit-Hartenberg parameters or a URDF.
 
-Only the chain from base to tip counts; every joint of it that moves takes one number, in order from the base.
+Only the chain from base to tip counts. Each of its moving joints takes one number, in order from the base.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TURNING, _SLIDING, _RIGID = ("revolute", "continuous"), ("prismatic",), ("fixed
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A constant pose, then a motion about or along an axis; none for a rigid joint."""
+    """A constant pose, then a rotation about or a translation along an axis; a rigid joint has none."""
 
     X: Array  # (4, 4)
     axis: Array  # (3,) of length 1
@@ -33,10 +33,10 @@ class Link:
 
 
 def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["craig", "classic"]) -> tuple[Forward, int]:
-    """Rows of (a m, alpha rad, d m, theta rad), all joints turning -> forward kinematics, and how many joints.
+    """Rows of (a m, alpha rad, d m, theta rad), all joints revolute -> forward kinematics, and the number of joints.
 
     craig: Rot_x(alpha) Trans_x(a) Rot_z(theta + q) Trans_z(d) ("modified"); classic: Rot_z Trans_z Trans_x Rot_x.
-    A row whose joint does not move (a flange) has a fifth number 0.
+    A row without a moving joint (a flange) has a fifth number 0.
     """
     z = np.array([0.0, 0.0, 1.0])
     links = []
@@ -47,7 +47,7 @@ def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["cra
         across = _pose(Rotation.from_rotvec([alpha, 0.0, 0.0]), (a, 0.0, 0.0))
         along = _pose(Rotation.from_rotvec([0.0, 0.0, theta]), (0.0, 0.0, d))
         kind: Literal["turning", "rigid"] = "rigid" if len(row) == 5 and row[4] == 0 else "turning"
-        if convention == "craig":  # what follows a turn about Z along Z may as well stand before it
+        if convention == "craig":  # a rotation about Z and a shift along Z commute
             links.append(Link(across @ along, z, kind))
         else:
             links += [Link(np.eye(4), z, kind), Link(along @ across, z, "rigid")]

@@ -1,8 +1,8 @@
-"""Checks beside the residuals: small residuals prove nothing.
+"""Further checks of a calibration, because small residuals prove nothing.
 
-Each returns one `Check`, or a measurement and its `Check`. What they look at comes as plain values: points, samples,
-corners. The gates (`gates.py`) decide what forbids; here a value beyond its limit is "suspect", and "bad" only where
-it means that the calibration is of something else.
+Each returns one `Check`, or a measurement and its `Check`, from plain values: points, samples, corners. The gates
+(`gates.py`) decide what forbids a calibration. Here a value beyond its limit is "suspect"; it is "bad" only if it shows
+that the calibration belongs to another setup.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from hw.types import Array, Intrinsics
 from perception.board.types import Target
 
 SQUARE_LIMIT = 0.003
-"""Share by which the board may differ from its stated size before it is said; also 4 of its standard deviations."""
+"""Deviation of the board from its stated size, as a share, that is reported if it also exceeds 4 standard deviations.
+"""
 
 OFFSET_LIMIT_RAD = 1e-3
 TILT_SPREAD_LIMIT_DEG = 5.0
@@ -33,11 +34,11 @@ DEPTH_LIMIT_MM = 5.0
 ALIGNMENT_LIMIT_PX = 2.0
 TOUCH_LIMIT_MM = 3.0
 WARM_LIMIT_C = 2.0
-"""Ours: no maker states by how much its intrinsics move with the temperature."""
+"""Our choice: no maker states how intrinsics change with temperature."""
 
 
 def square_size(solution: Solution) -> Check:
-    """Is the board as large as stated? The arm's motion has a scale of its own; the focal length enters as well."""
+    """Is the board as large as stated? The arm's motion gives an independent scale; the focal length enters as well."""
     off, sigma = solution.square_scale - 1.0, solution.square_scale_sigma
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
     if not solution.size_known:
@@ -53,7 +54,7 @@ def square_size(solution: Solution) -> Check:
 
 
 def joint_offsets(solution: Solution) -> Check:
-    """Are the joint zeros off, by the views?"""
+    """Do the views show wrong joint zeros?"""
     joints = solution.joints
     if joints is None or not np.isfinite(joints.delta_bic):
         reason = "the views have poses, not joints" if joints is None else joints.reason
@@ -86,7 +87,7 @@ def variety(solution: Solution) -> Check:
 
 
 def mirror_poses(solution: Solution) -> Check:
-    """Views in which a flat board's mirror pose fits the picture better, and the arm had to say which is meant."""
+    """Views in which the mirror pose of a flat board fits the picture better, so that the arm decided."""
     names = [view.name for view in solution.views if view.mirrored]
     if not names:
         return Check("mirror poses", Grade.GOOD, "the arm and the pictures agree on every tilt of the board")
@@ -99,7 +100,7 @@ def mirror_poses(solution: Solution) -> Check:
 
 
 def warm_up(readings_C: Sequence[float]) -> Check:
-    """The camera's temperature from view to view: one that still warms up drifts while it is being calibrated."""
+    """The camera's temperature from view to view: a camera that still warms up drifts during the calibration."""
     if len(readings_C) < 3:
         return Check("camera temperature", Grade.NOT_MEASURED, "the camera does not report its temperature")
     third = max(1, len(readings_C) // 3)
@@ -112,7 +113,9 @@ def warm_up(readings_C: Sequence[float]) -> Check:
 
 
 def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
-    """Is the board held as expected? Upside down or turned does no harm, since its pose is estimated, but is said."""
+    """Is the board held as expected? Upside down or rotated does no harm, because its pose is estimated, but it is
+    reported.
+    """
     turn = angle_deg(solution.X_HM, X_HM_expected)
     about_normal = float(np.dot(solution.X_HM[:3, 2], X_HM_expected[:3, 2]))
     if turn < 30.0:
@@ -125,9 +128,9 @@ def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
 
 
 def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tuple[float, float] = (0.7, 0.0)) -> Check:
-    """Depth points (N, 3) of the table top in the base, by the new calibration: is it in its place, and level?
+    """Is the table top in its place and level? By its depth points (N, 3) in the base, with the new calibration.
 
-    The plane is fitted by repeated trimming; an object on the table may cover up to a third of the points.
+    The plane is fitted with repeated trimming; objects may cover up to a third of the points.
     """
     if len(points_A_m) < 50:
         return Check("table plane", Grade.NOT_MEASURED, f"{len(points_A_m)} depth points of the table, 50 are needed")
@@ -153,14 +156,14 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
 
 
 def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None) -> Array:
-    """(N, 4, 4) X_CM of the views in the order given, as the solution predicts them from the arm alone."""
+    """(N, 4, 4) X_CM of the views in the given order, predicted by the solution from the arm only."""
     moved = motion_of(views, setup.mounting, forward)
     offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
     return predict(State(solution.X_AC, solution.X_HM, offsets), moved)
 
 
 def depth_residuals(X_DM: Array, board: Target, depth_mm: Array, camera: Intrinsics) -> Array:
-    """(K,) measured less expected depth in metres, on the inner part of the board.
+    """(K,) measured minus expected depth in m, on the inner part of the board.
 
     `depth_mm` (H, W), 0 = no reading; `X_DM` (4, 4) the board in the depth camera.
     """
@@ -197,10 +200,10 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
 def infrared_board(
     solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None
 ) -> tuple[Array | None, Check]:
-    """Where the depth camera stands, from the board in its own image: X_CD (4, 4) measured.
+    """The depth camera's pose X_CD (4, 4), measured from the board in its own image.
 
-    Every other unknown is held at the solution. The value is the shift, at the board, between a depth image laid over
-    the colour image by the factory's extrinsics and by the measured ones.
+    All other unknowns stay at the solution. The value is the shift, at the board, between depth images overlaid on the
+    colour image with the factory's and with the measured extrinsics.
     """
     name = "colour-depth alignment"
     usable = [v for v in views if v.infrared is not None and len(v.infrared) >= 8 and v.name in set(solution.used)]
@@ -217,7 +220,7 @@ def infrared_board(
         off = uv - sight.px
         miss = np.sqrt(np.sum(np.sum(off**2, axis=-1) * sight.weight, axis=1) / sight.weight.sum(axis=1))
         weight = np.minimum(1.0, 2.0 * np.median(miss) / np.maximum(miss, 1e-9))
-        # a twist of D moves the board by the opposite, seen in the board's axes
+        # a twist of D moves the board by the opposite twist, in the board's axes
         J_D = -J @ adjoint(inverse(X_CM) @ X_CD)[:, None]
         w = sight.weight * weight[:, None]
         A = np.einsum("nkai,nk,nkaj->ij", J_D, w, J_D)
@@ -245,7 +248,10 @@ def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
 
 
 def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> Check:
-    """A point that the camera sees and the tool tip touched, both (3,) in A. `sigma_mm` is the stated error there."""
+    """Compare a point seen by the camera with the same point touched by the tool tip, (3,) each in A.
+
+    `sigma_mm` is the stated error there.
+    """
     value = float(1e3 * np.linalg.norm(np.asarray(p_A_seen_m) - np.asarray(p_A_touched_m)))
     limit = float(np.hypot(TOUCH_LIMIT_MM, 3.0 * sigma_mm))
     message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"

@@ -1,9 +1,9 @@
-"""Closed forms: one of ours for the robust start, and OpenCV's five for comparison.
+"""Closed-form solutions: our own for a robust start, and OpenCV's five for comparison.
 
 Ours is Shah's ("Solving the robot-world/hand-eye calibration problem using the Kronecker product", 2013), for many
-subsets of views at once. Each random subset gives a calibration; the one under which the middle view fits best wins, so
-that the start is sound while fewer than half of the views are spoilt. The subsets are drawn with a fixed seed from
-views in sorted order: same views, same start.
+subsets of views at once. Each random subset gives a calibration, and the one with the best median fit over all views
+wins. So the start is sound as long as fewer than half of the views are spoilt. The subsets are drawn with a fixed seed
+from sorted views: the same views give the same start.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def robust_start(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
 
 
 def size_by_motion(X_AH: Array, X_CM: Array) -> float:
-    """How much larger the target is than the size with which X_CM (N, 4, 4) were found, N >= 4; the median of subsets.
+    """True size of the target over the size used to find X_CM (N, 4, 4), N >= 4; the median of subsets.
 
     Rotations do not depend on the size; given them, R_AH p_HM + p_AH = R_AC (s p_CM) + p_AC is linear in the rest.
     """
@@ -63,7 +63,7 @@ def size_by_motion(X_AH: Array, X_CM: Array) -> float:
 def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
     """(S, N, 4, 4) each -> X_AC and X_HM (S, 4, 4), least squares of X_AH X_HM = X_AC X_CM."""
     Ra, Rb = X_AH[..., :3, :3], X_CM[..., :3, :3]
-    # sum of kron(Rb, Ra); its leading singular vectors are the two rotations, stacked by columns
+    # sum of kron(Rb, Ra); its leading singular vectors are the two rotations, stacked by column
     K = np.einsum("snij,snkl->sikjl", Rb, Ra).reshape(len(Ra), 9, 9)
     u, _, vt = np.linalg.svd(K)
     first, second = u[:, :, 0], vt[:, 0]
@@ -79,7 +79,7 @@ def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
 
 
 def _to_rotations(vectors: Array) -> Array:
-    """(S, 9) matrices stacked by columns, of either sign and any size -> (S, 3, 3) nearest rotations."""
+    """(S, 9) matrices stacked by column, of any sign and size -> (S, 3, 3) nearest rotations."""
     R = np.swapaxes(vectors.reshape(-1, 3, 3), 1, 2)
     u, _, vt = np.linalg.svd(R * np.sign(np.linalg.det(R))[:, None, None])
     nearest: Array = u @ vt
@@ -101,7 +101,7 @@ _ROBOT_WORLD = {"Shah": cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH, "Li": cv2.CALIB_ROB
 
 
 def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
-    """OpenCV's methods on the same views (N, 4, 4) -> X_AC by name; left out where a method fails."""
+    """OpenCV's methods on the same views (N, 4, 4) -> X_AC by name, without methods that fail."""
     # OpenCV solves for a camera on a gripper; a camera fixed in A is one on a "gripper" whose pose in H is known
     X_HA = inverse(X_AH)
     R_HA, p_HA = list(X_HA[:, :3, :3]), list(X_HA[:, :3, 3])
@@ -114,7 +114,8 @@ def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
             continue
         out[name] = _one(R, p)
     for name, method in _ROBOT_WORLD.items():
-        # world = board, base = H, gripper = A: it returns the base in the world and the camera in the gripper, inverted
+        # with world = board, base = H, gripper = A it returns the base in the world and the camera in the gripper,
+        # inverted
         try:
             _, _, R, p = cv2.calibrateRobotWorldHandEye(
                 R_CM, p_CM, list(X_AH[:, :3, :3]), list(X_AH[:, :3, 3]), method=method
@@ -132,7 +133,7 @@ def _one(R: Array, p: Array) -> Array:
 
 
 def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[ClosedForm, ...]:
-    """The closed forms beside the solution `X_AC`."""
+    """The closed forms, compared with the solution `X_AC`."""
     found = opencv_methods(X_AH, X_CM)
     return tuple(ClosedForm(name, X, distance_mm(X, X_AC), angle_deg(X, X_AC)) for name, X in found.items())
 

@@ -1,9 +1,9 @@
-"""Each view boiled down to what its corners say about the board's pose in the camera.
+"""Condenses each view to the information of its corners about the board's pose in the camera.
 
-The reprojection error of a view is, near its least, a constant plus a quadratic form in the six numbers of the
-board's pose. That least, its place and its form are computed once from all corners; every later fit (there are dozens:
-starts, rejections, model comparisons, held-out fits) then works on six numbers a view. Against a bundle
-adjustment over all pixels the result differs by less than a hundredth of its own error (tested).
+Near its minimum, the reprojection error of a view is a constant plus a quadratic form in the six numbers of the board's
+pose. Minimum, place and form are computed once from all corners. Every later fit (dozens: starts, rejections, model
+comparisons, held-out fits) then works on six numbers per view. The result differs from a bundle adjustment over all
+pixels by less than a hundredth of its own error (tested).
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _HUBER = 2.5  # in standard deviations of a corner
 _NOISE_FLOOR_PX = 0.02
 _FAR_RAD = 1.5
 _ROUGH = 2.0
-"""A view whose corners lie so many times worse than the others' counts with its own noise: a bent print, a lens."""
+"""A view with corner errors this many times the usual ones counts with its own noise (a bent print, a lens)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The board as N views show it. Two candidate poses a view: a flat board has a mirror solution."""
+    """The board in N views, with two candidate poses per view, because a flat board has a mirror solution."""
 
     camera: Intrinsics
     p_M_m: Array  # (N, K, 3) points, padded with the first one
@@ -38,19 +38,19 @@ class Sight:
     weight: Array  # (N, K) 0 where padded, 1 or less
     X_CM: Array  # (2, N, 4, 4) best poses; the first fits better
     information: Array  # (2, N, 6, 6) inverse covariance of the twist in the board's axes
-    rms_px: Array  # (2, N) distances of corners in that pose; inf where there is no second pose
+    rms_px: Array  # (2, N) distances of corners in that pose; inf: no second pose
     corner_px: float  # standard deviation of a corner along an axis, in most views
-    own_px: Array  # (N,) the same of each view: more where its own corners say so
+    own_px: Array  # (N,) the same for each view; larger if its own corners are worse
 
     def rms_at(self, X_CM: Array) -> Array:
-        """(N,) root mean square distance of the corners if the boards stood at `X_CM` (N, 4, 4)."""
+        """(N,) root mean square distance of the corners for boards at `X_CM` (N, 4, 4)."""
         squares = np.sum((project(self.camera, X_CM, self.p_M_m) - self.px) ** 2, axis=-1)
         there = self.weight > 0
         return np.asarray(np.sqrt(np.sum(squares * there, axis=1) / there.sum(axis=1)))
 
 
 def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
-    """Why a view with these corners cannot be condensed; "" where it can."""
+    """Why a view with these corners cannot be condensed; "" if it can."""
     if len(corners) and corners.ids[-1] >= target.corners:
         return (
             f"corner {corners.ids[-1]}, but a {target.name} has corners 0 to {target.corners - 1}: state the right "
@@ -65,7 +65,7 @@ def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
 
 
 def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, camera: Intrinsics) -> Sight:
-    """Fit every view by itself. Raises TooFewViews, naming a view that is `unusable`."""
+    """Fit every view by itself. Raises TooFewViews naming an unusable view."""
     if not corners:
         raise TooFewViews("there are no views: record some")
     for name, seen in zip(names, corners, strict=True):
@@ -77,7 +77,7 @@ def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, ca
     X = start.copy()
     weight = np.broadcast_to(mask, (2, *mask.shape)).copy()
     noise = 1.0
-    for sweep in range(3):  # plain, then with the weights of an outlying corner taken down
+    for sweep in range(3):  # first plain, then with lower weights for outlying corners
         for side in range(2):
             X[side] = _polish(X[side], twin[side], px, weight[side], camera)
         off = np.stack([np.linalg.norm(project(camera, X[s], p) - px, axis=-1) for s in range(2)])
@@ -93,10 +93,10 @@ def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, ca
 
 
 def about(sight: Sight, X_CM: Array) -> tuple[Array, Array]:
-    """The same views, condensed about poses (N, 4, 4) that a fit predicts -> poses (N, 4, 4), information (N, 6, 6).
+    """The same views, condensed about the predicted poses (N, 4, 4) of a fit -> poses (N, 4, 4), information (N, 6, 6).
 
-    A small target nearly head-on has no well-defined best pose of its own, and the error about it is no parabola. About
-    the prediction it is one, so a fit and this in turn reach the optimum over all pixels.
+    A small target seen nearly head-on has no well-defined best pose of its own, and the error around it is not a
+    parabola. Around the prediction it is one, so alternating fits and this reach the optimum over all pixels.
     """
     uv, J = project_with_jacobian(sight.camera, X_CM, sight.p_M_m)
     off = np.linalg.norm(uv - sight.px, axis=-1)
@@ -121,7 +121,7 @@ def _padded(corners: Sequence[Corners], board: Target) -> tuple[Array, Array, Ar
 
 
 def _both(poses: Sequence[Array]) -> Array:
-    """(2, 4, 4) both poses of a flat board; the same twice where there is one."""
+    """(2, 4, 4) both poses of a flat board; the same pose twice if there is only one."""
     return np.stack([poses[0], poses[-1]])
 
 
@@ -140,7 +140,7 @@ def _polish(X: Array, p: Array, px: Array, weight: Array, camera: Intrinsics) ->
 
 
 def _corner_noise(off: Array, mask: NDArray[np.bool_]) -> float:
-    """Standard deviation along an axis, from the median view, so that a few spoilt views do not count."""
+    """Standard deviation along an axis, from the median view, so that a few spoilt views do not matter."""
     n = mask.sum(axis=1)
     middle = np.array([np.median(row[there]) for row, there in zip(off, mask, strict=True)])
     # the median of a Rayleigh variable is 1.1774 sigma; six parameters were fitted to 2 n numbers

@@ -1,7 +1,7 @@
-"""Which units and orders do poses have that do not say it? Every reading is tried against what the pictures show.
+"""Recognises units and orders of poses that do not state them: every reading is tried against the pictures.
 
-Closed forms rank the readings; the best few are solved in full. A reading is taken only where most views agree under it
-and no other comes near.
+Closed forms rank the readings; the best few are solved in full. A reading is accepted only if most views agree under it
+and no other reading comes near.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from hw.types import Array
 from perception.board.types import Corners
 
 _CLEAR = 3.0
-"""The next best reading must fit so many times worse."""
+"""The next best reading must fit worse by this factor."""
 _SOLVED = 3
 _MOST = 0.6  # of the views must agree under a reading
 _LEVER_M = 0.5
-_FAR_M = 10.0  # no flange is so far from its base: a number beyond is in millimetres
-_TURN_RAD = 7.0  # no joint turns so far: a number beyond is in degrees
+_FAR_M = 10.0  # no flange is this far from its base: a larger number is in millimetres
+_TURN_RAD = 7.0  # no joint turns this far: a larger number is in degrees
 
 _OPTIONS = {
     "length": ("m", "mm"),
@@ -44,7 +44,7 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class Recognised:
-    """The reading, and what of it was found rather than told."""
+    """The reading, and which parts of it were recognised instead of stated."""
 
     convention: Convention
     sentences: tuple[str, ...]
@@ -57,9 +57,9 @@ def recognise(
     setup: Setup,
     forward: Forward | None,
 ) -> Recognised:
-    """The reading of `poses` (N) under which the arm moved as the pictures show: name and corners of each, as many.
+    """The reading of `poses` (N) that matches the motion in the pictures, given by name and corners of each view (N).
 
-    Raises UnusableViews where none fits, or two do: it names what `[poses]` must say.
+    Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state.
     """
     asked = frozenset[str]().union(*(keys.questions() for keys in poses))
     given = {key: value for key, value in told if value is not None}
@@ -97,7 +97,7 @@ def _misfit_px(
     setup: Setup,
     forward: Forward | None,
 ) -> float:
-    """Root mean square distance of the corners in a full solution; inf where too few views agree on one."""
+    """Root mean square distance of the corners in a full solution; inf if too few views agree on one."""
     X_BF = motion(poses, how, forward)
     views = [View(name, corners, X_BF=X) for (name, corners), X in zip(seen, X_BF, strict=True)]
     try:
@@ -109,7 +109,7 @@ def _misfit_px(
 
 
 def _by_size(key: str, poses: Sequence[PoseKeys]) -> tuple[str, ...]:
-    """Readings that the sizes of the numbers leave."""
+    """The readings that are compatible with the sizes of the numbers."""
     if key == "length":
         far = [np.linalg.norm(p.position or [row[3] for row in (p.matrix or ())[:3]] or [0.0]) for p in poses]
         return ("mm",) if float(np.median(far)) > _FAR_M else ("m",)
@@ -127,7 +127,7 @@ def _sentences(found: Convention, open_ones: dict[str, tuple[str, ...]]) -> tupl
 
 
 def _score(poses: Sequence[PoseKeys], how: Convention, X_CM: Array, setup: Setup, forward: Forward | None) -> float:
-    """How far the median view is from a closed form of this reading, in metres; inf for what is no pose."""
+    """Distance of the median view from a closed form of this reading, in m; inf if it gives no valid pose."""
     try:
         X_BF = motion(poses, how, forward)
     except ValueError:
@@ -142,7 +142,7 @@ def _score(poses: Sequence[PoseKeys], how: Convention, X_CM: Array, setup: Setup
 
 
 def motion(poses: Sequence[PoseKeys], how: Convention, forward: Forward | None) -> Array:
-    """(N, 4, 4) X_BF. Raises ValueError for what is no pose in this reading."""
+    """(N, 4, 4) X_BF. Raises ValueError if the numbers are not a pose in this reading."""
     found = []
     for keys in poses:
         q_rad = keys.joints_rad(how)

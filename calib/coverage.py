@@ -1,4 +1,4 @@
-"""What the views so far cover, and what is missing: parts of the image, tilts, distances."""
+"""The coverage of the views so far, and the missing parts of the image, tilts and distances."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from perception.board.types import Board, Corners
 
 COLUMNS, ROWS = 4, 3
 LEAN_DEG = 12.0
-"""A tilt counts from here; under 8 degrees the closed forms are 3 to 5 times worse."""
+"""The smallest tilt that counts; under 8° the closed forms are 3 to 5 times worse."""
 DISTANCE_RATIO = 1.35
 
 _SIDES = (
@@ -23,19 +23,19 @@ _SIDES = (
     "its left side away from the camera",
     "its right side away from the camera",
 )
-"""In the order of: about the image's X axis positive, negative, about its Y axis positive, negative."""
+"""In this order: about the image's X axis positive, negative; about its Y axis positive, negative."""
 
 _CELLS_WANTED = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """Of all views together."""
+    """The coverage of all views together."""
 
     cells: NDArray[np.int64]  # (ROWS, COLUMNS) corners seen in each part of the image
     tilts_deg: Array  # (N, 2) of every view, about the image's X and Y axis
     distances_m: Array  # (N,)
-    missing: tuple[str, ...]  # what to do next, the most useful first
+    missing: tuple[str, ...]  # advice for the next views, the most useful first
 
     @property
     def complete(self) -> bool:
@@ -44,7 +44,7 @@ class Coverage:
 
 
 def coverage(corners: Sequence[Corners], X_CM: Sequence[Array], board: Board, camera: Intrinsics) -> Coverage:
-    """Of views with their corners and board poses (4, 4)."""
+    """The coverage of views with these corners and board poses (4, 4)."""
     cells = np.zeros((ROWS, COLUMNS), dtype=np.int64)
     for seen in corners:
         column = np.clip(seen.px[:, 0] / camera.width * COLUMNS, 0, COLUMNS - 1).astype(int)

@@ -1,9 +1,9 @@
 """`calibrate check`: has anything moved since the calibration?
 
-Three views are enough: the calibration predicts where the corners must appear. The distance is the first half of the
-verdict; the limit of 0.5 px lies between a rig that was not touched (0.14 px, p95 0.26) and one that moved by 2 mm
-(1.2). A shift along the line of sight hardly moves the image; so a camera pose fitted to the three views, with its
-uncertainty, is the other half.
+Three views are enough: the calibration predicts where the corners must appear. Their distance is the first half of the
+verdict. The limit of 0.5 px lies between an untouched rig (0.14 px, 95th percentile 0.26 px) and a camera that moved by
+2 mm (1.2 px). A shift along the line of sight hardly changes the image, so the second half is a camera pose fitted to
+the three views, with its uncertainty.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from hw.types import Array, frozen_array
 LIMIT_PX = 0.5
 MIN_VIEWS = 3
 SIGNIFICANT = 5.0
-"""Standard deviations of the fitted shift or turn, beyond which it is one whatever the pixels say."""
+"""A fitted shift or rotation of more than this many standard deviations counts, whatever the pixels say."""
 
 LEAST_MM, LEAST_DEG = 1.2, 0.12
-"""And no smaller than this: calibrations repeat no better on a warm day."""
+"""Smaller shifts or rotations do not count: calibrations do not repeat better than this on a warm day."""
 
 LEAST_JOINT_RAD = 5e-5
-"""An arm does not come back better than that, whatever the calibration's residuals said."""
+"""An arm does not repeat better than this (rad), whatever the calibration's residuals say."""
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What a check needs of the calibration in use."""
+    """The parts of the calibration in use that a check needs."""
 
     X_AC: Array  # (4, 4)
     X_HM: Array  # (4, 4)
-    offsets_rad: Array  # (n,) joint offsets in use, zeros where none
-    joint_rad: float  # spread of the joints from view to view, `Solution.noise.joint_rad`; nan where not known
+    offsets_rad: Array  # (n,) joint offsets in use, zeros if none
+    joint_rad: float  # spread of the joints from view to view, `Solution.noise.joint_rad`; nan if unknown
 
     def __post_init__(self) -> None:
         for name in ("X_AC", "X_HM"):
@@ -47,7 +47,7 @@ class Known:
 
 
 def known(solution: Solution) -> Known:
-    """The part of a solution that a later check compares with."""
+    """The parts of a solution that a later check needs."""
     offsets = np.zeros(0) if solution.joints is None else solution.joints.offsets_rad
     return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
 
@@ -66,9 +66,9 @@ def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Kno
 
 
 def _camera_now(sight: Sight, state: State, moved: Motion, joint_rad: float) -> tuple[Array, Array]:
-    """Camera pose (4, 4) fitted to the views with all else held, and its covariance (6, 6)."""
+    """Camera pose (4, 4) fitted to the views with everything else fixed, and its covariance (6, 6)."""
     both = np.stack([np.linalg.norm(linearise(state, moved, X, Model())[0], axis=1) for X in sight.X_CM])
-    side, rows = np.argmin(both, axis=0), np.arange(both.shape[1])  # of the mirror poses, the one that is nearer
+    side, rows = np.argmin(both, axis=0), np.arange(both.shape[1])  # the nearer one of the mirror poses
     X_CM, information = sight.X_CM[side, rows], sight.information[side, rows]
     spread = max(joint_rad, LEAST_JOINT_RAD) if np.isfinite(joint_rad) else 2 * LEAST_JOINT_RAD
     G = joint_spread(state, moved)

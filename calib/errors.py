@@ -1,11 +1,11 @@
-"""What can go wrong in calibration.
+"""Errors of calibration.
 
 CalibrationError
 ├── CalibrationMissing   no calibration for this rig
-├── UnusableViews        the views cannot be solved: what is wrong with them as a whole
+├── UnusableViews        the views as a whole cannot be solved
 │   ├── TooFewViews      not enough of them, or not enough that agree
 │   ├── DegenerateViews  all alike: some direction is not determined
-│   └── BoardDisagrees   corners that do not belong to the board stated
+│   └── BoardDisagrees   corners that do not belong to the stated board
 ├── CalibrationRejected  solved, but a gate says no; the message lists the reasons
 └── ViewFolderError      a folder of views, or a stored calibration, is malformed, truncated or incomplete
 """
@@ -28,15 +28,15 @@ class TooFewViews(UnusableViews):
 
 
 class DegenerateViews(UnusableViews):
-    """The board's poses are too much alike to determine the result."""
+    """The board's poses are too similar to determine the result."""
 
 
 class BoardDisagrees(UnusableViews):
-    """Corners that the stated board does not have, or that no pose of it explains."""
+    """Corners that the stated board does not have, or that no pose of the board explains."""
 
 
 class CalibrationRejected(CalibrationError):
-    """An acceptance gate says no."""
+    """An acceptance gate rejects the calibration; the message lists the reasons."""
 
 
 class ViewFolderError(CalibrationError):

@@ -1,7 +1,7 @@
-"""Folders of views: what one look at the board is on disk, and back.
+"""Reads folders of views, and gives the files of a view.
 
-`setup.toml` holds what all views share; `view-NAME.json` with the images beside it is one view. Nothing is written
-here: `view_files` gives names and bytes in the order in which they have to reach the disk, the JSON last.
+`setup.toml` holds everything that all views share; `view-NAME.json` with its images is one view. Nothing is written
+here: `view_files` returns names and bytes in the order in which they have to be written, the JSON last.
 """
 
 from __future__ import annotations
@@ -33,28 +33,30 @@ PREFIX = "view-"
 
 @dataclass(frozen=True, eq=False)
 class StoredView:
-    """One view as it was stored, images included."""
+    """One stored view with its images."""
 
     name: str
     record: ViewRecord
-    colour: NDArray[np.uint8] | None  # (H, W, 3) RGB; None where the view gives corners instead
+    colour: NDArray[np.uint8] | None  # (H, W, 3) RGB; None if the view gives corners instead
     infrared: NDArray[np.uint16] | None
     depth_mm: NDArray[np.uint16] | None
-    sha256: str  # of the record's file, which holds the hashes of the images
+    sha256: str  # of the record's file, which contains the hashes of the images
 
 
 @dataclass(frozen=True, eq=False)
 class Folder:
-    """A folder of views, with what had to be left out of it."""
+    """A folder of views, and the damaged views that were left out."""
 
     setup: SetupRecord
-    views: tuple[StoredView, ...]  # in order of their names
-    damaged: tuple[str, ...]  # sentences: which view cannot be used, and why
-    forward: Forward | None  # of the arm that the views' joints belong to; None where they give poses
+    views: tuple[StoredView, ...]  # sorted by name
+    damaged: tuple[str, ...]  # sentences that name an unusable view and the reason
+    forward: Forward | None  # of the views' arm; None if the views give poses
 
 
 def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None = None) -> SetupRecord:
-    """Of a fixed RGB-D camera and an arm whose joints are known; `X_FM` (4, 4) is how the board is meant to be held."""
+    """The setup of a fixed RGB-D camera and an arm with known joints; `X_FM` (4, 4) is the planned pose of the board in
+    the flange.
+    """
     return SetupRecord.model_validate(
         {
             "camera": "fixed",
@@ -75,7 +77,7 @@ def setup_file(record: SetupRecord) -> bytes:
 
 
 def as_setup(record: SetupRecord) -> Setup:
-    """What the solver needs of it."""
+    """The setup for the solver."""
     return Setup(
         mounting=Mounting(record.camera),
         board=record.board.board(),
@@ -87,7 +89,7 @@ def as_setup(record: SetupRecord) -> Setup:
 
 
 def kinematics(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
-    """Forward kinematics of the arm that the views' joints are of, and how many they are; None and 0 where not known.
+    """Forward kinematics of the views' arm and its number of joints; None and 0 if unknown.
 
     Raises ViewFolderError.
     """
@@ -95,7 +97,7 @@ def kinematics(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
     if given is None:
         return (None, 0) if record.arm == "other" else (forward, JOINTS)
     if given.dh is not None:
-        assert given.dh_convention is not None  # the record's own check
+        assert given.dh_convention is not None  # checked by the record
         return denavit_hartenberg(given.dh, given.dh_convention)
     assert given.urdf is not None
     return urdf(folder / given.urdf, given.base, given.tip)
@@ -141,7 +143,7 @@ def touch_files(colour: NDArray[np.uint8], corner: int, q_rad: Array) -> Mapping
 
 
 def read_touch(folder: Path) -> tuple[TouchRecord, NDArray[np.uint8]] | None:
-    """The touched corner of a folder and its colour image (H, W, 3) RGB; None where none was touched.
+    """The touched corner of a folder and its colour image (H, W, 3) RGB; None if none was touched.
 
     Raises ViewFolderError.
     """
@@ -154,9 +156,9 @@ def read_touch(folder: Path) -> tuple[TouchRecord, NDArray[np.uint8]] | None:
 
 
 def read_folder(folder: Path) -> Folder:
-    """All views of a folder. A single view that is damaged is left out and named in `damaged`.
+    """All views of a folder. A damaged view is left out and named in `damaged`.
 
-    Raises ViewFolderError where the folder or its setup cannot be read, or no view is whole.
+    Raises ViewFolderError if the folder or its setup cannot be read, or every view is damaged.
     """
     if not folder.is_dir():
         raise ViewFolderError(f"there is no folder {folder}")
@@ -176,7 +178,7 @@ def read_folder(folder: Path) -> Folder:
 
 
 def _with_points(setup: SetupRecord, views: Sequence[StoredView]) -> SetupRecord:
-    """Points that the views bring with them are those of the target: each place once, sorted."""
+    """Take the points of the views as those of the target: each place once, sorted."""
     if not isinstance(setup.board, PointsRecord):
         return setup
     places = {tuple(row) for view in views for row in as_millimetres(view.record.points())}
@@ -184,13 +186,13 @@ def _with_points(setup: SetupRecord, views: Sequence[StoredView]) -> SetupRecord
 
 
 def as_millimetres(points_m: Array | None) -> list[tuple[float, float, float]]:
-    """Places (K, 3) in mm to a thousandth, so that the same point of two views is the same."""
+    """Places (K, 3) in mm, rounded to 1 µm, so that the same point in two views is equal."""
     rows = [] if points_m is None else np.round(1e3 * points_m, 3).tolist()
     return [(float(x), float(y), float(z)) for x, y, z in rows]
 
 
 def given_corners(view: StoredView, setup: SetupRecord) -> Corners:
-    """The corners that a view of kind "points" brings with it."""
+    """The corners stated by a view of kind "points"."""
     assert isinstance(setup.board, PointsRecord)
     assert view.record.corners_px is not None
     numbers = {place: k for k, place in enumerate(setup.board.points_mm)}
@@ -237,7 +239,7 @@ def _colour(path: Path, record: ViewRecord, setup: SetupRecord) -> NDArray[np.ui
 
 
 def _by_factor(width: int, height: int, setup: SetupRecord) -> str:
-    """What the intrinsics of a smaller or larger picture of the same camera would be; "" where it is another cut."""
+    """A hint at the intrinsics of a scaled picture of the same camera; "" if the aspect ratio differs."""
     factor = width / setup.colour.width
     if abs(factor * setup.colour.height - height) > 1.0:
         return ""

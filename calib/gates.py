@@ -1,4 +1,4 @@
-"""When a calibration is good enough to use: every gate with its value, limit and what to do."""
+"""The gates that decide whether a calibration is good enough to use, each with value, limit and advice."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ FIT_LIMIT_PX = 0.8
 HELD_OUT_LIMIT_PX = 1.0
 WORST_LIMIT_MM = 5.0
 CROSS_CHECK_LIMIT_MM = 15.0
-"""Closed forms are this far off only where something is wrong with all of the data."""
+"""Closed forms are off by more than this only if all of the data are wrong."""
 
 
 def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acceptance:
-    """All gates. `checks` are measurements that were made beside the solution; a bad one forbids too."""
+    """Apply all gates. `checks` are further measurements besides the solution; a bad one also forbids."""
     own = (square_size(solution), joint_offsets(solution), variety(solution))
     named = {check.name for check in checks}
     return Acceptance((*_gates(solution, setup), *(check for check in own if check.name not in named), *checks))
@@ -43,7 +43,7 @@ def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
 
 
 def _why_rejected(solution: Solution) -> str:
-    """Views that are all at one end of the series point to something that slipped."""
+    """The advice about rejected views: if all are at one end of the series, something slipped."""
     used = [view.used for view in solution.views]
     changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]
     if len(changes) == 1:
@@ -68,7 +68,7 @@ def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> C
 
 
 def _cross(name: str, value: float) -> Check:
-    """A doubt, not a verdict: closed forms are the weaker estimate."""
+    """Only a doubt, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
     message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
     if value <= limit:

@@ -1,4 +1,4 @@
-"""Small motions of rigid poses, on all leading axes at once. A twist is (rotation rad, translation m)."""
+"""Small motions of rigid poses, vectorised over the leading axes. A twist is (rotation rad, translation m)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def move(X: Array, twist: Array) -> Array:
 
 
 def difference(X_from: Array, X_to: Array) -> Array:
-    """(..., 6) twist that moves one pose to the other: `move(X_from, difference(X_from, X_to))` is X_to."""
+    """(..., 6) twist from one pose to the other: `move(X_from, difference(X_from, X_to))` is X_to."""
     step = inverse(X_from) @ X_to
     return np.concatenate([rotation_vector(step[..., :3, :3]), step[..., :3, 3]], axis=-1)
 

@@ -1,7 +1,7 @@
-"""Targets that look the same turned (plain chessboards, circles): which way round each picture shows them.
+"""Finds the orientation, in each picture, of targets that look the same when rotated (plain chessboards, circles).
 
-Between two views the hand turns by the same angle as the target does before the camera, wherever either stands. So the
-labels of any two views can be compared without a calibration, and each view takes the side that most others ask for.
+Between two views, hand and target rotate by the same angle, wherever the camera is. So the labels of any two views can
+be compared without a calibration, and each view takes the orientation that most others support.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ROUNDS = 20
 
 
 def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[View, ...]:
-    """The views with their points numbered alike: as the one does that agrees with most others."""
+    """The views with consistent numbers of their points: those of the view that agrees with most others."""
     usable = [view for view in views if not unusable(view.corners, setup.board, setup.colour)]
     if not setup.board.turns or len(usable) < 3:
         return tuple(views)
@@ -39,17 +39,19 @@ def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> 
 
 
 def _renumbered(corners: Corners, ids: NDArray[np.int64]) -> Corners:
-    """The same points, the one that was number k now number ids[k]."""
+    """The same points; number k becomes ids[k]."""
     new = ids[corners.ids]
     order = np.argsort(new)
     return Corners(new[order], corners.px[order])
 
 
 def _sides(X_AH: Array, X_CM: Array) -> list[int]:
-    """Poses of the holder (N, 4, 4) and of the target in each labelling (S, N, 4, 4) -> labelling of every view."""
+    """Poses of the holder (N, 4, 4), and of the target under each labelling (S, N, 4, 4) -> the labelling of every
+    view.
+    """
     sides, n = X_CM.shape[:2]
     turned = _angles(X_AH[:, None], X_AH[None])
-    misfit = np.stack(  # (S, S, N, N): labelling of one view and of another, then which views
+    misfit = np.stack(  # (S, S, N, N): labellings of the two views, then the two views
         [[np.abs(_angles(X_CM[a][:, None], X_CM[b][None]) - turned) for b in range(sides)] for a in range(sides)]
     )
     best: tuple[float, list[int]] = (np.inf, [0] * n)
@@ -57,7 +59,7 @@ def _sides(X_AH: Array, X_CM: Array) -> list[int]:
         side = np.argmin(misfit[0, :, first, :], axis=0)
         side[first] = 0
         for _ in range(_ROUNDS):
-            # one view of the wrong pose must not outvote the rest: the median over the others
+            # the median over the others, so that one wrong pose cannot outvote the rest
             cost = np.stack([np.median(misfit[a, side, :, np.arange(n)], axis=0) for a in range(sides)])
             again = np.argmin(cost, axis=0)
             if (again == side).all():

@@ -1,8 +1,8 @@
-"""Do pictures and poses belong together, and did anything move that should not have? What ails rejected views.
+"""Diagnoses rejected views: pictures and poses that do not belong together, or a part that moved.
 
-Each kind of fault leaves its own mark. Exchanged views fit each other's poses. A lost or doubled picture makes later
-ones fit the pose of a neighbour. Stale joints repeat those of the view before while the picture changes. A slipped
-target changes where it sits in the holder and nothing else; a camera that was moved changes where it stands.
+Each kind of fault has its own pattern. Exchanged views fit each other's poses. After a lost or doubled picture, later
+pictures fit the pose of a neighbour. Stale joints repeat those of the previous view while the picture changes. A
+slipped target changes only its pose in the holder; a moved camera changes only its own pose.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from calib.types import Forward, Setup, Solution, View
 from hw.types import Array
 
 MIN_SEGMENT = 4
-_FITS = 4.0  # times the usual error of the views that agree
+_FITS = 4.0  # multiple of the usual error of agreeing views
 _FITS_PX = 2.0
 _STRAINED = 5.0
-"""A fit that leaves so many times the corners' noise is a compromise between two arrangements."""
+"""A fit with residuals this many times the corners' noise is a compromise between two arrangements."""
 _WORSE = 4.0
-"""A rejected view must be so many times nearer under another pose than under its own."""
+"""A rejected view must fit another pose this many times better than its own."""
 _SAME_MM, _SAME_DEG = 0.5, 0.05
 _TELLS = 1.5
-"""One explanation of a change counts where the other leaves so many times as much."""
+"""One explanation of a change counts if the other leaves residuals this many times larger."""
 _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong, in words, and the option of `calibrate solve` that mends it ("" where none does)."""
+    """One fault in words, and the option of `calibrate solve` that repairs it ("" if there is none)."""
 
     kind: str  # exchanged, shifted, stale, repeated picture, slipped, moved
     sentence: str
@@ -47,7 +47,7 @@ class Fault:
 def faults(
     views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> tuple[Fault, ...]:
-    """What is wrong with views that the solution rejects, or with all of them where there is none. Views by name."""
+    """The faults of the views that the solution rejects, or of all views if there is no solution. Views by name."""
     ordered = sorted(views, key=lambda view: view.name)
     if solution is None or len(solution.used) < 0.7 * len(ordered):
         whole = _shift_of_all(ordered, setup, forward, solution)
@@ -75,7 +75,7 @@ def _explained(seen: _Crossed) -> tuple[Fault, ...]:
 
 
 def exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[View]:
-    """The views with the poses of each pair of names exchanged. Raises UnusableViews for a name that is not there."""
+    """The views with the poses of each pair of names exchanged. Raises UnusableViews for an unknown name."""
     by_name = {view.name: view for view in views}
     for pair in pairs:
         missing = [name for name in pair if name not in by_name]
@@ -87,7 +87,7 @@ def exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[V
 
 
 def shifted(views: Sequence[View], by: int) -> list[View]:
-    """Each picture with the pose of the view `by` places later by name; those without one are left out."""
+    """Each picture with the pose of the view `by` places later by name; pictures without such a view are left out."""
     ordered = sorted(views, key=lambda view: view.name)
     at = [(i, i + by) for i in range(len(ordered)) if 0 <= i + by < len(ordered)]
     return [_posed(ordered[i], ordered[j]) for i, j in at]
@@ -115,7 +115,7 @@ class _Crossed:
         return bool(self.px[i, j] < self.limit_px and self.px[i, j] * _WORSE < self.px[i, i])
 
     def stale(self) -> tuple[Fault, ...]:
-        """Poses, or pictures, that are those of the view before once more."""
+        """Poses or pictures that repeat those of the previous view."""
         found = []
         for i in self.bad:
             if i == 0:
@@ -139,7 +139,7 @@ class _Crossed:
         return len(apart) > 0 and float(np.median(apart)) < 3.0 * self.noise_px and self.fits(i, j)
 
     def exchanged(self, rows: Sequence[int]) -> tuple[Fault, ...]:
-        """Pairs that fit with each other's pose."""
+        """Pairs of views that fit each other's pose."""
         pairs = [(i, j) for i in rows for j in rows if i < j and self.fits(i, j) and self.fits(j, i)]
         return tuple(
             Fault(
@@ -155,7 +155,7 @@ class _Crossed:
         )
 
     def shifted_tail(self, rows: Sequence[int]) -> tuple[Fault, ...]:
-        """From one view to the end every picture fits the pose of a neighbour: one was lost, or taken twice."""
+        """From one view to the end, every picture fits the pose of a neighbour: a picture was lost or taken twice."""
         n = len(self.views)
         if len(rows) < MIN_SEGMENT - 1 or list(rows) != list(range(rows[0], rows[-1] + 1)) or rows[-1] < n - 2:
             return ()
@@ -169,7 +169,7 @@ class _Crossed:
         return ()
 
     def slipped_or_moved(self, rows: Sequence[int]) -> tuple[Fault, ...]:
-        """A change that holds from one view to the next end of the series."""
+        """A change that lasts from one view to an end of the series."""
         n = len(self.views)
         at_end = list(rows) == list(range(n - len(rows), n))
         at_start = list(rows) == list(range(len(rows)))
@@ -235,7 +235,7 @@ def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: F
 def _shift_of_all(
     views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> Fault | None:
-    """Every picture has the pose of its neighbour."""
+    """The fault that every picture has the pose of its neighbour, if it is one."""
     agreed = 0 if solution is None else len(solution.used)
     for by in (1, -1):
         try:
@@ -253,7 +253,7 @@ def _shift_of_all(
 
 
 def _halves(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:
-    """Solutions of the first half and of the last, where something changed in between."""
+    """Solutions of the first and of the second half, in case something changed in between."""
     middle = len(views) // 2
     for part in (views[:middle], views[middle:]):
         try:

@@ -1,8 +1,8 @@
-"""Bundle adjustment over every corner: several cameras, several mountings of the target, its size, the lenses.
+"""Bundle adjustment over every corner, with several cameras, several mountings of the target, its size, and the lenses.
 
-The solution proper (`calib.solve`) weighs the arm's own noise and works on condensed views of one camera. This one asks
-questions that a condensed view cannot answer. Are the stated intrinsics right? Did the target slip, or the camera move?
-Where do cameras stand that look at the same target?
+The main solution (`calib.solve`) weighs the arm's own noise and works on condensed views of one camera. This one
+answers questions that condensed views cannot: Are the stated intrinsics right? Did the target slip, or the camera move?
+Where are several cameras that see the same target?
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from perception.board.types import Corners, Target
 
-_ROBUST = 3.0  # residuals beyond so many standard deviations count less and less
-_CENTRE_SHARE = 0.05  # standard deviation of a principal point beforehand, of the image's width
+_ROBUST = 3.0  # residuals beyond this many standard deviations get less weight
+_CENTRE_SHARE = 0.05  # prior standard deviation of a principal point, as a share of the image's width
 _RECENTRED = 4
 
 Index = NDArray[np.int64]
@@ -32,9 +32,9 @@ class Looks:
     """N pictures of one target."""
 
     cameras: tuple[Intrinsics, ...]  # C
-    camera: Index  # (N,) which of them
-    mounting: Index  # (N,) which of H ways the target is held in its holder
-    posture: Index  # (N,) pictures of the same posture of the arm stand and fall together
+    camera: Index  # (N,) index of the camera
+    mounting: Index  # (N,) index among H mountings of the target in its holder
+    posture: Index  # (N,) index of the arm's posture; pictures of one posture are left out together
     X_AH: Array  # (N, 4, 4)
     p_M_m: Array  # (N, K, 3) padded
     px: Array  # (N, K, 2)
@@ -48,7 +48,7 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What is adjusted."""
+    """The unknowns of the adjustment."""
 
     X_AC: Array  # (C, 4, 4)
     X_HM: Array  # (H, 4, 4)
@@ -61,7 +61,7 @@ class Adjusted:
     """A fit over pixels."""
 
     place: Place
-    noise_px: float  # standard deviation along an axis with which it was weighed
+    noise_px: float  # standard deviation along an axis used as weight
     rms_px: Array  # (N,) distance of the corners, by picture
     J: Array  # (N, 2 K, P) in standard deviations
     residual: Array  # (N, 2 K) in standard deviations
@@ -70,14 +70,14 @@ class Adjusted:
 
     @property
     def px(self) -> float:
-        """Root mean square over pictures."""
+        """Root mean square over pictures, px."""
         return float(np.sqrt(np.mean(self.rms_px**2)))
 
 
 def looks(
     corners: Sequence[Corners], X_AH: Array, target: Target, cameras: Sequence[Intrinsics], camera: Sequence[int]
 ) -> Looks:
-    """Of pictures, one an entry: corners, pose of the holder (N, 4, 4), and which camera took it."""
+    """Collect pictures, one per entry: corners, pose of the holder (N, 4, 4), and index of the camera."""
     n, most = len(corners), max(len(c) for c in corners)
     p, px, seen = np.zeros((n, most, 3)), np.zeros((n, most, 2)), np.zeros((n, most), dtype=bool)
     for i, c in enumerate(corners):
@@ -101,7 +101,7 @@ def rms_px(place: Place, of: Looks) -> Array:
 
 
 def adjust(of: Looks, start: Place, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
-    """Least squares with a robust loss from `start`; `scale` and `lens` are free only where asked for."""
+    """Least squares with a robust loss from `start`; `scale` and `lens` are free only on request."""
     C, H = len(start.X_AC), len(start.X_HM)
     free = np.ones(6 * C + 6 * H + 1 + LENS * C, dtype=bool)
     free[6 * C + 6 * H] = scale
@@ -148,7 +148,7 @@ def adjust(of: Looks, start: Place, noise_px: float, *, scale: bool, lens: bool)
 
 
 def jackknife(fit: Adjusted) -> Array:
-    """(P, P) covariance: each posture left out in turn, in one Newton step from the fit."""
+    """(P, P) covariance by leaving out each posture in turn, with one Newton step from the fit."""
     postures = np.unique(fit.posture)
     moved = []
     for posture in postures:
@@ -164,7 +164,7 @@ def jackknife(fit: Adjusted) -> Array:
 
 
 def held_out_px(of: Looks, full: Adjusted, folds: int, *, scale: bool, lens: bool) -> Array:
-    """(N,) error of each picture, predicted by a fit without it and the others of its fold; every picture once."""
+    """(N,) error in px of each picture, predicted by a fit without its fold."""
     order = np.unique(of.posture, return_inverse=True)[1] % folds
     out = np.zeros(len(of.px))
     for fold in range(folds):
@@ -187,7 +187,7 @@ def _stepped(place: Place, x: Array, active: Index) -> Place:
 
 
 def _linearised(place: Place, of: Looks, *, lens: bool) -> tuple[Array, Array]:
-    """Predicted less seen (N, K, 2), and (N, K, 2, all parameters)."""
+    """Predicted minus seen (N, K, 2), and its derivative (N, K, 2, all parameters)."""
     C, H = len(place.X_AC), len(place.X_HM)
     N, K = of.px.shape[:2]
     off = np.zeros((N, K, 2))

@@ -1,8 +1,8 @@
-"""How a view tells where the arm was, in any convention that somebody uses: read as told, asked for, or recognised.
+"""The arm's pose of a view, in any common convention, which is stated by the key or by `[poses]`, or recognised.
 
-A key that names its unit and order (`q_deg`, `position_mm`, `quaternion_xyzw`) means what it says. One that does not
-(`joints`, `position`, `quaternion`, `matrix`, ...) is read as `[poses]` of setup.toml says, and where that says nothing
-every reading is tried (`calib.conventions`). Nothing is ever guessed without being said.
+A key with unit and order in its name (`q_deg`, `position_mm`, `quaternion_xyzw`) is read as named. Any other (`joints`,
+`position`, `quaternion`, `matrix`, ...) is read as `[poses]` of setup.toml states. If that does not state it, every
+reading is tried (`calib.conventions`), and the recognised one is reported.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hw.types import Array
 LENGTHS_M = {"m": 1.0, "mm": 1e-3}
 ANGLES_RAD = {"rad": 1.0, "deg": float(np.pi / 180)}
 EULER = ("xyz", "ZYX", "XYZ", "zyx", "ZYZ", "zyz")
-"""Orders that are tried, in scipy's letters: small about the base's axes, capital about the turned ones."""
+"""Orders to try, in scipy's letters: small about the base's axes, capital about the rotated ones."""
 
 _ONE_OF = (
     "q_rad, q_deg, joints, X_BF, matrix, or a position with a rotation (position_m, position_mm or position, with"
@@ -32,7 +32,7 @@ _ONE_OF = (
 
 @dataclass(frozen=True)
 class Convention:
-    """One way to read the keys that do not say it themselves."""
+    """One reading of the keys that do not state their convention."""
 
     length: str = "m"  # of LENGTHS_M
     angle: str = "rad"  # of ANGLES_RAD
@@ -42,31 +42,31 @@ class Convention:
 
 
 class PosesRecord(Record):
-    """`[poses]` of setup.toml: what is known of the keys that do not say it themselves."""
+    """`[poses]` of setup.toml: the convention of keys that do not state it themselves."""
 
     length: Literal["m", "mm"] | None = None  # of position and matrix
     angle: Literal["rad", "deg"] | None = None  # of joints, rotation_vector and euler
     quaternion: Literal["wxyz", "xyzw"] | None = None  # order of quaternion
     euler: str | None = Field(default=None, pattern="^([xyz]{3}|[XYZ]{3})$")  # small: about the base's axes
-    gives: Literal["flange_in_base", "base_in_flange"] | None = None  # what position and matrix are of
+    gives: Literal["flange_in_base", "base_in_flange"] | None = None  # the direction of position and matrix
 
 
 class PoseKeys(Record):
-    """The part of a view that tells where the arm was."""
+    """The part of a view that states the arm's pose."""
 
-    q_rad: Numbers | None = None  # joints as the arm reports them
+    q_rad: Numbers | None = None  # reported joints
     q_deg: Numbers | None = None  # the same in degrees
-    joints: Numbers | None = None  # the same in the unit that [poses] says, or that is recognised
+    joints: Numbers | None = None  # the same, in the unit stated by [poses] or recognised
     X_BF: Matrix | None = None  # the flange in the base, four rows of four, metres
-    matrix: Matrix | None = None  # a pose, four rows of four, as [poses] says or as is recognised
+    matrix: Matrix | None = None  # a pose, four rows of four, as stated by [poses] or recognised
     position_m: Numbers | None = None  # of the flange in the base, with a rotation: another way to give X_BF
     position_mm: Numbers | None = None  # the same in mm
-    position: Numbers | None = None  # the same in the unit that [poses] says, or that is recognised
+    position: Numbers | None = None  # the same, in the unit stated by [poses] or recognised
     quaternion_wxyz: Numbers | None = None  # of the flange in the base, w first
     quaternion_xyzw: Numbers | None = None  # w last
-    quaternion: Numbers | None = None  # in the order that [poses] says, or that is recognised
+    quaternion: Numbers | None = None  # in the order stated by [poses] or recognised
     rotation_vector: Numbers | None = None  # axis times angle
-    euler: Numbers | None = None  # three angles, about the axes that [poses] names or that are recognised
+    euler: Numbers | None = None  # three angles, about the axes stated by [poses] or recognised
 
     @model_validator(mode="after")
     def _one_pose(self) -> Self:
@@ -76,7 +76,7 @@ class PoseKeys(Record):
         if bool(places) != bool(turns):
             raise ValueError("a position and a rotation go together, such as position_m and quaternion_wxyz")
         if not self.questions():
-            self.flange()  # its own checks
+            self.flange()  # checks the keys
         return self
 
     def _given(self, *names: str) -> list[str]:
@@ -87,7 +87,7 @@ class PoseKeys(Record):
 
     @property
     def has_joints(self) -> bool:
-        """Whether the view gives joints rather than a pose."""
+        """Whether the view gives joints instead of a pose."""
         return bool(self._given("q_rad", "q_deg", "joints"))
 
     def questions(self) -> frozenset[str]:
@@ -103,7 +103,7 @@ class PoseKeys(Record):
         return frozenset().union(*(fields for key, fields in depends.items() if getattr(self, key) is not None))
 
     def joints_rad(self, convention: Convention | None = None) -> Array | None:
-        """(n,) where given. Raises ValueError for what looks like degrees."""
+        """(n,) if given, else None. Raises ValueError for numbers that look like degrees."""
         if self.q_deg is not None:
             return _row([ANGLES_RAD["deg"] * q for q in self.q_deg])
         if self.joints is not None:
@@ -114,7 +114,10 @@ class PoseKeys(Record):
         return None if self.q_rad is None else np.array(self.q_rad)
 
     def flange(self, convention: Convention | None = None) -> Array | None:
-        """X_BF (4, 4) where given. Raises ValueError for what is no pose, or looks like millimetres or degrees."""
+        """X_BF (4, 4) if given, else None.
+
+        Raises ValueError for numbers that are not a pose, or look like millimetres or degrees.
+        """
         how = convention or Convention()
         if self.has_joints:
             self.joints_rad(how)

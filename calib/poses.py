@@ -1,7 +1,7 @@
-"""Where to hold the board: poses before the camera that together determine the calibration.
+"""Plans the board's poses before the camera that together determine the calibration.
 
-Spread matters more than number (`benchmarks/calibration.py`): the board tilted to all sides by 20 to 40 degrees, near
-and far, in every part of the image that it can reach, and turned about the line of sight.
+Spread matters more than number (`benchmarks/calibration.py`): the board tilted to all sides by 20° to 40°, near and
+far, in every reachable part of the image, and rotated about the line of sight.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from perception.board.types import Board
 TILT_DEG = (18.0, 42.0)
 TURN_DEG = 40.0
 RIM_PX = 12.0
-"""All of the print stays at least so far inside the image; a rough camera pose needs the room."""
+"""The whole print stays at least this share inside the image, because the camera pose is only roughly known."""
 
 _UNITS = np.array([0.28, 0.28, 0.30, 0.45, 0.45, 0.9])
-"""What counts as equally different: image width and height, relative distance, tilts and turn in rad."""
+"""Scales of equal difference: image width and height, relative distance, tilts and rotation in rad."""
 
 
 def candidates(camera: Intrinsics, board: Board, count: int, distance_m: tuple[float, float], seed: int = 0) -> Array:
-    """Board poses X_CM (N, 4, 4), N <= `count`, all of them wholly in the image. Evenly spread, the same every time."""
+    """Board poses X_CM (N, 4, 4), N <= `count`, all wholly inside the image. Evenly spread and deterministic."""
     draws = qmc.Sobol(6, seed=seed).random(count)
     pixels = draws[:, :2] * [camera.width - 1, camera.height - 1]
     flat = cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion).reshape(-1, 2)
@@ -37,7 +37,7 @@ def candidates(camera: Intrinsics, board: Board, count: int, distance_m: tuple[f
 
 
 def spread(X_CM: Array, board: Board, count: int) -> Array:
-    """Indices of up to `count` of the poses (N, 4, 4) that differ most: each is the farthest from those before it."""
+    """Indices of up to `count` poses of (N, 4, 4) that differ most: each is the farthest from those before."""
     features = np.array([_features(X, board) for X in X_CM]) / _UNITS
     if not len(features):
         return np.zeros(0, dtype=int)
@@ -50,7 +50,9 @@ def spread(X_CM: Array, board: Board, count: int) -> Array:
 
 
 def tilt_and_turn(X_CM: Array, board: Board) -> tuple[float, float, float]:
-    """How the board stands to the line of sight through its centre: tilts about the image's X and Y, and turn, rad."""
+    """The board's orientation to the line of sight through its centre: tilts about the image's X and Y, and rotation,
+    rad.
+    """
     square = _facing(centre(X_CM, board))
     normal = square.T @ X_CM[:3, 2]
     across = square.T @ X_CM[:3, 0]
@@ -59,7 +61,7 @@ def tilt_and_turn(X_CM: Array, board: Board) -> tuple[float, float, float]:
 
 
 def centre(X_CM: Array, board: Board) -> Array:
-    """(3,) middle of the print in the camera."""
+    """(3,) centre of the print in the camera frame."""
     middle = np.array([*np.array(board.size_m) / 2, 0.0])
     return np.asarray(X_CM[:3, :3] @ middle + X_CM[:3, 3])
 
@@ -75,7 +77,7 @@ def _pose(flat: Array, away_m: float, tilt: float, towards: float, turn: float, 
 
 
 def _facing(p_C_m: Array) -> Array:
-    """(3, 3) axes whose Z looks along the line of sight to a point, upright in the image."""
+    """(3, 3) axes with Z along the line of sight to a point, upright in the image."""
     z = p_C_m / np.linalg.norm(p_C_m)
     x = np.cross([0.0, 1.0, 0.0], z)
     x /= np.linalg.norm(x)

@@ -18,7 +18,7 @@ def project(camera: Intrinsics, X_CM: Array, p_M_m: Array) -> Array:
 
 
 def project_with_jacobian(camera: Intrinsics, X_CM: Array, p_M_m: Array) -> tuple[Array, Array]:
-    """Also (N, K, 2, 6), how a pixel moves with a twist of the pose in the board's axes (`geometry.move`)."""
+    """Also the derivative (N, K, 2, 6) of a pixel by a twist of the pose in the board's axes (`geometry.move`)."""
     R = X_CM[:, :3, :3]
     p = p_M_m @ np.swapaxes(R, 1, 2) + X_CM[:, None, :3, 3]
     xy, z = p[..., :2] / p[..., 2:], p[..., 2]
@@ -52,7 +52,7 @@ def _distorted(camera: Intrinsics, xy: Array) -> tuple[Array, Array]:
 
 
 LENS = 5
-"""What of a lens may be free: log of the focal length, centre u and v in px, k1, k2; all as changes."""
+"""Number of free lens parameters: log of the focal length, centre u and v in px, k1, k2; all as changes."""
 
 
 def with_lens(camera: Intrinsics, lens: Array) -> Intrinsics:
@@ -65,7 +65,7 @@ def with_lens(camera: Intrinsics, lens: Array) -> Intrinsics:
 
 
 def lens_jacobian(camera: Intrinsics, X_CM: Array, p_M_m: Array) -> Array:
-    """Poses (N, 4, 4) and points (N, K, 3) -> (N, K, 2, LENS), how a pixel moves with the lens."""
+    """Poses (N, 4, 4) and points (N, K, 3) -> (N, K, 2, LENS) derivative of a pixel by the lens parameters."""
     p = p_M_m @ np.swapaxes(X_CM[:, :3, :3], 1, 2) + X_CM[:, None, :3, 3]
     xy = p[..., :2] / p[..., 2:]
     uv, _ = _distorted(camera, xy)

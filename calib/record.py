@@ -1,4 +1,4 @@
-"""What all records of a calibration have in common."""
+"""The common base of all records of a calibration."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def _told(value: Any) -> Any:
 Numbers = Annotated[tuple[float, ...], BeforeValidator(_plain)]
 Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_plain)]
 Measured = Annotated[float | None, BeforeValidator(_told)]
-"""JSON knows no NaN: what was not measured is null."""
+"""JSON has no NaN, so a missing measurement is null."""
 
 
 class Record(BaseModel):
-    """Base of everything that a calibration stores: frozen, finite, and unknown keys are an error.
+    """Base of all stored records: frozen, finite, and unknown keys are an error.
 
-    It can be validated from the value that it stores, whose further attributes are left out.
+    It can be validated from the object that it stores; further attributes of that object are ignored.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, from_attributes=True)

@@ -1,6 +1,6 @@
-"""What stands in the files of a calibration: `setup.toml`, `view-*.json`, `calibration.json`. Checked on reading.
+"""The records in the files of a calibration: `setup.toml`, `view-*.json`, `touch.json`. Checked on reading.
 
-`docs/guide/calibrate.md` describes the same for whoever writes such files on another robot.
+`docs/guide/calibrate.md` describes them for people who write such files on another robot.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 class IntrinsicsRecord(Record):
-    """A camera in OpenCV's terms; pixel centres lie at whole numbers."""
+    """A camera in OpenCV's terms; pixel centres lie at integers."""
 
     width: int = Field(ge=32, le=20000)
     height: int = Field(ge=32, le=20000)
@@ -31,7 +31,7 @@ class IntrinsicsRecord(Record):
 
     @classmethod
     def from_camera(cls, camera: Intrinsics) -> Self:
-        """As it is stored, with all eight numbers of the distortion."""
+        """The record of a camera, with all eight distortion coefficients."""
         rows = tuple(tuple(map(float, row)) for row in camera.K)
         return cls(width=camera.width, height=camera.height, K=rows, distortion=tuple(map(float, camera.distortion)))
 
@@ -46,20 +46,20 @@ class IntrinsicsRecord(Record):
         return self
 
     def intrinsics(self) -> Intrinsics:
-        """The value, its distortion filled up with zeros."""
+        """The camera, its distortion padded with zeros."""
         return Intrinsics(
             self.width, self.height, np.array(self.K), np.array([*self.distortion, *[0.0] * (8 - len(self.distortion))])
         )
 
 
 class KinematicsRecord(Record):
-    """`[kinematics]` of setup.toml: an arm that is not known here, as a Denavit-Hartenberg table or as a URDF."""
+    """`[kinematics]` of setup.toml: an arm that the program does not know, as a Denavit-Hartenberg table or a URDF."""
 
     dh: tuple[Numbers, ...] | None = None  # rows of a in m, alpha in rad, d in m, theta in rad
     dh_convention: Literal["craig", "classic"] | None = None  # never assumed
     urdf: str | None = None  # file beside setup.toml
-    base: str | None = None  # links of the URDF; its root
-    tip: str | None = None  # and its end
+    base: str | None = None  # link of the URDF; by default its root
+    tip: str | None = None  # link of the URDF; by default its only end
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -84,19 +84,19 @@ class KinematicsRecord(Record):
 
 
 class SetupRecord(Record):
-    """setup.toml: what stays the same in all views of a folder."""
+    """setup.toml: everything that is the same in all views of a folder."""
 
     format: int = FORMAT
     camera: Literal["fixed", "wrist"]
-    arm: Literal["panda", "fr3", "other"] = "other"  # of "other", views give flange poses, or [kinematics] stands here
+    arm: Literal["panda", "fr3", "other"] = "other"  # for "other", views give flange poses, or [kinematics] is given
     serial: str = ""  # of the camera
-    kinematics: KinematicsRecord | None = None  # of an arm that is not known here
-    poses: PosesRecord = PosesRecord()  # how views' poses are to be read, where their keys do not say it
-    board: AnyTargetRecord  # what the views show
+    kinematics: KinematicsRecord | None = None  # of an arm that the program does not know
+    poses: PosesRecord = PosesRecord()  # convention of poses whose keys do not state it
+    board: AnyTargetRecord  # the target in the views
     colour: IntrinsicsRecord
     depth: IntrinsicsRecord | None = None  # of depth and infrared images
     X_CD: Matrix | None = None  # 4 rows: the depth camera in the colour camera
-    X_HM: Matrix | None = None  # 4 rows: the board as it is meant to be held, for saying so where it is not
+    X_HM: Matrix | None = None  # 4 rows: planned pose of the board in its holder; a deviation gives a warning
 
     @model_validator(mode="after")
     def _one_arm(self) -> Self:
@@ -106,19 +106,19 @@ class SetupRecord(Record):
 
 
 class ViewRecord(PoseKeys):
-    """view-NAME.json: one look at the board, arm at rest. Written last, so it exists only with its images."""
+    """view-NAME.json: one view of the board with the arm at rest. Written last, so it exists only with its images."""
 
     format: int = FORMAT
     image: str | None = None  # file beside this one, PNG or JPEG
     infrared: str | None = None  # 16-bit PNG
     depth: str | None = None  # 16-bit PNG, mm
     corners_px: Matrix | None = None  # (K, 2) found by another program, for kind = "points"
-    points_m: Matrix | None = None  # (K, 3) where on the target they are; or
+    points_m: Matrix | None = None  # (K, 3) places on the target; or
     points_mm: Matrix | None = None  # the same in mm
     t_camera_s: float | None = None
     t_arm_s: float | None = None
     pose: int | None = None  # number of the planned pose, to continue after an interruption
-    temperatures_C: dict[str, float] = Field(default_factory=dict)  # of those devices that tell theirs: "arm", "camera"
+    temperatures_C: dict[str, float] = Field(default_factory=dict)  # by device ("arm", "camera"), if reported
     sha256: dict[str, str] = Field(default_factory=dict)  # file -> hash
 
     @model_validator(mode="after")
@@ -143,20 +143,20 @@ class ViewRecord(PoseKeys):
         return self
 
     def points(self) -> Array | None:
-        """(K, 3) in m, in the order of `corners_px`, where the view gives them."""
+        """(K, 3) in m, in the order of `corners_px`; None if the view does not give them."""
         if self.points_mm is not None:
             return 1e-3 * np.array(self.points_mm)
         return None if self.points_m is None else np.array(self.points_m)
 
 
 class TouchRecord(Record):
-    """touch.json: one corner of the board, lying still in view, touched with the tip from several directions."""
+    """touch.json: one corner of a still board in view, touched with the tip from several directions."""
 
     format: int = FORMAT
-    image: str  # colour image of the board as it lies, beside this file
+    image: str  # colour image of the lying board, beside this file
     corner: int = Field(ge=0)  # id of the inner corner: along X first, from 0
-    q_rad: Matrix | None = None  # a row a touch, as the arm reports it
-    X_BF: tuple[Matrix, ...] | None = None  # four rows of four a touch, where joints are not known
+    q_rad: Matrix | None = None  # one row per touch, reported joints
+    X_BF: tuple[Matrix, ...] | None = None  # four rows of four per touch, if joints are unknown
     sha256: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -166,13 +166,13 @@ class TouchRecord(Record):
         if "/" in self.image or self.image.startswith("."):
             raise ValueError("name the image without a folder: it must lie beside this file")
         for q in self.q_rad or ():
-            ViewRecord(image=self.image, q_rad=q)  # its own checks: rad, metres, a rotation
+            ViewRecord(image=self.image, q_rad=q)  # checks rad, metres and rotation
         for X in self.X_BF or ():
             ViewRecord(image=self.image, X_BF=X)
         return self
 
     def flanges(self) -> Array | None:
-        """(N, 4, 4) X_BF where given."""
+        """(N, 4, 4) X_BF if given, else None."""
         if self.X_BF is None:
             return None
         found = [ViewRecord(image=self.image, X_BF=X).flange() for X in self.X_BF]
@@ -180,7 +180,7 @@ class TouchRecord(Record):
 
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
-    """A TOML or JSON file as a record. Raises ViewFolderError naming the file, the key and what is wrong."""
+    """Read a TOML or JSON file as a record. Raises ViewFolderError naming file, key and defect."""
     try:
         data = read_table(path)
     except FileNotFoundError as error:

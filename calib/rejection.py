@@ -1,8 +1,8 @@
-"""Which views to believe.
+"""Chooses the views to trust.
 
-A view is judged by a fit without it, in the units of its own noise. Rejecting starts from a half that agrees (the
-closed form's subsets, then the best-fitting views) and lets views back in until nothing changes, so that one spoilt
-view does not take a good one with it. Offsets and board size are free meanwhile: a view is not to blame for them.
+A view is judged by a fit without it, in the units of its own noise. Rejection starts from an agreeing half (the closed
+form's subsets, then the best-fitting views) and readmits views until nothing changes, so that one spoilt view does not
+exclude a good one. Joint offsets and board size are free meanwhile, so that no view is rejected because of them.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from calib.bundle import Fit, Model, Motion, State, fit, joint_spread, linearise
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
-"""On the squared length of a view's residual, six degrees of freedom: one good view in ten thousand, if normal."""
+"""Limit of a view's squared residual, with six degrees of freedom: one good view in ten thousand exceeds it, if normal.
+"""
 
 MARGIN = 1.6
-"""Factor on `LIMIT`, because the noise is estimated from the same few views."""
+"""Factor on `LIMIT`: the noise is estimated from the same few views."""
 
-MIN_TO_FREE = 10  # views that agree, before offsets and scale are free
+MIN_TO_FREE = 10  # agreeing views needed to free offsets and scale
 _ROUNDS = 25
 
 
@@ -33,7 +34,7 @@ def reject(
     rows = np.arange(n)
     side = np.zeros(n, dtype=np.int64)
     plain = Model()
-    # the half that agrees best with the start, with generous joint noise
+    # start: the half that agrees best, with generous joint noise
     score = np.stack([_score(moved, candidates[s], information[s], start, 1e-3) for s in range(2)])
     side = np.argmin(score, axis=0)
     order = np.argsort(score[side, rows], kind="stable")

@@ -1,4 +1,4 @@
-"""What a solution leaves at every point, in pixels and in millimetres on the target."""
+"""The residuals of a solution at every point, in pixels and in millimetres on the target."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from hw.types import Array
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Of one view."""
+    """The residuals of one view."""
 
     name: str
     used: bool
     ids: NDArray[np.int64]  # (K,) of the points
-    px: Array  # (K, 2) where they are seen
-    off_px: Array  # (K, 2) seen less predicted
+    px: Array  # (K, 2) observed
+    off_px: Array  # (K, 2) observed minus predicted
     off_mm: Array  # (K,) the same as a distance on a plane through the target, across the line of sight
 
     @property
@@ -39,7 +39,8 @@ class Residuals:
 def residuals(
     views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None
 ) -> tuple[Residuals, ...]:
-    """Of all views, in the order given; the arm and the solution predict, also for views that were not used."""
+    """The residuals of all views, unused ones included, in the given order, against predictions by the arm.
+    """
     used, found = set(solution.used), []
     focal = float(np.sqrt(setup.colour.K[0, 0] * setup.colour.K[1, 1]))
     known = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]
@@ -54,7 +55,7 @@ def residuals(
 
 
 def table(found: Sequence[Residuals]) -> str:
-    """CSV: a row a point."""
+    """CSV with one row per point."""
     lines = ["view,used,point,u_px,v_px,off_u_px,off_v_px,off_mm"]
     lines += [
         f"{r.name},{int(r.used)},{k},{u:.3f},{v:.3f},{du:.3f},{dv:.3f},{mm:.3f}"

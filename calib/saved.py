@@ -1,4 +1,4 @@
-"""A finished calibration as it is stored: the result, how well it is known, why it was accepted, where it is from."""
+"""A finished calibration as stored: result, uncertainty, acceptance, origin."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FILE = "calibration.json"
 
 
 class ViewOutcome(Record):
-    """What became of one view."""
+    """The outcome of one view."""
 
     name: str
     sha256: str  # of its record, which holds the hashes of its images
@@ -35,7 +35,7 @@ class ViewOutcome(Record):
     off_deg: Measured
     held_out: bool
     held_out_px: Measured
-    mirrored: bool = False  # the other of a flat board's two poses fitted this picture better; the arm says this one
+    mirrored: bool = False  # the mirror pose fitted this picture better, but contradicts the arm
 
 
 class CheckRecord(Record):
@@ -50,7 +50,7 @@ class CheckRecord(Record):
 
 
 class OffsetsRecord(Record):
-    """The joint offsets as estimated, and whether the calibration uses them."""
+    """The estimated joint offsets, and whether the calibration uses them."""
 
     adopted: bool
     reason: str
@@ -60,7 +60,7 @@ class OffsetsRecord(Record):
 
 
 class UncertaintyRecord(Record):
-    """How far off the camera's pose may be; 95 % of calibrations are better than the values named so."""
+    """The possible error of the camera's pose; 95 % of calibrations are better than the `_95` values."""
 
     sigma_mm: float
     sigma_deg: float
@@ -69,7 +69,7 @@ class UncertaintyRecord(Record):
     worst_95_mm: float
     arm_worst_95_mm: float
     points_m: Matrix  # (P, 3) corners of the work volume
-    work_95_mm: Numbers  # (P,) there
+    work_95_mm: Numbers  # (P,) error at these points
     arm_work_95_mm: Numbers
 
 
@@ -82,7 +82,7 @@ class MethodRecord(Record):
 
 
 class SavedCalibration(Record):
-    """calibration.json."""
+    """calibration.json: a finished calibration."""
 
     format: int = FORMAT
     mounting: Literal["fixed", "wrist"]
@@ -98,7 +98,7 @@ class SavedCalibration(Record):
     views: tuple[ViewOutcome, ...]
     methods: tuple[MethodRecord, ...]
     checks: tuple[CheckRecord, ...]
-    gates: tuple[CheckRecord, ...]  # the other conditions of accepting it
+    gates: tuple[CheckRecord, ...]  # further conditions of acceptance
     accepted: bool
     created: str  # ISO 8601
     source: str
@@ -107,24 +107,24 @@ class SavedCalibration(Record):
     arm: str
     camera: str  # serial
     board: AnyTargetRecord
-    refined_intrinsics: IntrinsicsRecord | None = None  # found from the views and used in place of the stated ones
-    temperatures_C: dict[str, float | None] = Field(default_factory=dict)  # median over the views; null: not told
+    refined_intrinsics: IntrinsicsRecord | None = None  # estimated from the views, used instead of the stated ones
+    temperatures_C: dict[str, float | None] = Field(default_factory=dict)  # median over the views; null: not reported
     versions: dict[str, str]
 
     def hand_eye(self) -> HandEye:
-        """What perception needs. Raises ValueError for a camera on the wrist."""
+        """The camera's pose for perception. Raises ValueError for a camera on the wrist."""
         if self.mounting != "fixed":
             raise ValueError("a camera on the wrist has no constant pose in the base")
         u = self.uncertainty
         return HandEye(np.array(self.X_AC), u.sigma_mm, u.sigma_deg, self.source, self.created, self.camera_late_s())
 
     def camera_late_s(self) -> float:
-        """How late the camera's stamps are on the arm's clock, as the swing of the board showed; 0 where unmeasured."""
+        """Delay of the camera's stamps on the arm's clock, s, measured by swinging the board; 0 if not measured."""
         found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
         return 1e-3 * (next(found, None) or 0.0)
 
     def offsets_rad(self) -> Array:
-        """(7,) true joint position minus what the arm reports; zeros where not estimated or not adopted."""
+        """(7,) true minus reported joint positions; zeros if not estimated or not adopted."""
         offsets = self.joint_offsets
         return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
 
@@ -133,7 +133,7 @@ class SavedCalibration(Record):
         return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
-        """Of `content`: what a session records of its calibration."""
+        """SHA-256 of `content`, which a session records."""
         return hashlib.sha256(self.content()).hexdigest()
 
 
@@ -161,7 +161,7 @@ def record_calibration(
     origin: Origin,
     refined: Intrinsics | None = None,
 ) -> SavedCalibration:
-    """All of it as one record. `points_m` (P, 3) are the corners of the work volume."""
+    """The record of a calibration. `points_m` (P, 3) are the corners of the work volume."""
     named = {check.name for check in checks}
     shared = {name: value for name, value in vars(solution).items() if name in SavedCalibration.model_fields}
     came_from = {name: value for name, value in vars(origin).items() if name != "view_sha256"}

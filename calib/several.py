@@ -1,7 +1,7 @@
-"""Several cameras that stand still, one arm, one target: solved together.
+"""Solves several fixed cameras together, with one arm and one target.
 
-The target sits in the hand the same way for all of them, and a posture of the arm that is a little off is off for all
-that see it. Shared unknowns are known better, so every camera is.
+The target has the same pose in the hand for all of them, and an error of the arm's posture is the same for every camera
+that sees it. Shared unknowns are better known, so every camera is.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _NINETEEN_OF_TWENTY = 1.96
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """What one camera brings."""
+    """The inputs of one camera."""
 
     name: str
     views: tuple[View, ...]
@@ -38,34 +38,37 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """One camera, by itself and with the others; errors from leaving out each posture in turn."""
+    """One camera, solved alone and together; errors by leaving out each posture in turn."""
 
     name: str
     X_BC: Array  # (4, 4) by all cameras together
     used: tuple[str, ...]
     fit_px: float
-    held_out_px: float  # every posture predicted by a fit without it and a fifth of the others
-    alone_held_out_px: float  # the same for a fit of this camera by itself
+    held_out_px: float  # error of every posture, predicted by a fit without its fifth of the postures
+    alone_held_out_px: float  # the same for a fit of this camera alone
     sigma_mm: float  # one standard deviation of its position
     alone_sigma_mm: float
     work_95_mm: float  # at the worst corner of the work volume
     alone_work_95_mm: float
-    from_alone_mm: float  # how far the two places are apart
+    from_alone_mm: float  # distance between the two positions
 
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """All cameras."""
+    """The result for all cameras."""
 
     cameras: tuple[Placed, ...]
     X_FM: Array  # (4, 4) the target in the flange
-    target: str  # in words, with the size found
-    size_sigma: float  # share
+    target: str  # in words, with the estimated size
+    size_sigma: float  # standard deviation, as a share
     held_out_px: float
 
 
 def solve_together(cameras: Sequence[Camera]) -> Together:
-    """Solve each, then all. Views of the same name are of the same posture. Raises UnusableViews, one of its kinds."""
+    """Solve each camera, then all together.
+
+    Views of the same name show the same posture. Raises UnusableViews or a subclass.
+    """
     _possible(cameras)
     _same_arm(cameras)
     alone = [solve_any_size(camera.views, camera.setup, camera.forward) for camera in cameras]
@@ -167,7 +170,7 @@ def _poses(camera: Camera, views: Sequence[View]) -> Array:
 
 
 def _errors(covariance: Array, X_AC: Array, points_m: Array) -> tuple[float, float]:
-    """Of a twist in the camera's axes: sigma of the position, and the 95 % level at the worst of the points, in mm."""
+    """For a twist in the camera's axes: sigma of the position, and the 95 % level at the worst point, in mm."""
     R = X_AC[:3, :3]
     axes = np.kron(np.eye(2), R)
     C = axes @ covariance @ axes.T

@@ -1,4 +1,4 @@
-"""The size of a target that nobody has measured, from the arm's motion: it has a scale of its own."""
+"""Estimates the size of an unmeasured target from the arm's motion, which has a known scale."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ENOUGH = 2e-4
 
 
 def solve_any_size(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:
-    """The solution, and the setup with the size found where it is not known. Raises UnusableViews, one of its kinds."""
+    """The solution, and the setup with the estimated size if it was unknown. Raises UnusableViews or a subclass."""
     setup = roughly_sized(views, setup, forward)
     solution = solve(views, setup, forward)
     for _ in range(_ROUNDS):
@@ -30,7 +30,7 @@ def solve_any_size(views: Sequence[View], setup: Setup, forward: Forward | None)
 
 
 def roughly_sized(views: Sequence[View], setup: Setup, forward: Forward | None) -> Setup:
-    """The setup with the size by a closed form, to some per cent, where it is not known."""
+    """The setup with the size from a closed form, to a few per cent, if it was unknown."""
     if setup.size_known:
         return setup
     usable = [view for view in views if not unusable(view.corners, setup.board, setup.colour)]

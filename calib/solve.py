@@ -1,13 +1,14 @@
 """From views to a calibration: `solve`.
 
-1. Views are sorted; each is condensed to the board's pose and its information. One that cannot be is left out.
-2. A closed form on random subsets gives a start that a minority of spoilt views cannot bend.
-3. Views that disagree are rejected, with joint offsets and board size free, so that no view pays for those. Where a
-   view by itself says little about its tilt (one small marker), it is condensed again about the fit.
+1. Views are sorted, and each is condensed to the board's pose and its information. Views that cannot be condensed are
+left out.
+2. A closed form on random subsets gives a start that a minority of spoilt views cannot distort.
+3. Views that disagree are rejected, with joint offsets and board size free, so that no view is rejected because of
+those. A view that says little about its own tilt (one small marker) is condensed again about the fit.
 4. Joint offsets are adopted if the Bayesian information criterion asks for them and every fifth view, held out, is
-   predicted no worse with them.
-5. The final fit uses all views that were kept, the held-out ones too: five samples more are worth more than a
-   figure of the very same fit. The held-out error quoted belongs to the fit without them, so it errs on the safe side.
+   not predicted worse with them.
+5. The final fit uses all kept views, held-out ones included, because a fifth more views lower the error. The stated
+held-out error belongs to the fit without them, so it is on the safe side.
 """
 
 from __future__ import annotations
@@ -32,18 +33,21 @@ from hw.types import Array
 
 MIN_VIEWS = 6
 HELD_OUT_EVERY = 5
-BIC_LIMIT = -2.0  # "positive evidence"; by chance alone once in some 5,000 calibrations
-HELD_OUT_MARGIN = 1.1  # four held-out views tell their own error to about a tenth
+BIC_LIMIT = -2.0  # "positive evidence"; by chance about once in 5,000 calibrations
+HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tenth
 VAGUE_RAD = 0.03
-"""Own standard deviation of a view's tilt: our board at 1 m has a tenth of it, a marker of 4 cm ten times as much."""
+"""Limit of a view's own standard deviation of tilt.
+
+Our board at 1 m has a tenth of it, a 4 cm marker ten times as much.
+"""
 MIN_TURN_DEG = 1.5
-"""Rotations about the second axis under this leave some direction all but free."""
+"""With smaller rotations about the second axis, some direction is almost undetermined."""
 
 Rows = NDArray[np.int64]
 
 
 def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solution:
-    """Calibrate. `forward` is needed where the views have joints. Raises UnusableViews, one of its kinds."""
+    """Calibrate. `forward` is needed if the views give joints. Raises UnusableViews or a subclass."""
     ordered, left_out = _usable(_sorted(views), setup)
     data, start = _agreeing(_data(ordered, setup, forward), setup)
     data, plain = _settled(data, _without_extras(start), Model(scale=not setup.size_known))
@@ -53,16 +57,16 @@ def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solut
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """What the fits work on; the chosen candidate of each view once it is known."""
+    """The data of the fits, with the chosen candidate pose of each view."""
 
     sight: Sight
     moved: Motion
     X_CM: Array  # (N, 4, 4)
     information: Array  # (N, 6, 6)
-    distance2: Array  # (N,) of each view from a fit without it
-    kept: Rows  # rows of views that agree
-    mirrored: NDArray[np.bool_]  # (N,) the pose that fits the picture better contradicts the arm; the other was taken
-    own_X_CM: Array  # (N, 4, 4) what each picture by itself says
+    distance2: Array  # (N,) squared distance of each view from a fit without it
+    kept: Rows  # rows of agreeing views
+    mirrored: NDArray[np.bool_]  # (N,) the better-fitting pose contradicts the arm; the mirror pose is used
+    own_X_CM: Array  # (N, 4, 4) from each picture alone
 
     def fit(self, rows: Rows, start: State, model: Model) -> Fit:
         return fit(self.moved.take(rows), self.X_CM[rows], self.information[rows], start, model)
@@ -70,7 +74,7 @@ class _Data:
 
 @dataclass(frozen=True, eq=False)
 class _HeldOut:
-    """Every fifth of the views kept, predicted by a fit to the others."""
+    """Every fifth kept view, predicted by a fit to the others."""
 
     rows: Rows
     px: Array  # root mean square distance of the corners, by row
@@ -81,7 +85,7 @@ class _HeldOut:
 
 
 def _sorted(views: Sequence[View]) -> list[View]:
-    """By name. The order in which views come must not show in the last digit."""
+    """Sorted by name, so that the result does not depend on the order of the views, not even in the last digit."""
     if len(views) < MIN_VIEWS:
         raise TooFewViews(f"{len(views)} views, at least {MIN_VIEWS} are needed and 20 are good: record more")
     names = [view.name for view in views]
@@ -95,7 +99,7 @@ def _sorted(views: Sequence[View]) -> list[View]:
 
 
 def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[ViewFit, ...]]:
-    """Those whose corners have a pose, and the others with the reason. Raises BoardDisagrees or TooFewViews."""
+    """The views with a pose, and the others with the reason. Raises BoardDisagrees or TooFewViews."""
     reasons = {view.name: unusable(view.corners, setup.board, setup.colour) for view in views}
     bad = [name for name, reason in reasons.items() if reason]
     if 2 * len(bad) > len(views):
@@ -152,13 +156,13 @@ def _agreeing(data: _Data, setup: Setup) -> tuple[_Data, State]:
 
 
 def _vague(data: _Data) -> bool:
-    """Does a view by itself say little about its tilt? Then its error about its own best pose is no parabola."""
+    """Whether a view says little about its own tilt. Then its error around its own best pose is not a parabola."""
     spread = np.linalg.inv(data.information)[:, :3, :3]
     return bool(np.median(np.sqrt(np.linalg.eigvalsh(spread)[:, -1])) > VAGUE_RAD)
 
 
 def _judged_again(data: _Data, now: Fit, setup: Setup) -> tuple[_Data, Fit]:
-    """Views judged by their corners about the prediction instead of by their own poses."""
+    """Judge views by their corners around the prediction instead of by their own poses."""
     flexible = _flexible(data.moved.joints, len(data.X_CM), setup)
     for _ in range(3):
         X, information = about(data.sight, predict(now.state, data.moved))
@@ -172,7 +176,7 @@ def _judged_again(data: _Data, now: Fit, setup: Setup) -> tuple[_Data, Fit]:
 
 
 def _settled(data: _Data, start: State, model: Model) -> tuple[_Data, Fit]:
-    """The fit to the views kept; for vague views at the optimum over all pixels."""
+    """The fit to the kept views; for vague views, the optimum over all pixels."""
     found = data.fit(data.kept, start, model)
     if not _vague(data):
         return data, found
@@ -195,7 +199,7 @@ def _without_extras(state: State) -> State:
 
 
 def _spread_deg(X_CM: Array) -> Array:
-    """(3,) root mean square rotation of the boards about three axes, most first."""
+    """(3,) root mean square rotation of the boards about three axes, largest first, degrees."""
     turns = rotation_vector(np.swapaxes(X_CM[:1, :3, :3], 1, 2) @ X_CM[:, :3, :3])
     turns = turns - turns.mean(axis=0)
     return np.asarray(np.rad2deg(np.linalg.svd(turns, compute_uv=False)) / np.sqrt(len(turns)))
@@ -246,7 +250,7 @@ def _held_out(data: _Data, full: Fit) -> _HeldOut:
 
 
 def _square_scale(data: _Data, plain: Fit, setup: Setup) -> tuple[float, float]:
-    """Size of the board by the arm's motion over the size given, and one standard deviation."""
+    """Size of the board by the arm's motion over the stated size, and one standard deviation."""
     model = Model(_flexible(data.moved.joints, len(data.kept), setup).offsets, scale=True)
     free = data.fit(data.kept, plain.state, model)
     return free.state.scale, float(np.sqrt(jackknife(free)[-1, -1]))
@@ -323,7 +327,7 @@ def _reason(off_mm: float, off_deg: float, distance2: float) -> str:
 
 
 def _noise(data: _Data, final: Fit, centre: Array) -> Noise:
-    """Spread of the board's centre that the joints' spread explains."""
+    """Noise of corners and joints, and the spread of the board's centre due to the joints."""
     G = joint_spread(final.state, data.moved.take(data.kept))
     at_centre = G[:, 3:] - np.cross(centre, np.swapaxes(G[:, :3], 1, 2)).swapaxes(1, 2)
     flange_mm = 1e3 * final.joint_rad * np.sqrt(np.mean(np.sum(at_centre**2, axis=(1, 2))))

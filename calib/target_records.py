@@ -1,4 +1,4 @@
-"""`[board]` of setup.toml: what the views show, of which kind and size."""
+"""`[board]` of setup.toml: kind and size of the target in the views."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Millimetres = Annotated[float, Field(gt=1.0, lt=2000.0)]
 
 
 class TargetRecord(Record):
-    """What every kind has. With `size = "unknown"` lengths only give proportions."""
+    """The common base of all kinds. With `size = "unknown"`, lengths only state proportions."""
 
-    size: Literal["stated", "unknown"] = "stated"  # unknown: lengths give proportions, the motion gives the size
+    size: Literal["stated", "unknown"] = "stated"  # unknown: lengths state proportions, the arm's motion gives the size
 
     @property
     def size_known(self) -> bool:
-        """Whether the lengths are true ones."""
+        """Whether the lengths are true lengths."""
         return self.size == "stated"
 
     def scaled(self, factor: float) -> Self:
@@ -43,7 +43,7 @@ class BoardRecord(TargetRecord):
 
     @classmethod
     def from_board(cls, board: Board) -> Self:
-        """As it is stored: lengths in mm, to a nanometre."""
+        """The record of a board: lengths in mm, to a nanometre."""
         return cls(
             squares_across=board.squares_across,
             squares_down=board.squares_down,
@@ -55,7 +55,7 @@ class BoardRecord(TargetRecord):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        self.board()  # its own checks: a ValueError becomes part of the message
+        self.board()  # checks the values: a ValueError becomes part of the message
         return self
 
     def board(self) -> Board:
@@ -148,9 +148,9 @@ class CirclesRecord(TargetRecord):
 
 
 class PointsRecord(TargetRecord):
-    """Points that another program found: every view gives them with their places."""
+    """Points found by another program: every view gives their pixels and places."""
 
-    kind: Literal["points"]  # whatever another program found
+    kind: Literal["points"]  # found by another program
     points_mm: tuple[tuple[float, float, float], ...] = ()  # filled in from the views
 
     def scaled(self, factor: float) -> Self:
@@ -177,4 +177,4 @@ AnyTargetRecord = Annotated[
     | Annotated[PointsRecord, Tag("points")],
     Discriminator(_kind),
 ]
-"""Of the kind named; a board without a kind is a ChArUco board."""
+"""The kind of a record; a board without a kind is a ChArUco board."""

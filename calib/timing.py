@@ -1,7 +1,7 @@
-"""Time offset between camera and arm, from a short motion seen by both.
+"""Measures the time offset between camera and arm, from a short motion recorded by both.
 
-The board's corners in each frame are compared with where the joints say they were; the offset that makes them agree is
-found together with a constant shift of the image: an error of the calibration must not pass for one of the clock.
+The board's corners in each frame are compared with their predicted places from the joints. The time offset is fitted
+together with a constant shift of the image, so that an error of the calibration is not taken for one of the clock.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ LIMIT_MS = 5.0
 SEARCH_S = 0.25
 MIN_FRAMES = 6
 MIN_SPEED_PX_S = 40.0
-"""Slower than this, 0.2 px of noise are the limit itself."""
+"""At lower speeds (px/s), noise of 0.2 px is as large as the limit itself."""
 
 
 @dataclass(frozen=True)
 class TimeOffset:
-    """Camera stamps less arm stamps of the same moment: subtract it from the camera's."""
+    """Camera stamps minus arm stamps of the same moment: subtract it from the camera's stamps."""
 
     offset_s: float
     sigma_s: float
@@ -41,9 +41,9 @@ def time_offset(
     setup: Setup,
     forward: Forward,
 ) -> tuple[TimeOffset | None, Check]:
-    """Frames (time stamp, corners) beside the arm's log (M,), (M, n) of the same motion.
+    """The offset from frames (time stamp, corners) and the arm's log (M,), (M, n) of the same motion.
 
-    Positive means that the camera's stamps are late. Not measured where the motion is too short or too slow.
+    Positive: the camera's stamps are late. Not measured if the motion is too short or too slow.
     """
     order = np.argsort([t for t, _ in frames], kind="stable")
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
@@ -88,7 +88,7 @@ class _Path:
     forward: Forward
 
     def pixels(self, times_s: Array, frames: Sequence[tuple[float, Corners]]) -> Array:
-        """(N, 2) mean pixel of the corners of each frame as predicted for `times_s` (N,)."""
+        """(N, 2) predicted mean pixel of the corners of each frame, at `times_s` (N,)."""
         q = np.stack([np.interp(times_s, self.t_s, column) for column in self.q_rad.T], axis=-1)
         moved = motion(self.setup.mounting, self.forward, q, None)
         joints = self.solution.joints
@@ -100,7 +100,7 @@ class _Path:
 
 
 def _residual(frames: Sequence[tuple[float, Corners]], path: _Path, offset_s: float) -> tuple[Array, Array, float]:
-    """Predicted less seen, less the mean (2 N,); its derivative; the median speed in px/s."""
+    """Predicted minus seen, minus the mean (2 N,); its derivative; the median speed in px/s."""
     stamps = np.array([t for t, _ in frames]) - offset_s
     seen = np.stack([corners.px.mean(axis=0) for _, corners in frames])
     h = 2e-3

@@ -1,9 +1,8 @@
-"""A corner of the board, lying still, seen by the camera and touched with a tip: does the arm come out where the camera
-says?
+"""Compares a corner of a still board as seen by the camera with the same corner touched by the arm's tip.
 
 The tip's length need not be known. Touching the same corner from several directions gives it, together with the corner
-(R_i t + p_i = c for all i, linear in the tip t and the corner c: the pivot calibration of tracked pointers); what is
-left over says how well the touching went.
+(R_i t + p_i = c for all i, linear in the tip t and the corner c: the pivot calibration of tracked pointers); the
+residuals say how precise the touches were.
 """
 
 from __future__ import annotations
@@ -21,19 +20,19 @@ from perception.board.types import Corners
 NAME = "touched point"
 MIN_TOUCHES = 4
 LEAST_SCATTER_M = 3e-4
-"""A hand does not touch better than this, however well a few touches agree."""
+"""A touch guided by hand is not more precise than this, however well a few touches agree."""
 LIMIT_SCATTER_M = 2e-3
 LIMIT_SIGMA_M = 1.5e-3
-"""Above this the tip was not leaned far enough for the corner to be told from the tip's length."""
+"""Above this the tip was tilted too little to separate the corner from the tip's length."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pivot:
-    """What touches of one point say."""
+    """The result of several touches of one point."""
 
     p_FT_m: Array  # (3,) the tip in the flange
     p_AT_m: Array  # (3,) the point
-    scatter_m: float  # root mean square of what is left, an axis, for the degrees of freedom that are left
+    scatter_m: float  # root mean square residual per axis, for the remaining degrees of freedom
     sigma_m: float  # one standard deviation of the point, all three axes together
 
     def __post_init__(self) -> None:
@@ -42,7 +41,7 @@ class Pivot:
 
 
 def pivot(X_AF: Array) -> Pivot:
-    """From flange poses (N, 4, 4), N >= 4, whose tip is at one point. `sigma_m` is inf where they do not lean apart."""
+    """From flange poses (N, 4, 4), N >= 4, with the tip at one point. `sigma_m` is inf if their tilts do not differ."""
     n = len(X_AF)
     if n < MIN_TOUCHES:
         raise ValueError(f"{n} touches, at least {MIN_TOUCHES} are needed")
@@ -57,10 +56,10 @@ def pivot(X_AF: Array) -> Pivot:
 
 
 def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Array) -> Check:
-    """`seen` are the corners of the board as it lies, `X_AF` (N, 4, 4) the flange at each touch of inner `corner`.
+    """`seen` are the corners of the lying board, `X_AF` (N, 4, 4) the flange at each touch of inner `corner`.
 
-    The camera must be the fixed one. A bad verdict forbids the calibration; touches that cannot tell are
-    "not measured". Raises BoardNotFound where `seen` are too few for a pose.
+    The camera must be fixed. A bad verdict forbids the calibration; inconclusive touches are "not measured". Raises
+    BoardNotFound if `seen` are too few for a pose.
     """
     if len(X_AF) < MIN_TOUCHES:
         return _untold(f"{len(X_AF)} touches, {MIN_TOUCHES} from different directions are needed")

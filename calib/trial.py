@@ -1,7 +1,7 @@
-"""Intrinsics on trial: are the stated ones right, by the views themselves?
+"""Tests the stated intrinsics against the views.
 
-Focal length, centre and distortion are set free, and both fits are judged on views that they have not seen. Only then
-is anything said about the intrinsics; and they are taken only where the operator asks for it.
+A second fit has free focal length, centre and distortion, and both fits are judged on held-out views. Refined
+intrinsics are reported only if they predict better, and used only if the operator asks for it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from hw.types import Array, Intrinsics
 
 NAME = "intrinsics"
 SUSPICIOUS = 1.5
-"""The trial is held where views disagree by so many times what their corners' noise explains."""
+"""The test runs if views disagree by this many times the noise of their corners."""
 MIN_VIEWS = 10
 FOLDS = 5
-_BETTER = 0.9  # of the held-out error with the stated intrinsics
+_BETTER = 0.9  # times the held-out error with the stated intrinsics
 _SIGNIFICANT = 3.0
 _OTHER_RESOLUTION = 0.08
 _ALIKE = 0.06
@@ -32,13 +32,13 @@ _ALIKE = 0.06
 class Trial:
     """Both fits."""
 
-    stated_px: float  # held out: each view predicted without it, with the intrinsics as stated
+    stated_px: float  # held out: each view predicted without it, with the stated intrinsics
     refined_px: float  # the same with focal length, centre and distortion free
     lens: Array  # (LENS,) change of log focal length, centre u and v in px, k1, k2
     sigma: Array  # (LENS,) one standard deviation of it
     refined: Intrinsics
-    covariance: Array  # (6, 6) of X_AC's twist in the camera's axes that comes from not knowing the lens exactly
-    better: bool  # the views ask for it, beyond their noise
+    covariance: Array  # (6, 6) of X_AC's twist in the camera's axes, due to the uncertain lens
+    better: bool  # the views support it beyond their noise
     sentence: str
 
 
@@ -48,7 +48,7 @@ def suspicious(solution: Solution) -> bool:
 
 
 def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> Trial | None:
-    """With the views that the solution uses; None where they are too few."""
+    """Test with the views that the solution uses; None if they are too few."""
     used = [view for view in views if view.name in set(solution.used)]
     if len(used) < MIN_VIEWS:
         return None
@@ -77,7 +77,7 @@ def adopted(setup: Setup, found: Trial) -> Setup:
 
 
 def check(found: Trial | None, *, refined: bool) -> Check:
-    """What the trial says, as a check."""
+    """The result as a check."""
     if found is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
         return Check(NAME, Grade.NOT_MEASURED, reason)
@@ -115,7 +115,7 @@ def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, afte
 
 
 def _into_pose(free: Adjusted, covariance: Array) -> Array:
-    """How the lens's uncertainty moves the camera's pose: through the normal equations of all else."""
+    """The uncertainty of the camera's pose due to the lens, through the normal equations of all other unknowns."""
     rest = np.arange(len(free.normal) - LENS)
     lens = np.arange(len(free.normal) - LENS, len(free.normal))
     moves = -np.linalg.solve(free.normal[np.ix_(rest, rest)], free.normal[np.ix_(rest, lens)])[:6]

@@ -1,9 +1,9 @@
-"""How wrong a fit may be.
+"""The possible error of a fit.
 
-The covariance that least squares gives believes its own noise model, and is up to ten times too small where that counts
-corners alone. The jackknife asks the views themselves: leave each out in turn and see how far the result moves. It is
-honest but rough with twenty views. So the two are averaged (our noise model counts the arm as well, see `bundle`). What
-both miss is what all views have in common: there is a floor, and a turn about the first joint that no view can show.
+The covariance of least squares trusts its own noise model; with corner noise alone it is up to ten times too small. The
+jackknife uses the views themselves: leave out each in turn and measure how far the result moves. It is unbiased but
+rough with twenty views. So the two are averaged (our noise model includes the arm, see `bundle`). Both miss errors
+common to all views. For these there is a floor, and a rotation about the first joint that no view can show.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from hw.types import Array
 FACTOR_PLAIN = 0.92
 FACTOR_OFFSETS = 1.15
 FACTOR_TURN = 1.1
-"""On the standard deviations, so that 95 % are 95 %: without and with joint offsets estimated, and on the turn that no
-view shows. Found with seeds 10000 to 10089 of `tests/support/simulated_views.py` and judged on others."""
+"""Factors on the standard deviations that make 95 % levels true: without and with estimated joint offsets, and for the
+unobservable rotation. Fitted on seeds 10000 to 10089 of `tests/support/simulated_views.py`, tested on others.
+"""
 
 FLOOR_MM, FLOOR_DEG = 0.01, 0.0005
-"""One standard deviation, a direction. No calibration is better than its intrinsics, print and bracket."""
+"""Floor: one standard deviation per direction. No calibration is better than its intrinsics, print and bracket."""
 
 _DRAWS = 2000
 
 
 def jackknife(fit: Fit) -> Array:
-    """(P, P) covariance of all parameters: each view left out in turn, in one Newton step from the fit."""
+    """(P, P) covariance of all parameters by leaving out each view in turn, with one Newton step from the fit."""
     L = np.linalg.inv(fit.covariance)
     LB = L @ fit.B
     b = np.einsum("nip,ni->np", LB, fit.residual)
@@ -46,7 +47,7 @@ def jackknife(fit: Fit) -> Array:
 
 
 def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | None) -> Uncertainty:
-    """Of the final fit; `joints` is what was found of joint offsets, adopted or not."""
+    """The uncertainty of the final fit; `joints` are the estimated joint offsets, adopted or not."""
     offsets = bool(fit.model.offsets)
     n, p = 6 * len(fit.residual), fit.model.size
     factor = FACTOR_OFFSETS if offsets else FACTOR_PLAIN
@@ -80,9 +81,9 @@ def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | No
 
 
 def base_turn_rad(joints: JointOffsets | None) -> float:
-    """One standard deviation of the offset that no view shows: as large as those seen, less what is their noise.
+    """One standard deviation of the unobservable offset: the size of the observable ones, minus their noise.
 
-    Offsets that were found but not adopted may be there all the same, and count alike.
+    Offsets that were estimated but not adopted may still be real, so they count too.
     """
     if joints is None or not np.isfinite(joints.delta_bic):
         return 0.0
@@ -91,7 +92,7 @@ def base_turn_rad(joints: JointOffsets | None) -> float:
 
 
 def _turn_twist(fit: Fit, moved: Motion) -> Array:
-    """(6,) what one rad of the hidden offset does to the camera: rotation and shift of its origin, in axes of A."""
+    """(6,) effect of one radian of the hidden offset on the camera: rotation, and shift of its origin, in axes of A."""
     if not moved.joints:
         return np.zeros(6)
     hidden = 0 if moved.mounting.value == "fixed" else moved.joints - 1

@@ -1,8 +1,8 @@
-"""Which views a calibration rests on, and what more of them would give.
+"""The value of each view of a calibration, and of further views like it.
 
-Each view adds its information to the fit: B' C^-1 B, with B how the view moves with the unknowns and C how well it is
-known. Without one view, or with more like it, the sum gives another error at the worst corner of the work volume. That
-is the part of the stated error that views can lower; what no view shows stays.
+Each view adds its information to the fit: B' C^-1 B, with B the derivative of the view by the unknowns and C its
+covariance. Without one view, or with more like it, the sum gives another error at the worst corner of the work volume.
+This is the part of the stated error that views can lower; the unobservable part stays.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ _MOST = 12
 
 
 def worth(fit: Fit, names: Sequence[str], lever_m: Array) -> Worth:
-    """Of the fit's views, called `names`; `lever_m` (P, 3) are the points that count, from the camera, in its carrier.
+    """The worth of the fit's views, called `names`; `lever_m` (P, 3) are the work points relative to the camera, in
+    axes of its carrier.
 
-    The views of a series at its limit, without any one of which nothing would be known, count as infinitely helpful.
+    If a series cannot be solved without some view, that view counts as infinitely helpful.
     """
     information = np.einsum("nip,nij,njq->npq", fit.B, np.linalg.inv(fit.covariance), fit.B)
     R = np.kron(np.eye(2), fit.state.X_AC[:3, :3])

@@ -1,18 +1,18 @@
-"""What can go wrong in tasks, simulation and learning.
+"""Errors of tasks, simulation and learning.
 
 SimError
 ├── UnknownName          no such task, world, method; the message lists what there is
 ├── WorldError           a world file is malformed; the message names the key
-├── ObjectError          the file of an own object is malformed, or its ranges cannot be; the message names the key
-├── OutOfRange           a value lies outside of its space; the message names value and range
+├── ObjectError          the file of an own object is malformed or has impossible ranges; the message names the key
+├── OutOfRange           a value lies outside its space; the message names value and range
 ├── NoHardware           the task runs in simulation only, and an arm was asked for
 ├── NotExecutable        no joint path within the limits does this action
 ├── SolverFailed         the simulation did not converge
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
-├── ExtraMissing         a method or a world needs packages that are not installed; the message says how to install them
-├── DatasetError         a stored dataset is corrupt or of another kind
-└── CheckpointError      a checkpoint is corrupt, or of another task or version
+├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
+them ├── DatasetError         a stored dataset is corrupt or of another kind └── CheckpointError      a checkpoint is
+corrupt, or of another task or version
 """
 
 
@@ -29,11 +29,11 @@ class WorldError(SimError):
 
 
 class ObjectError(SimError):
-    """The file of an own object is malformed, or its ranges cannot be."""
+    """The file of an own object is malformed, or its ranges are impossible."""
 
 
 class OutOfRange(SimError):
-    """A value lies outside of its space."""
+    """A value lies outside its space."""
 
 
 class NoHardware(SimError):
@@ -53,7 +53,7 @@ class RolloutError(SimError):
 
 
 class ClusterUnavailable(SimError):
-    """Nothing answers where simulations were to run."""
+    """No scheduler or no worker answers."""
 
 
 class ExtraMissing(SimError):

@@ -1,4 +1,4 @@
-"""Values that tasks, arm, pictures and learning share: spaces, motions, looks."""
+"""Values shared by tasks, arm, pictures and learning: spaces, motions, visuals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Dimension:
 
     @property
     def plain_name(self) -> str:
-        """The plain name, or the name where there is none."""
+        """The plain name, or the name if there is none."""
         return self.plain or self.name
 
     @property
@@ -55,7 +55,7 @@ class Space:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """In the order of the dimensions."""
+        """Names in the order of the dimensions."""
         return tuple(d.name for d in self.dimensions)
 
     @property
@@ -112,7 +112,7 @@ class Space:
         return bool(((value >= self.low - tol) & (value <= self.high + tol)).all())
 
     def check(self, value: Array, what: str) -> Array:
-        """`value` as a read-only (n,) array. Raises OutOfRange naming the first offender."""
+        """`value` as a read-only (n,) array. Raises OutOfRange naming the first value outside."""
         array = frozen_array(value, (len(self),), what)
         for d, v in zip(self.dimensions, array, strict=True):
             if not d.low - 1e-9 * (d.high - d.low) <= v <= d.high + 1e-9 * (d.high - d.low):
@@ -124,14 +124,14 @@ class Space:
         return self.spread(rng.random((n, len(self))))
 
     def spread(self, unit: Array) -> Array:
-        """(..., len) in [0, 1) -> (..., len) in units; whole numbers get equal shares, both ends included."""
+        """(..., len) in [0, 1) -> (..., len) in units; integers get equal shares, both ends included."""
         levels = np.floor(self.low + unit * (self.high - self.low + 1.0))
         return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
 
 
 @dataclass(frozen=True, eq=False)
 class ToolMotion:
-    """Where the tool goes: poses of the tool frame T in the base frame B, at 1 kHz, at rest at both ends."""
+    """A motion of the tool: poses of the tool frame T in the base frame B at 1 kHz, at rest at both ends."""
 
     t_s: Array  # (N,) from 0
     X_BT: Array  # (N, 4, 4)
@@ -148,7 +148,7 @@ class Texture:
     """A grey picture printed on a plane of a body: on z = 0 of its own frame P, from the origin along X and Y."""
 
     albedo: NDArray[np.float32]  # (h, w) linear, 0..1; row 0 along Y = 0
-    X_OP: Array  # (4, 4) the picture's first corner in the body's frame
+    X_OP: Array  # (4, 4) the picture's frame P in the body's frame
     size_m: tuple[float, float]  # along X and Y
 
 
@@ -156,8 +156,8 @@ class Texture:
 class Visual:
     """A coloured triangle mesh fixed to a body of the plant (or to the world), as a camera sees it."""
 
-    body: str  # name of the body in the plant; "world" for what never moves
+    body: str  # name of the body in the plant; "world" for fixed meshes
     vertices_m: Array  # (V, 3) in the body's frame
     triangles: NDArray[np.int32]  # (F, 3)
     rgb: tuple[float, float, float]  # albedo, linear, 0..1
-    texture: Texture | None = None  # replaces `rgb` where a surface of the mesh lies on it
+    texture: Texture | None = None  # replaces `rgb` where the mesh's surface lies on it

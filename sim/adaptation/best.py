@@ -1,7 +1,7 @@
-"""Which of the tried parameters to go with.
+"""Chooses the final parameters of a session among the tried ones.
 
-Taking the best average of two noisy trials picks wrongly. Trials at neighbouring parameters tell about each other,
-so they are pooled by a Gaussian process with fixed hyperparameters over the normalised means.
+The best average of two noisy trials is often the wrong choice. Trials at neighbouring parameters inform each other, so
+they are pooled by a Gaussian process with fixed hyperparameters over the normalised means.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
-"""Of the session's general level of reward, before any trial."""
+"""Prior standard deviation of the session's general level of reward."""
 
 SIGNAL_STD = 0.2
-"""How much the expected reward varies over the parameters."""
+"""Standard deviation of the expected reward over the parameters."""
 
 LENGTH = 0.3
-"""Distance, in fractions of the ranges and over all parameters together, over which it varies: two steps of 0.15."""
+"""Distance over which it varies, in fractions of the ranges and over all parameters together: two steps of 0.15."""
 
 
 def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
-    """The tried particle with the highest pooled estimate; of equals, the latest.
+    """The tried particle with the highest pooled estimate; the latest of equal ones.
 
     `ci95` is the 95 % interval of the expected reward; `trials` counts those within one LENGTH, which carry the
-    estimate. Raises ValueError when the history holds no trial.
+    estimate. Raises ValueError if the history has no trial.
     """
     seen = [tried for iteration in history for tried in iteration if tried.trials]
     if not seen:
@@ -53,7 +53,7 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
 def final_policy(
     method: Method, policies: Policies, task: Task, history: Sequence[Iteration], executable: Executable | None = None
 ) -> SolvedPolicy:
-    """The task policy that a session would go with. Raises ValueError when the history holds no trial."""
+    """The final task policy of a session. Raises ValueError if the history has no trial."""
     if isinstance(method, OwnPolicies):
         return method.final(history, executable)
     return policy_for(policies, choose_best(task, history).particle.samples, executable)

@@ -1,4 +1,4 @@
-"""adaptsim from Python: what the commands do, as functions and values.
+"""adaptsim from Python: the commands as functions and values.
 
     from adaptsim_cli import api
 
@@ -6,9 +6,9 @@
     session.run_iteration()
     session.posterior().mean
 
-Everything runs in the simulated lab without questions. The motion of a real arm is confirmed at a terminal, so it is
-run by `adaptsim run-iteration`; its session can be opened, read and asked here all the same. What a session stores and
-which numbers it draws are those of the command line: both may continue the same session.
+Everything runs in the simulated lab without questions. A real arm needs a confirmation at a terminal, so only `adaptsim
+run-iteration` moves it; its sessions can be opened and read here. Stored files and random numbers are those of the
+command line, so both may continue the same session.
 """
 
 from __future__ import annotations
@@ -50,30 +50,30 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Iteration:
-    """What one iteration led to."""
+    """The result of one iteration."""
 
     number: int  # from 1
     mean_reward: float  # of its trials
-    best: BestRecord  # the parameters to go with, and their expected reward with its 95 % interval
+    best: BestRecord  # the best parameters, and their expected reward with its 95 % interval
     verdict: str
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 
 
 @dataclass(frozen=True)
 class Session:
-    """A stored session. It is read anew by every call, so it always shows what lies on the disk."""
+    """A stored session. Every call reads it from the disk again."""
 
     name: str
     root: Path  # the folder of all sessions
 
     @property
     def folder(self) -> Path:
-        """Where it lies."""
+        """The folder of the session."""
         return self._stored.folder
 
     @property
     def facts(self) -> Facts:
-        """What it was begun with. Raises SessionError where the session is gone or corrupt."""
+        """The settings that it was begun with. Raises SessionError if the session is gone or corrupt."""
         return self._stored.facts
 
     @property
@@ -83,21 +83,21 @@ class Session:
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:
-        """Those that are complete, in order. Raises SessionError."""
+        """The complete iterations, in order. Raises SessionError."""
         stored = self._stored
         return tuple(
             _iteration(stored, number) for number in range(stored.iterations()) if stored.result(number) is not None
         )
 
     def rows(self) -> list[Row]:
-        """One flat row for each trial, as `adaptsim sessions export --format csv` writes it. Raises SessionError."""
+        """One flat row per trial, as in `adaptsim sessions export --format csv`. Raises SessionError."""
         return table.rows(self._stored)
 
     def run_iteration(self) -> Iteration:
-        """Run what is missing of the present iteration in the simulated lab and store it.
+        """Run the missing steps of the present iteration in the simulated lab and store them.
 
-        Raises UsageError for a session on a real arm, and whatever stops `adaptsim run-iteration`: what completed is
-        kept, and another call continues.
+        Raises UsageError for a session on a real arm, and the errors of `adaptsim run-iteration`. Completed steps stay
+        stored, and another call continues.
         """
         from adaptsim_cli.session import conduct
         from adaptsim_cli.wiring import session as wiring
@@ -120,22 +120,22 @@ class Session:
         return recording.read(folder / recording.FILE)
 
     def hindsight(self) -> Hindsight:
-        """The session's checkpoint, to ask it what the trajectories say. Raises CheckpointError."""
+        """The session's checkpoint, ready to evaluate its trajectories. Raises CheckpointError."""
         from adaptsim_cli.wiring.hindsight import Hindsight
 
         return Hindsight.of(self._stored)
 
     def posterior(self, iterations: int | None = None) -> Posterior:
-        """How likely each set of parameters is, after so many iterations; by default after all trials.
+        """The probability of each parameter vector after `iterations` iterations; by default after all trials.
 
-        Raises CheckpointError where the session's checkpoint is gone or holds nothing to infer with, SessionError.
+        Raises CheckpointError if the session's checkpoint is gone or has no parts for inference, SessionError.
         """
         return self.hindsight().posterior(self._stored, iterations)
 
     def best_policy(self) -> SolvedPolicy:
-        """The task policy that the session would go with: context (c,) in units -> action (a,) in units.
+        """The final task policy of the session if it ended now: context (c,) in units -> action (a,) in units.
 
-        The limits of an arm are not asked. Raises CheckpointError, SessionError.
+        It ignores the limits of an arm. Raises CheckpointError, SessionError.
         """
         from adaptsim_cli.wiring.best import policy_of_session
         from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
@@ -166,7 +166,7 @@ def sessions() -> tuple[str, ...]:
 
 
 def open_session(name: str) -> Session:
-    """A stored session. Raises SessionError where it is missing or corrupt, UsageError on a name that is none."""
+    """A stored session. Raises SessionError if it is missing or corrupt, UsageError for an impossible name."""
     root = config.load().places.sessions
     store.SessionStore.open(root, name)
     return Session(name, root)
@@ -184,8 +184,8 @@ def begin(
 ) -> Session:
     """Begin a session in the simulated lab; nothing is executed yet.
 
-    Without a name it gets that of `adaptsim run-iteration`. Raises UsageError where a session of this name exists, and
-    UnknownName, WorldError, CheckpointError.
+    Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this name
+    exists, UnknownName, WorldError, CheckpointError.
     """
     from dataclasses import replace
 

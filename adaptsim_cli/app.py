@@ -74,7 +74,7 @@ app.add_typer(lab.app, name="lab")
 
 
 _QUICK = frozenset(("-h", "--help", "--version"))
-"""Options after which nothing is loaded."""
+"""Options that load nothing else."""
 
 
 def _version(wanted: bool) -> None:
@@ -92,20 +92,20 @@ def options(
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Options that come before every command."""
+    """Options before a command."""
     if debug:
         os.environ["ADAPTSIM_DEBUG"] = "1"
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code. A defect of the program itself leaves with its traceback."""
+    """Run one command and return its exit code. A defect of the program itself raises with its traceback."""
     given = sys.argv[1:] if arguments is None else arguments
     if given and not _QUICK.intersection(given):
         loading.say()
     try:
         code = app(arguments, standalone_mode=False, prog_name="adaptsim")
     except typer.TyperException as error:  # a wrong command line
-        if message := error.format_message():  # none where the help was the answer
+        if message := error.format_message():  # empty if help was shown
             _say(message + _example(error))
         return error.exit_code
     except documented_errors() as error:
@@ -125,7 +125,7 @@ def main() -> None:
 
 
 def foreign_packages() -> str:
-    """Why the packages of this program cannot be used: another project's of the same name comes first; "" if fine."""
+    """A message if another project's package of the same name hides one of this program's; "" if not."""
     own = Path(__file__).parents[1]
     for name in ("sim", "perception", "hw", "calib"):
         found = find_spec(name)
@@ -140,7 +140,7 @@ def foreign_packages() -> str:
 
 
 def documented_errors() -> tuple[type[BaseException], ...]:
-    """The errors that `run` turns into a message and an exit code; any other is a defect."""
+    """The errors that `run` turns into a message and an exit code; any other error is a defect."""
     return tuple(kind for kind, _ in _codes())
 
 
@@ -182,15 +182,15 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (errors.SessionError, 8),
         (sim.errors.DatasetError, 8),
         (sim.errors.CheckpointError, 8),
-        (sim.errors.SimError, 1),  # a simulation that failed for another reason
-        (OSError, 8),  # a disk that is full or may not be written to
+        (sim.errors.SimError, 1),  # any other failure of a simulation
+        (OSError, 8),  # a full or write-protected disk
         (errors.Interrupted, 130),
         (KeyboardInterrupt, 130),
     )
 
 
 def _explain(error: BaseException) -> int:
-    """Say what went wrong on stderr and return the exit code."""
+    """Print the error on stderr and return the exit code."""
     if os.environ.get("ADAPTSIM_DEBUG"):
         import traceback
 
@@ -205,7 +205,7 @@ def _explain(error: BaseException) -> int:
 
 
 def _example(error: typer.TyperException) -> str:
-    """A line with the example from the help of the command that was called wrongly; "" if it has none."""
+    """A line with the example from the command's help; "" if it has none."""
     context = getattr(error, "ctx", None)
     text = (context.command.help if context is not None else None) or ""
     _, found, example = text.partition("Example: ")

@@ -118,8 +118,7 @@ class Model:
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
-    """All but the first and the last: their zeros look like a rotation of the camera's carrier or of the board.
-    """
+    """All but the first and the last: their zeros look like a rotation of the camera's carrier or of the board."""
     return tuple(range(1, n - 1))
 
 

@@ -39,8 +39,7 @@ class Residuals:
 def residuals(
     views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None
 ) -> tuple[Residuals, ...]:
-    """The residuals of all views, unused ones included, in the given order, against predictions by the arm.
-    """
+    """The residuals of all views, unused ones included, in the given order, against predictions by the arm."""
     used, found = set(solution.used), []
     focal = float(np.sqrt(setup.colour.K[0, 0] * setup.colour.K[1, 1]))
     known = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]

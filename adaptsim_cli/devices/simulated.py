@@ -1,4 +1,4 @@
-"""The simulated lab: a world that learning and tracking never see, an arm that nobody has to confirm."""
+"""The simulated lab: a world hidden from learning and tracking, and an arm that needs no confirmation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def nominal_hand_eye(world: World, seed: int) -> HandEye:
-    """The calibration that comes with a world: its error is the world's."""
+    """The nominal calibration of a world, with the world's error."""
     from sim.lab.calibration import nominal_of
 
     shipped = nominal_of(world, seed)
@@ -38,11 +38,11 @@ class Simulated:
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
-        """None: the simulated camera hangs where no trial comes near it."""
+        """None: no trial comes near the simulated camera."""
         return ()
 
     def note(self, message: str) -> None:
-        """Nobody stands beside the arm."""
+        """Does nothing: nobody stands beside the arm."""
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
@@ -61,7 +61,7 @@ class Simulated:
         return BoardDevices(lab.arm, lab.camera, lambda _: None, lab.hands)
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
-        """See `Lab`. The world knows its own tool."""
+        """See `Lab`. The tool is the world's own."""
         from sim.lab.simulated import READY_RAD
         from sim.lab.touch import TouchLab
 

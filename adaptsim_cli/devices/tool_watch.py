@@ -1,4 +1,4 @@
-"""Whether the hand still holds the tool, asked before every motion of a trial."""
+"""Checks before every motion of a trial that the hand still holds the tool."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from hw.errors import DeviceUnavailable, HandError
 from hw.ports import Hand
 
 SLIPPED_M = 0.001
-"""Fingers that stand so much closer or wider than at first hold the tool otherwise, or another one."""
+"""A larger change (m) of the fingers' width means that the tool has slipped, or is another one."""
 
 
 @dataclass
 class ToolWatch:
-    """Fingers as they stand at the first look count as holding the tool. Nothing moves."""
+    """The fingers' width at the first check counts as that of the held tool. Nothing moves."""
 
     hand: Hand
-    tool: str  # what it is called
-    remedy: str  # the command that has the hand take it again
-    width_m: float | None = field(default=None, init=False)  # at the first look
+    tool: str  # its name
+    remedy: str  # the command for grasping it again
+    width_m: float | None = field(default=None, init=False)  # at the first check
 
     def check(self) -> Readiness:
-        """A line of the checklist before a session; a hand that is lost says so."""
+        """A line of the checklist before a session; names a hand that does not answer."""
         try:
             self.require()
         except (HandError, DeviceUnavailable) as error:
@@ -31,7 +31,7 @@ class ToolWatch:
         return Readiness("tool", True, f"held, the fingers are {1e3 * self.width_m:.1f} mm apart")
 
     def require(self) -> None:
-        """Raises HandError where the tool is lost or has slipped, DeviceUnavailable where the hand does not answer."""
+        """Raises HandError if the tool is lost or has slipped, DeviceUnavailable if the hand does not answer."""
         now = self.hand.state()
         stands = f"the fingers are {1e3 * now.width_m:.1f} mm apart"
         if not now.holds:

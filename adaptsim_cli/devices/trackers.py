@@ -1,4 +1,4 @@
-"""How the object of each kind of task is seen: one function a kind, chosen by `Hardware.tracker`."""
+"""The trackers of the objects: one function per kind of task, chosen by `Hardware.tracker`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.tasks.task import Task
 
 
 def tracker_of(task: Task) -> Tracker:
-    """Raises UnknownName, NoHardware."""
+    """The tracker of a task. Raises UnknownName, NoHardware."""
     name = task.require_hardware().tracker
     if name not in TRACKERS:
         raise UnknownName(f"no tracker {name!r} for {task.name}: there are {', '.join(TRACKERS)}")
@@ -21,7 +21,7 @@ def tracker_of(task: Task) -> Tracker:
 
 
 def _piece(task: Task) -> Tracker:
-    """A piece of food, seen and followed with the blade at its kinematic pose; it lies where the context says."""
+    """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's place."""
     from perception import piece
     from sim.tasks.tool_mesh import tool_mesh
 
@@ -53,11 +53,11 @@ def _piece(task: Task) -> Tracker:
 
 
 BOTTLE_AREA = (0.42, 1.22, -0.36, 0.36)
-"""What of the table is looked at for a bottle, x and y in the base frame in m: all that the camera sees of it."""
+"""The part of the table searched for a bottle, x and y in the base frame in m: everything in the camera's view."""
 
 
 def _bottle(task: Task) -> Tracker:
-    """A bottle that stands on its mark, is pushed, and is followed until it rests; the context is a goal."""
+    """The tracker of a bottle, from its mark until it rests; the context is a goal."""
     from hw.collision import segments
     from hw.kinematics import link_poses
     from hw.wrist import SEEN
@@ -100,4 +100,4 @@ def _bottle(task: Task) -> Tracker:
 
 
 TRACKERS: dict[str, Callable[[Task], Tracker]] = {"piece": _piece, "bottle": _bottle}
-"""`Hardware.tracker` -> how its object is seen."""
+"""`Hardware.tracker` -> the function that makes the tracker."""

@@ -1,1 +1,1 @@
-"""The simulated lab: a whole arm, table, object and camera in a world that learning and tracking never see."""
+"""The simulated lab: a whole arm, table, object and camera in a world hidden from learning and tracking."""

@@ -16,7 +16,7 @@ from sim.lab.room import Room
 
 
 class LabArm:
-    """A Panda under joint impedance. Refuses what its workcell refuses, and fails when the world says so."""
+    """A Panda under joint impedance. It refuses the motions that its workcell refuses, and has the world's faults."""
 
     def __init__(self, room: Room, cell: Workcell) -> None:
         self._room, self._cell = room, cell
@@ -41,7 +41,7 @@ class LabArm:
         return ArmState(self._room.t_s, self._room.q_rad, np.zeros(7), self._fault)
 
     def execute(self, path: JointPath) -> Execution:
-        """See `hw.ports.Arm`; physics only where the tool touches something on the way."""
+        """See `hw.ports.Arm`; physics runs only if the tool touches something on the way."""
         self._need_connection()
         room = self._room
         refuse_unless_safe(path, self._cell, room.q_rad, fault=self._fault)

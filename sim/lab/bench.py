@@ -1,4 +1,4 @@
-"""The lab's bench, as `hw.ports.Bench`: someone with a steady, but not a perfect, hand."""
+"""The lab's bench, as `hw.ports.Bench`: a person with a steady but imperfect hand."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from sim.lab.room import Room
 
 
 class LabBench:
-    """Puts the object down near where it is asked to, and walks the arm home first."""
+    """Moves the arm home, then places the object near the wanted place."""
 
     def __init__(self, room: Room) -> None:
         self._room = room

@@ -1,4 +1,4 @@
-"""The calibration board that the lab's arm holds: a rigid printed plate in the gripper."""
+"""The calibration board in the lab's gripper: a rigid printed plate."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from sim.types import Texture, Visual
 
 BODY = "board"
 MARGIN_M = 0.012
-"""White around the print; the gripper holds the upper one by a tab."""
+"""White margin around the print; the gripper holds the upper margin by a tab."""
 THICKNESS_M = 0.006
 BOARD_KG_M2 = 7.0
-"""Of an aluminium sandwich board of that thickness (makers state 6.6 to 7.3)."""
+"""Area density (kg/m²) of an aluminium sandwich board of that thickness (makers state 6.6 to 7.3)."""
 GRIP_M = 0.115
-"""From the flange to the upper edge of the plate, along the flange's axis: just beyond the fingertips."""
+"""Distance from the flange to the plate's upper edge, along the flange's axis: just beyond the fingertips."""
 
 _WHITE, _EDGE = 0.80, (0.30, 0.30, 0.32)
 _TEXEL_M = 0.001
@@ -32,16 +32,19 @@ _CLEARANCE_M = 0.01
 
 @dataclass(frozen=True, eq=False)
 class HeldBoard:
-    """A printed pattern and where it is held. The frame M of the print is that of `perception.board.types.Board`."""
+    """A printed pattern and its pose in the hand.
+
+    The frame M of the print is that of `perception.board.types.Board`.
+    """
 
     pattern: NDArray[np.uint8]  # (h, w) grey; the print without its margin, upright
-    size_m: tuple[float, float]  # width and height as its maker states them
+    size_m: tuple[float, float]  # width and height stated by its maker
 
     @property
     def X_FM(self) -> Array:
-        """(4, 4) as it is meant to be held: square to the closed fingers, hanging along the flange's axis.
+        """(4, 4) planned pose in the flange: square to the closed fingers, hanging along the flange's axis.
 
-        The fingers open along the Y axis of the hand, which stands 45° between X and Y of the flange.
+        The fingers open along the hand's Y axis, which lies at 45° between X and Y of the flange.
         """
         s = np.sqrt(0.5)
         X = np.eye(4)
@@ -73,7 +76,7 @@ class HeldBoard:
         return Tool("calibration board", HAND_MASS + board.placed(X), (*HAND, *plate))
 
     def visuals(self) -> tuple[Visual, ...]:
-        """Plate with the print on its face, and the tab in the gripper; poses are those of the flange."""
+        """Plate with the print on its face, and the tab in the gripper; fixed to the flange."""
         X, (width, height) = self.X_FM, self.size_m
         centre = np.array([width / 2, height / 2, THICKNESS_M / 2])
         plate = Primitive(BODY, "box", (width + 2 * MARGIN_M, height + 2 * MARGIN_M, THICKNESS_M), tuple(centre))
@@ -85,7 +88,7 @@ class HeldBoard:
         )
 
     def _albedo(self) -> NDArray[np.float32]:
-        """The print with ink that is not quite black and paper that is not quite white, a texel a millimetre."""
+        """The print with dark grey ink and off-white paper, one texel per millimetre."""
         size = tuple(round(length / _TEXEL_M) for length in self.size_m)
         grey = cv2.resize(self.pattern.astype(np.float32) / 255, size, interpolation=cv2.INTER_AREA)
         return np.asarray(0.035 + (_WHITE - 0.035) * grey, dtype=np.float32)

@@ -1,7 +1,7 @@
-"""The lab while its camera is being calibrated: the arm holds a board, the table is clear, nothing touches anything.
+"""The lab during a camera calibration: the arm holds a board, the table is clear, nothing touches anything.
 
-The same arm and the same camera, with the same hidden pose and the same faults of their own, as `SimulatedLab` has of
-one world and seed. No plant is needed: the arm is where its joints are, plus what they do not know of themselves.
+Arm and camera are those of `SimulatedLab` for the same world and seed, with the same hidden pose and errors. No plant
+is needed: the arm is where its joints are, plus the errors of its joints.
 """
 
 from __future__ import annotations
@@ -33,14 +33,17 @@ from sim.tasks.task import Task
 from sim.types import Visual
 
 FRAME_RATE_HZ = 15.0
-"""The camera's slower mode: enough for one swing of the board, and half the pictures."""
+"""The camera's slower mode: enough for one swing of the board, with half the pictures."""
 SETTLE_S = 0.5
 TOUCH_S = 15.0
-"""How long a person takes to guide the tip to a corner."""
+"""Time that a person takes to guide the tip to a corner."""
 LENS_BLUR_PX, JPEG_QUALITY = 0.6, 92
-"""Of a Kinect's colour stream; the pictures of a trial go without, where a corner's tenth of a pixel is of no use."""
+"""Blur and JPEG quality of a Kinect's colour stream.
 
-_LAID, _TOUCHED = 3, 4  # streams of `view_stream`, beside those of the pictures
+Pictures of trials do without, because they do not need a tenth of a pixel.
+"""
+
+_LAID, _TOUCHED = 3, 4  # streams of `view_stream`, besides those of the pictures
 _HAND = "panda_hand"
 _LINKS = {f"panda_link{i}": i for i in range(8)}
 _HAND_TURN = -np.pi / 4
@@ -59,14 +62,14 @@ class CalibrationLab:
         *,
         home_q_rad: Array,
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands at first, `cell` what it checks motions against. Builds nothing."""
+        """`home_q_rad` (7,) is the arm's first posture, `cell` checks its motions. Builds nothing."""
         self._world, self._seed, self._X_BC = world, seed, default_X_BC()
         self._state = _State(frozen_array(home_q_rad, (7,), "home_q_rad"), world, seed)
         printed = board.scaled(world.sensing.board_scale)
         self.arm: Arm = _BoardArm(self._state, cell)
         self.camera: Camera = _BoardCamera(self._state, self._X_BC, printed, task)
         self.hands = _LabHands(self._state, printed)
-        """Who lays the board on the table and guides the arm's tip, where nobody is there."""
+        """The simulated person who lays the board on the table and guides the arm's tip."""
 
     def __enter__(self) -> Self:
         self._state.connected = True
@@ -76,7 +79,7 @@ class CalibrationLab:
         self._state.connected = False
 
     def truth(self) -> dict[str, Any]:
-        """What calibration should find, for checking alone."""
+        """The true values that a calibration should find, only for checks."""
         return {
             "X_BC": self._X_BC.tolist(),
             "joint_offset_rad": self._state.offset_rad.tolist(),
@@ -85,7 +88,7 @@ class CalibrationLab:
 
 
 class _State:
-    """What arm and camera share: joints, clock, chance."""
+    """The shared state of arm and camera: joints, clock, random numbers."""
 
     def __init__(self, q_rad: Array, world: World, seed: int) -> None:
         self.world, self.seed = world, seed
@@ -95,13 +98,13 @@ class _State:
         self.q_rad = q_rad  # as reported
         self.rests = 0
         self.X_BM_laid: Array | None = None  # (4, 4) the board on the table; None: in the gripper
-        self.shots: list[tuple[float, JointPath]] | None = None  # of the recording that runs
+        self.shots: list[tuple[float, JointPath]] | None = None  # of the running recording
 
     @property
     def error_rad(self) -> Array:
-        """(7,) true minus reported, at this rest and on the way to the next.
+        """(7,) true minus reported joints, at this rest and on the way to the next.
 
-        The noise follows from the posture: whoever comes back to it, in this run or in a resumed one, finds it again.
+        The noise is a function of the posture, so a return to the posture gives the same noise, even in a resumed run.
         """
         posture = zlib.crc32(np.round(self.q_rad, 6).tobytes())
         noise = 1e-3 * self.world.sensing.encoder_noise_mrad * view_stream(self.seed, posture, 0).standard_normal(7)
@@ -113,7 +116,7 @@ class _State:
 
 
 class _BoardArm:
-    """Plays paths exactly, as far as its own encoders can tell."""
+    """Plays paths exactly in reported joints."""
 
     def __init__(self, state: _State, cell: Workcell) -> None:
         self._state, self._cell = state, cell
@@ -156,18 +159,18 @@ class _BoardArm:
 
 
 class _LabHands:
-    """The person of the lab: sees where the board lies, and guides the tip there as well as a hand can."""
+    """The simulated person: lays the board down and guides the tip with the accuracy of a hand."""
 
     def __init__(self, state: _State, board: HeldBoard) -> None:
         self._state, self._board = state, board
 
     def lay_board(self) -> None:
-        """From the gripper onto the table, in view of the camera; the same place every time."""
+        """Lay the board from the gripper onto the table, in view of the camera; always at the same place."""
         self._state.need_connection()
         self._state.X_BM_laid = laid_board(self._board, view_stream(self._state.seed, 0, _LAID))
 
     def touch(self, p_M_m: Array, number: int) -> None:
-        """Guide the tip to a point (3,) of the board as stated, leaning to another side for each `number` from 0."""
+        """Guide the tip to a point (3,) of the stated board, tilted to another side for each `number` from 0."""
         state, laid = self._state, self._state.X_BM_laid
         state.need_connection()
         if laid is None:
@@ -227,7 +230,7 @@ class _BoardCamera:
         return frames
 
     def _frame(self, t_s: float, q_rad: Array, *, infrared: bool) -> Frame:
-        """At joints (S, 7), the true ones."""
+        """Render a frame at true joints (S, 7)."""
         moment = round(1e6 * t_s) % 2**31
         poses, noise = self._poses(q_rad), self._noise
         colour, depth_mm = self._renderer.render(poses, noise, view_stream(self._state.seed, moment, 1))
@@ -237,7 +240,7 @@ class _BoardCamera:
         return Frame(t_s + 1e-3 * self._state.world.sensing.clock_offset_ms, colour, depth_mm, dark)
 
     def _poses(self, q_rad: Array) -> dict[str, Array]:
-        """Joints (S, 7) -> poses (S, 4, 4) of all that moves, the board where it is."""
+        """Joints (S, 7) -> poses (S, 4, 4) of all moving bodies, board included."""
         poses, laid = _poses(q_rad), self._state.X_BM_laid
         if laid is not None:
             poses[BODY] = np.broadcast_to(laid @ np.linalg.inv(self._board.X_FM), poses[BODY].shape)
@@ -261,7 +264,7 @@ def _arm_visuals() -> tuple[Visual, ...]:
 
 
 def _poses(q_rad: Array) -> dict[str, Array]:
-    """Joints (S, 7) -> poses (S, 4, 4) of everything that can be seen of the arm."""
+    """Joints (S, 7) -> poses (S, 4, 4) of the visible bodies of the arm."""
     links = link_poses(q_rad)
     turn = np.eye(4)
     turn[:2, :2] = [[np.cos(_HAND_TURN), -np.sin(_HAND_TURN)], [np.sin(_HAND_TURN), np.cos(_HAND_TURN)]]

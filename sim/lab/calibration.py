@@ -1,4 +1,4 @@
-"""The camera calibration that comes with a lab: the truth, off by what the world says."""
+"""The nominal camera calibration of a lab: the truth plus the world's error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sim.lab.world import Sensing, World
 
 @dataclass(frozen=True, eq=False)
 class NominalCalibration:
-    """Field by field what a `calib.types.HandEye` takes; `sim` and `calib` do not know each other."""
+    """The fields of a `calib.types.HandEye`, because `sim` may not import `calib`."""
 
     X_BC: Array  # (4, 4)
     sigma_mm: float
@@ -25,14 +25,14 @@ class NominalCalibration:
 
 
 def nominal_of(world: World, seed: int) -> NominalCalibration:
-    """What an operator of the lab of `world` and `seed` starts from: its error is the world's, its sigma honest."""
+    """The nominal calibration of the lab of `world` and `seed`: with the world's error, and a true sigma."""
     return nominal_calibration(default_X_BC(), world.sensing, calibration_stream(seed))
 
 
 def nominal_calibration(X_BC: Array, sensing: Sensing, rng: np.random.Generator) -> NominalCalibration:
-    """`X_BC` (4, 4) shifted by `extrinsic_error_mm` and turned about the camera's own centre by `extrinsic_error_deg`.
+    """`X_BC` (4, 4) shifted by `extrinsic_error_mm` and rotated about the camera's centre by `extrinsic_error_deg`.
 
-    Both errors are normal in three directions, with those root mean squares, which are also the sigmas stated.
+    Both errors are normal in three directions, with these root mean squares, which are also the stated sigmas.
     """
     shift, turn = rng.standard_normal((2, 3)) / np.sqrt(3.0)
     error = np.eye(4)

@@ -18,12 +18,12 @@ from sim.lab.room import Room
 from sim.render.poses import held_still
 
 FRAME_RATE_HZ = 30.0
-SLICES = 4  # of an exposure
-STILL_S = 0.3  # how long a recording lasts in which nothing was asked to move
+SLICES = 4  # per exposure
+STILL_S = 0.3  # duration of a recording without any motion
 
 
 class LabCamera:
-    """Sees the room from `X_BC` at 30 FPS. Only the frames of a recording are rendered, when it ends."""
+    """A camera at `X_BC`, 30 FPS. The frames of a recording are rendered when it ends."""
 
     def __init__(self, room: Room, X_BC: Array) -> None:
         self._room, self._X_BC = room, X_BC
@@ -76,7 +76,7 @@ class LabCamera:
             room.recording_since_s, room.shots = None, []
 
     def _numbers(self, since_s: float) -> range:
-        """Frames are numbered from the placing of the object; those whose exposure lies in the recording."""
+        """The numbers of frames exposed during the recording, counted from the placing of the object."""
         room, half_s = self._room, EXPOSURE_S / 2
         first, last = ((t_s - room.t_placed_s) * FRAME_RATE_HZ for t_s in (since_s + half_s, room.t_s - half_s))
         phase = room.chance.frame_phase
@@ -89,7 +89,7 @@ class LabCamera:
         return self._room.t_placed_s + (number + self._room.chance.frame_phase) / FRAME_RATE_HZ
 
     def _poses(self, numbers: Sequence[int]) -> list[Mapping[str, Array]]:
-        """Of each frame the poses (SLICES, 4, 4) of all that can be seen, over the exposure."""
+        """For each frame, the poses (SLICES, 4, 4) of all visible bodies over the exposure."""
         slices_s = EXPOSURE_S * ((np.arange(SLICES) + 0.5) / SLICES - 0.5)
         times_s = np.add.outer([self._time_s(i) for i in numbers], slices_s).ravel()
         poses = self._room.cell.poses(self._room.positions_at(times_s))
@@ -101,7 +101,7 @@ class LabCamera:
         return Frame(self._stamped(self._time_s(number)), colour, depth_mm)
 
     def _stamped(self, t_s: float) -> float:
-        """What the camera's own clock says at a moment of the arm's."""
+        """A time of the arm's clock on the camera's own clock."""
         return t_s + 1e-3 * self._room.world.sensing.clock_offset_ms
 
     @cached_property

@@ -1,8 +1,8 @@
 """The lab's physics: a whole arm, its tool, the table and the object in one Drake plant.
 
-The arm is position controlled as the real one: a stiff spring and a damper in every joint pull it along the
-path, its own weight is carried by the controller, and the plant integrates both implicitly. Tracking error and
-the give of the tool when it presses on the table follow from that; nothing is added by hand.
+The arm is position controlled like the real one: a stiff spring and a damper in every joint pull it along the path, the
+controller carries its weight, and the plant integrates both implicitly. Tracking error and the yielding of the tool on
+the table follow from this; nothing is added by hand.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from sim.tasks.shared.contact import keep_apart
 from sim.tasks.task import Task
 
 STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
-"""What the maker's examples set for joint impedance (`setJointImpedance` in libfranka)."""
+"""Joint impedance of the maker's examples (`setJointImpedance` in libfranka)."""
 
 DAMPING_NMS_RAD = (150.0, 165.0, 130.0, 100.0, 20.0, 20.0, 15.0)
-"""About critical for the inertia that each joint moves when the arm reaches to the table; the maker publishes none."""
+"""About critical damping for the inertia that each joint moves with the arm at the table; the maker publishes none."""
 
 SETTLE_MIN_S, SETTLE_CHUNK_S = 0.3, 0.1
 
 
 class Cell:
-    """Arm, tool, table and object of one world, and their present state. Time starts anew with every motion."""
+    """Arm, tool, table and object of one world, with their present state. Time restarts with every motion."""
 
     def __init__(self, task: Task, world: World) -> None:
         hardware, builder = task.require_hardware(), DiagramBuilder()
@@ -82,7 +82,7 @@ class Cell:
 
     @property
     def positions(self) -> Array:
-        """(nq,) of the whole plant."""
+        """(nq,) positions of the whole plant."""
         return np.array(self._plant.GetPositions(self._context))
 
     @positions.setter
@@ -101,7 +101,7 @@ class Cell:
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
     def simulate(self, t_s: Array, q_rad: Array) -> Motion:
-        """Follow the joint path (N,), (N, 7), then hold its end until the object rests, `SETTLE_S` at most.
+        """Follow the joint path (N,), (N, 7), then hold its end until the object rests, at most `SETTLE_S`.
 
         Raises DivergedError.
         """
@@ -125,7 +125,7 @@ class Cell:
         return motion
 
     def travel(self, t_s: Array, q_rad: Array) -> Motion:
-        """Be exactly at `q_rad` (M, 7) at `t_s` (M,), while the object lies still."""
+        """Follow `q_rad` (M, 7) at `t_s` (M,) exactly, while the object lies still."""
         rows = np.empty((len(t_s), self._plant.num_positions()))
         for row, q in zip(rows, q_rad, strict=True):
             self.positions = self._with_arm(self.positions, q)
@@ -133,7 +133,7 @@ class Cell:
         return Motion(t_s, rows, rows[:, self._joints])
 
     def touches(self) -> tuple[bool, bool]:
-        """Whether the object touches the tool, and whether it touches anything else."""
+        """(whether the object touches the tool, whether it touches anything else)."""
         query: QueryObject = self._scene_graph.get_query_output_port().Eval(self._scene_context)
         inspector = query.inspector()
         representation = self._plant.get_contact_surface_representation()
@@ -145,7 +145,10 @@ class Cell:
         return any(o == tool for o in others), any(o != tool for o in others)
 
     def would_touch(self, q_rad: Array) -> bool:
-        """Whether the tool meets the object, where it lies now, anywhere on (M, 7). The state stays as it is."""
+        """Whether the tool meets the object at its present place anywhere on `q_rad` (M, 7).
+
+        Does not change the state.
+        """
         before = self.positions
         try:
             for q in q_rad:
@@ -157,7 +160,7 @@ class Cell:
             self.positions = before
 
     def poses(self, positions: Array) -> Mapping[str, Array]:
-        """(S, nq) -> pose (S, 4, 4) in the base frame of every body that can be seen, by name."""
+        """(S, nq) -> poses (S, 4, 4) in the base frame of all visible bodies, by name."""
         before = self.positions
         bodies = [self._plant.GetBodyByName(name) for name in self._seen]
         poses = {name: np.empty((len(positions), 4, 4)) for name in self._seen}
@@ -175,7 +178,7 @@ class Cell:
         self._plant.SetFreeBodyPose(self._context, self._object, RigidTransform(X_BO))
 
     def _rests(self, log: Any) -> bool:
-        """Whether the object has been slow for as long as a trial asks for. The tool is at rest meanwhile."""
+        """Whether the object has been slow for the time that a trial requires. The tool rests meanwhile."""
         first = self._plant.num_positions() + self._object.floating_velocities_start_in_v()
         times_s = log.sample_times()
         w_rad_s, v_m_s = np.split(log.data()[first : first + 6, times_s >= times_s[-1] - REST_S], 2)
@@ -194,10 +197,10 @@ class Cell:
 
 
 def make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
-    """Springs and dampers in the joints pull the arm along what its desired state port is given."""
+    """Add springs and dampers in the joints that pull the arm along the input of its desired state port."""
     for name, p, d in zip(JOINT_NAMES, STIFFNESS_NM_RAD, DAMPING_NMS_RAD, strict=True):
         plant.GetJointActuatorByName(name, arm).set_controller_gains(PdControllerGains(p=p, d=d))
-    plant.set_gravity_enabled(arm, False)  # the controller knows the arm and carries its weight
+    plant.set_gravity_enabled(arm, False)  # the controller carries the arm's weight
 
 
 def hold(q_rad: Array) -> PiecewisePolynomial:

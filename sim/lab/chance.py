@@ -1,7 +1,7 @@
-"""All randomness of one attempt at one trial, from (seed, trial, attempt) alone.
+"""All random numbers of one attempt at one trial, from (seed, trial, attempt) only.
 
-Nothing is drawn in sequence: every draw has a stream of its own, so no result depends on what happened before,
-on how often a device was asked, or on whether the process was restarted.
+Every draw has its own stream, so no result depends on earlier draws, on the number of device calls, or on a restart of
+the process.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 from hw.types import Array
 
 PLACING_STD_M = 0.002
-"""How well a person puts a piece on a mark."""
+"""Accuracy of a person who places a piece on a mark, m."""
 
 REPEATABILITY_RAD = 1e-4
-"""Joint error that stays through a trial; about 0.1 mm at the tool, the maker's repeatability."""
+"""Joint error that is constant during a trial: about 0.1 mm at the tool, the maker's repeatability."""
 
 _TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH = range(8)
 
@@ -29,11 +29,11 @@ class Chance:
     placing_m: Array  # (2,)
     joint_offset_rad: Array  # (7,)
     frame_phase: float  # of the first frame after the object is placed, in frame periods: [0, 1)
-    stop_fraction: float  # where in its path a fault stops the arm
+    stop_fraction: float  # share of the path at which a fault stops the arm
 
     @classmethod
     def draw(cls, seed: int, trial: int, attempt: int) -> Chance:
-        """All draws of an attempt, from streams of their own."""
+        """All draws of an attempt."""
         key = (seed, trial, attempt)
         rng = _stream(seed, _TRIAL, trial, attempt)
         return cls(
@@ -45,18 +45,18 @@ class Chance:
         )
 
     def frame_stream(self, index: int) -> np.random.Generator:
-        """The stream of the frame with that number since the object was placed."""
+        """The stream of frame `index`, counted from the placing of the object."""
         seed, trial, attempt = self.key
         return _stream(seed, _FRAME, trial, attempt, index)
 
     def snapshot_stream(self, t_s: float) -> np.random.Generator:
-        """The stream of a picture taken at that moment: twice the same moment, twice the same picture."""
+        """The stream of a picture at time `t_s`: the same time gives the same picture."""
         seed, trial, attempt = self.key
         return _stream(seed, _SNAPSHOT, trial, attempt, round(1e6 * t_s))
 
 
 def camera_stream(seed: int) -> np.random.Generator:
-    """The stream for what is particular to the camera of a lab."""
+    """The stream for the individual properties of a lab's camera."""
     return _stream(seed, _CAMERA)
 
 
@@ -66,17 +66,17 @@ def calibration_stream(seed: int) -> np.random.Generator:
 
 
 def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
-    """(7,) true joint position minus what the arm reports: the same as long as the lab stands."""
+    """(7,) true minus reported joint positions: constant for one lab."""
     return np.asarray(1e-3 * joint_offset_mrad * _stream(seed, _JOINTS).standard_normal(7))
 
 
 def view_stream(seed: int, rest: int, picture: int) -> np.random.Generator:
-    """The stream of one picture of the calibration board (from 1) at one rest of the arm; picture 0: of the rest."""
+    """The stream of one picture of the calibration board (from 1) at one rest of the arm; 0: of the rest itself."""
     return _stream(seed, _VIEW, rest, picture)
 
 
 def touch_stream(seed: int, number: int) -> np.random.Generator:
-    """The stream of one guarded motion (from 1); 0: what is particular to the arm's torque sensors."""
+    """The stream of one guarded motion (from 1); 0: the individual properties of the torque sensors."""
     return _stream(seed, _TOUCH, number)
 
 

@@ -1,4 +1,4 @@
-"""Worlds drawn by a rule, so that nobody chooses them: parameters in Omega or its margin, and unmodelled effects."""
+"""Worlds drawn by a rule instead of chosen: parameters in Omega or its margin, and unmodelled effects."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TRIED = 4096
 
 
 def drawn_world(task: Task, seed: int, number: int) -> World:
-    """World `number` of `seed`: always the same one."""
+    """World `number` of `seed`, always the same."""
     return draw_world(task, np.random.default_rng((seed, number)), name=f"drawn-{seed}-{number}")
 
 
@@ -28,9 +28,10 @@ def draw_world(
     effects: Collection[str] | None = None,
     name: str = "drawn",
 ) -> World:
-    """Parameters from Omega for every second world, else from the margin; each plausible effect in every second world.
+    """Draw a world: parameters from Omega for every second world, else from the margin; each plausible effect with
+    probability 1/2.
 
-    `within` narrows the bounds of parameters, `effects` names the only ones that may be present.
+    `within` narrows the bounds of parameters; `effects` names the only effects that may be present.
     """
     space = task.parameters if rng.random() < 0.5 else task.margin
     parameters = space.sample(rng, _TRIED)
@@ -54,7 +55,7 @@ def effects_of(task: Task, world: World) -> dict[str, Any]:
 
 
 def as_toml(task: Task, world: World) -> str:
-    """Physics, parameters, nuisance and effects of a world as its file, without a description."""
+    """A world as the text of its file: physics, parameters, nuisance and effects, without a description."""
     lines = [f'task = "{task.name}"', 'description = ""']
     lines += [] if world.physics == "drake" else [f'physics = "{world.physics}"']
     lines += ["", "[params]"]

@@ -1,6 +1,6 @@
-"""What the person of the lab does when the calibration is checked by touch: lays the board down, guides the tip.
+"""The simulated person in the touch check of a calibration: lays the board down and guides the tip.
 
-Kinematics alone: nothing is pressed. The tip is a pin in the gripper whose length nobody has told the calibration.
+Kinematics only, without forces. The tip is a pin in the gripper; the calibration does not know its length.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from sim.lab.board import THICKNESS_M, HeldBoard
 from sim.panda.inverse import postures
 
 PLACE_M = (0.62, 0.0)
-"""About where the middle of the board comes to lie, in the base."""
+"""Approximate place of the board's centre, in the base."""
 PLACE_STD_M, TURN_STD_RAD = 0.01, 0.05
 AIM_STD_M = 3e-4
-"""How well a hand brings a tip to a corner, an axis."""
+"""Accuracy of a guided tip at a corner, per axis, m."""
 TIP_M = (0.002, -0.001, 0.165)
-"""The tip in the flange: a pin held in the closed fingers, a little askew."""
+"""The tip in the flange: a slightly tilted pin in the closed fingers."""
 LEAN_RAD = 0.5
 NEAR_RAD = (0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785)
 _LEAN_STD_RAD = 0.05
@@ -29,7 +29,7 @@ _AZIMUTHS_RAD = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # towards the camera, away 
 
 
 def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
-    """(4, 4) X_BM of the board flat on the table, face up, upright as the camera opposite the arm sees it."""
+    """(4, 4) X_BM of the board flat on the table, face up, upright in the view of the camera opposite the arm."""
     width, height = board.size_m
     upright = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # print's right: +Y, down: +X, into: -Z
     X = np.eye(4)
@@ -40,9 +40,10 @@ def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
 
 
 def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array:
-    """(7,) true joints with the tip at `p_B_m` (3,) to the accuracy of a hand, leaning to the side of that number.
+    """(7,) true joints with the tip at `p_B_m` (3,), with the accuracy of a hand, tilted to the side of `number`.
 
-    As a person would, it leans less where the arm does not reach. Raises SimError where it does not reach upright.
+    The tilt is smaller if the arm cannot reach, as a person would do it. Raises SimError if it cannot reach even
+    upright.
     """
     lean = LEAN_RAD + _LEAN_STD_RAD * rng.standard_normal()
     azimuth = _AZIMUTHS_RAD[number % len(_AZIMUTHS_RAD)] + _LEAN_STD_RAD * rng.standard_normal()
@@ -55,7 +56,7 @@ def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array
 
 
 def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:
-    """(N, 7) joints, away from their ends, that bring the tip there with the hand leaning so."""
+    """(N, 7) joints, away from their limits, with the tip at that place and the hand at that tilt."""
     axis = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
     X_BF = np.eye(4)
     X_BF[:3, :3] = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""The lab's hand, as `hw.ports.Hand`, and the person who puts the tool between its fingers."""
+"""The lab's hand, as `hw.ports.Hand`, and the simulated person who offers it the tool."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from hw.types import HandState
 
 WIDEST_M = 0.08
 STRONGEST_N = 70.0
-"""Of the Franka Hand, continuous (the maker's data sheet)."""
+"""Continuous force of the Franka Hand (the maker's data sheet)."""
 
 
 @dataclass(eq=False)
 class Grip:
-    """What is between the fingers, and how firmly: shared with the arm that carries it."""
+    """The object between the fingers, and the grasping force; shared with the arm that carries it."""
 
     handle_m: float  # thickness of the tool's handle
     offered: bool = False  # somebody holds the tool between the fingers
@@ -25,7 +25,7 @@ class Grip:
 
 
 class LabHand:
-    """Opens, closes and holds what is between its fingers."""
+    """Opens, closes, and holds the object between its fingers."""
 
     def __init__(self, grip: Grip) -> None:
         self._grip = grip

@@ -1,4 +1,4 @@
-"""The Kinect of the simulated lab: its factory calibration, where it stands, what it sees.
+"""The Kinect of the simulated lab: factory calibration, pose and rendering.
 
 `Renderer(model, X_BC, visuals).render(poses, noise, rng)` gives one colour and one depth image.
 """
@@ -37,7 +37,7 @@ _DEPTH_OFFSET_M = (-0.0321, -0.0022, 0.0039)
 
 
 def kinect_model(size: Literal["kinect", "small"] = "kinect") -> CameraModel:
-    """Factory calibration of the lab's camera; "small" is the same view at a quarter of the resolution a side."""
+    """Factory calibration of the lab's camera; "small" is the same view with a quarter of the pixels per side."""
     c, s = np.cos(_DEPTH_TILT_RAD), np.sin(_DEPTH_TILT_RAD)
     X_CD = np.eye(4)
     X_CD[1:3, 1:3] = [[c, s], [-s, c]]

@@ -1,4 +1,4 @@
-"""What the lab's plant went through: its positions over time."""
+"""A motion of the lab's plant: its positions over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Motion:
     def at(self, times_s: Array) -> Array:
         """Plant positions (S, nq) at `times_s` (S,): linear in between, constant beyond the ends.
 
-        Quaternions are interpolated by component, which is exact enough between samples some milliseconds apart.
+        Quaternions are interpolated by component, which is exact enough between samples a few milliseconds apart.
         """
         return np.stack([np.interp(times_s, self.t_s, column) for column in self.positions.T], axis=-1)
 
@@ -30,7 +30,7 @@ class Motion:
 
 
 class DivergedError(Exception):
-    """The solver gave up; `motion` is what went before."""
+    """The solver gave up; `motion` is the motion until then."""
 
     def __init__(self, t_s: float, reason: str, motion: Motion) -> None:
         super().__init__(f"the lab's simulation failed {t_s:.3f} s into the path: {reason}")

@@ -1,7 +1,7 @@
-"""What a world's `[mount]` means: where the table and the tool truly are, as nobody tells the arm.
+"""The true poses of table and tool by a world's `[mount]`, which the arm does not know.
 
-World W of the plant is the frame of the table, its top at z = 0. The arm takes itself to stand in W; truly its base B
-stands so that the table has the world's height and tilt in B.
+World W of the plant is the frame of the table, its top at z = 0. The arm assumes that its base is W. In truth its base
+B stands so that the table has the world's height and tilt in B.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def X_WB(mount: Mount) -> Array:
 
 
 def X_FT(designed: Array, mount: Mount) -> Array:
-    """(4, 4) the tool in the flange as it truly is, given how it was `designed` to be."""
+    """(4, 4) the tool's true pose in the flange, from its `designed` pose."""
     off = np.eye(4)
     off[:3, :3] = Rotation.from_euler("x", 1e-3 * mount.tool_roll_mrad).as_matrix()
     off[2, 3] = 1e-3 * mount.tool_height_mm

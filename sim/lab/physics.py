@@ -1,4 +1,4 @@
-"""What physics a world has: that of its task, or a foreign one that training has never seen."""
+"""The physics of a world: that of its task, or a foreign one that training does not use."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from sim.tasks import get_task
 from sim.tasks.task import Simulate, Task
 
 Physics = Literal["drake", "mujoco"]
-"""As a world file calls it. "drake" is that of the task itself, also where it needs no Drake."""
+"""Name in a world file. "drake" is the physics of the task itself, even if that does not use Drake."""
 
 _MUJOCO = {"pushing": "sim.lab.foreign.pushing", "scooping": "sim.lab.foreign.scooping"}
-"""Task -> the module whose `simulate` it is; imported when first asked for."""
+"""Task -> the module with its `simulate`; imported on first use."""
 
 _DRAKE_ONLY = ("contact",)
-"""Effects that choose among what Drake offers."""
+"""Effects that choose among Drake's options."""
 
 
 def require_possible(task: Task, physics: Physics, unmodelled: Any) -> None:
-    """Raises OutOfRange when the task has no such physics, or the physics no such effect."""
+    """Raises OutOfRange if the task does not have this physics, or the physics does not have an effect."""
     if physics == "drake":
         return
     if task.name not in _MUJOCO:
@@ -36,7 +36,7 @@ def require_possible(task: Task, physics: Physics, unmodelled: Any) -> None:
 
 
 def effects_in(physics: Physics, unmodelled: Any) -> dict[str, Any]:
-    """The unmodelled effects that a physics knows, by name, present or not."""
+    """The unmodelled effects that a physics supports, by name, with their values."""
     known = asdict(unmodelled)
     return known if physics == "drake" else {k: v for k, v in known.items() if k not in _DRAKE_ONLY}
 
@@ -47,7 +47,7 @@ def in_physics(task: Task, physics: Physics) -> Task:
 
 
 def simulate_of(task_name: str, physics: Physics) -> Simulate:
-    """`Task.simulate`, or the same in a foreign physics. Raises ExtraMissing where that is not installed."""
+    """`Task.simulate`, or the same in a foreign physics. Raises ExtraMissing if that is not installed."""
     if physics == "drake":
         return get_task(task_name).simulate
     try:

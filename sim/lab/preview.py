@@ -1,4 +1,4 @@
-"""A planned motion in the browser: arm, tool, table and object as the lab shows them. Nothing is simulated."""
+"""A planned motion in the browser: arm, tool, table and object with the lab's looks. Nothing is simulated."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ FRAMES_PER_S = 30.0
 
 
 class Preview:
-    """A page on this machine alone (127.0.0.1) that plays a trial's paths, one after the other, in a loop."""
+    """A page, only on this machine (127.0.0.1), that plays a trial's paths in a loop."""
 
     def __init__(self, task: Task, context: Array, paths: Sequence[JointPath]) -> None:
-        """The object lies where `context` (c,) says, with the middle of all parameters. Raises NoHardware."""
+        """The object lies at `context` (c,), with all parameters in the middle of their ranges. Raises NoHardware."""
         hardware = task.require_hardware()
         plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
         add_panda(plant)
@@ -36,7 +36,7 @@ class Preview:
             plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None
         )
         plant.Finalize()
-        drake_log.silence()  # it announces its address by itself
+        drake_log.silence()  # it would announce its own address
         self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
         shown = (*visuals(), *bodies.visuals)
         for i, visual in enumerate(shown):
@@ -63,7 +63,7 @@ class Preview:
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine finds it."""
+        """The address for a browser on this machine."""
         return str(self._meshcat.web_url())
 
     def html(self) -> str:

@@ -13,9 +13,9 @@ from sim.tasks.task import Simulate
 
 
 def rollouts_in(world: World) -> Simulate:
-    """A `Task.simulate` of which only context and action count: parameters, nuisance and effects are the world's.
+    """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
 
-    It can be sent to another process. Calling it raises ExtraMissing where the world's physics is not installed.
+    It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
     """
     return partial(_simulate, world)
 

@@ -1,4 +1,4 @@
-"""What arm, camera and bench of the lab share: one cell, one clock, one trial at a time."""
+"""The shared state of the lab's arm, camera and bench: one cell, one clock, one trial at a time."""
 
 from __future__ import annotations
 
@@ -16,19 +16,21 @@ from sim.lab.world import World
 from sim.tasks.task import Task
 
 TRIAL_S, ATTEMPT_S = 1000.0, 50.0
-"""Placing sets the clock to `trial` of the one and `attempt` of the other, so that times depend on nothing else."""
+"""Placing sets the clock to `trial` times the first plus `attempt` times the second, so that times depend on nothing
+else.
+"""
 
 TRAVEL_PERIOD_S = 0.005
 CHECK_PERIOD_S = 0.02
 TRUTH_PERIOD_S = 0.01
 
 _AWAY_M = (0.0, 0.0, -5.0)
-"""Where the object is before it was ever placed: under the floor, out of sight."""
+"""The object's place before it is first placed: under the floor, out of sight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A stretch of the lab's time, from `t_start_s` on its clock."""
+    """A recorded motion, from `t_start_s` on the lab's clock."""
 
     t_start_s: float
     motion: Motion
@@ -36,7 +38,7 @@ class Shot:
 
 @dataclass(eq=False)
 class Room:
-    """The present state of the lab. Its clock moves when something happens and stands still otherwise."""
+    """The present state of the lab. Its clock advances only during events."""
 
     task: Task
     world: World
@@ -45,11 +47,11 @@ class Room:
     t_s: float = 0.0
     t_placed_s: float = 0.0
     chance: Chance = field(init=False)
-    zeros_rad: Array = field(init=False)  # (7,) true joint positions are those reported and commanded plus these
-    faults_due: set[str] = field(default_factory=set)  # at this trial, and not yet come
+    zeros_rad: Array = field(init=False)  # (7,) true minus reported joint positions
+    faults_due: set[str] = field(default_factory=set)  # of this trial, not yet triggered
     recording_since_s: float | None = None
-    shots: list[Shot] = field(default_factory=list)  # of the recording
-    history: list[dict[str, Any]] = field(default_factory=list)  # the truth of every placing, oldest first
+    shots: list[Shot] = field(default_factory=list)  # motions of the recording
+    history: list[dict[str, Any]] = field(default_factory=list)  # true data of every placing, oldest first
 
     def __post_init__(self) -> None:
         self.chance = Chance.draw(self.seed, 0, 0)
@@ -57,7 +59,7 @@ class Room:
 
     @cached_property
     def cell(self) -> Cell:
-        """Built when a device is first used."""
+        """The cell, built on first use."""
         cell = Cell(self.task, self.world)
         away = np.eye(4)
         away[:3, 3] = _AWAY_M
@@ -66,11 +68,11 @@ class Room:
 
     @property
     def q_rad(self) -> Array:
-        """(7,) as the arm reports them."""
+        """(7,) reported joints."""
         return np.asarray(self.cell.q_rad - self.zeros_rad)
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """The object at rest near `xy_m`, the arm at home, clock and chance as this attempt has them."""
+        """Put the object at rest near `xy_m`, the arm at home, clock and random numbers to those of this attempt."""
         self.chance = Chance.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
         self.recording_since_s, self.shots = None, []
@@ -83,17 +85,17 @@ class Room:
 
     @property
     def reference_xy_m(self) -> Array:
-        """(2,) where the object lies in the task's reference context."""
+        """(2,) the object's place in the task's reference context."""
         return self._X_BO_reference()[:2, 3]
 
     def needs_physics(self, path: JointPath) -> bool:
-        """Whether the tool touches anything on the way, or carries the object. Else the object lies still."""
+        """Whether the tool touches anything on the way, or carries the object. If not, the object lies still."""
         if path.contact is not None or self.cell.touches()[0]:
             return True
         return self.cell.would_touch(path.q_rad[:: round(1000 * CHECK_PERIOD_S)] + self.zeros_rad)
 
     def travel(self, path: JointPath) -> Execution:
-        """Play a path on which nothing touches; what it costs is only what a recording needs to see."""
+        """Play a path without contact; it costs time only for a recording."""
         times_s = np.array([0.0, path.duration_s])
         if self.recording_since_s is not None:
             times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / TRAVEL_PERIOD_S))
@@ -102,7 +104,10 @@ class Room:
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def simulate(self, t_s: Array, q_rad: Array) -> Execution:
-        """Follow (N,), (N, 7) with physics and wait until the object rests. Raises DivergedError, with all at rest."""
+        """Follow (N,), (N, 7) with physics and wait until the object rests.
+
+        Raises DivergedError, with everything at rest.
+        """
         try:
             motion = self.cell.simulate(t_s, q_rad + self.zeros_rad + self.chance.joint_offset_rad)
         except DivergedError as error:
@@ -118,7 +123,7 @@ class Room:
         self._happened(Motion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
 
     def positions_at(self, times_s: Array) -> Array:
-        """(S, nq) of the plant at moments of the recording; the present state where it has none."""
+        """(S, nq) of the plant at times of the recording; the present state at other times."""
         rows = np.tile(self.cell.positions, (len(times_s), 1))
         for shot in self.shots:
             chosen = times_s >= shot.t_start_s

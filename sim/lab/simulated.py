@@ -1,7 +1,7 @@
-"""The simulated lab: a whole arm, table, object and camera in a world that learning and tracking never see.
+"""The simulated lab: a whole arm, table, object and camera in a world hidden from learning and tracking.
 
-It poses as `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.Bench`. `docs/decisions/0005-simulated-lab.md` says what
-it models and what it leaves out.
+It provides `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.Bench`. For its models and their limits see
+`docs/decisions/0005-simulated-lab.md`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.p
 class SimulatedLab:
     """One world as a bench with devices.
 
-    What happens at a trial follows from (world, seed, trial, attempt) and the paths alone: the same inputs give
-    the same bytes, in any process and after any history. Entering connects arm and camera.
+    A trial depends only on (world, seed, trial, attempt) and the paths: the same inputs give the same bytes, in any
+    process and after any history. Entering connects arm and camera.
     """
 
     def __init__(
@@ -43,11 +43,12 @@ class SimulatedLab:
         *,
         home_q_rad: Array = READY_RAD,
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands whenever the object is placed, `cell` what its arm checks motions
-        against: what is believed of it, not what is hidden in the world. Builds nothing yet.
+        """`home_q_rad` (7,) is the arm's posture whenever the object is placed.
 
-        Raises NoHardware, also for a world of a foreign physics, ValueError for another task's world, or another arm
-        than a Panda.
+        `cell` checks its motions; it describes the assumed geometry, not the world's hidden one. Builds nothing yet.
+
+        Raises NoHardware, also for a world with a foreign physics, and ValueError for another task's world or an arm
+        other than a Panda.
         """
         self._hardware = task.require_hardware()
         world.require_lab()
@@ -73,23 +74,23 @@ class SimulatedLab:
 
     @property
     def title(self) -> str:
-        """What an operator calls it."""
+        """Its name for an operator."""
         return f"world {self._world.name}"
 
     @property
     def home_q_rad(self) -> Array:
-        """(7,) where paths from home begin."""
+        """(7,) the first posture of paths from home."""
         return self._room.home_q_rad
 
     def picture(self) -> Frame:
-        """What the camera sees with the arm at home and the object where the task's reference context has it."""
+        """The camera's picture with the arm at home and the object at the task's reference context."""
         with self:
             self.bench.place(self._room.reference_xy_m, trial=1, attempt=0)
             return self.camera.snapshot()
 
     def truth(self) -> dict[str, Any]:
-        """All that is hidden, ready for JSON, for checking alone: `X_BC` (4, 4), parameters and effects, and of every
-        trial so far where the object was placed and how it moved (`X_BO` every 10 ms on the arm's clock).
+        """All hidden values, ready for JSON, only for checks: `X_BC` (4, 4), parameters, effects, and for every trial
+        so far the object's place and its motion (`X_BO` every 10 ms on the arm's clock).
         """
         task, world = self._task, self._world
         return {
@@ -106,7 +107,7 @@ class SimulatedLab:
 
 
 def truth_of(task: Task, world: World) -> dict[str, Any]:
-    """What is hidden in a world besides arm and camera, ready for JSON."""
+    """The hidden values of a world except those of arm and camera, ready for JSON."""
     return {
         "task": task.name,
         "world": world.name,

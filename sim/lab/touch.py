@@ -1,6 +1,6 @@
-"""The lab during a touch-off: an arm that feels, a hand, and a table and a tool that are not where they should be.
+"""The lab during a touch-off: an arm with a sense of touch, a hand, and a displaced table and tool.
 
-The same world as `SimulatedLab` has: its `[mount]`, the task's own effects on the tool, its joint zeros.
+The world is that of `SimulatedLab`: its `[mount]`, the task's own effects on the tool, its joint zeros.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from sim.tasks.task import Task
 
 HANDLE_M = 0.012
 PIECE_S = 0.04
-"""The plant is advanced in pieces of this length, and asked after each whether it has touched."""
+"""The plant advances in pieces of this length; after each piece the guard checks for a touch."""
 
 RIPPLE_NM, BIAS_NM = 0.15, 0.5
-"""Of the torque estimate: periodic in each joint's angle (gears), constant through a motion. Its white noise is that of
-a real Panda."""
+"""Errors of the torque estimate: periodic in each joint's angle (gears), constant during a motion.
+
+Its white noise is that of a real Panda.
+"""
 RIPPLE_PER_RAD = 30.0
 SPIKE_NM, SPIKES_PER_S = 6.0, 0.5
 
@@ -50,10 +52,12 @@ class TouchLab:
         home_q_rad: Array,
         things: tuple[KeepOut, ...] = (),
     ) -> None:
-        """`home_q_rad` (7,) is where the arm stands at first, `cell` what it checks motions against (its tool is what
-        the hand holds at each moment); `things` are boxes that somebody left on the table.
+        """`home_q_rad` (7,) is the arm's first posture.
 
-        Raises NoHardware, UnknownName for a tool that cannot be touched off. Builds nothing yet.
+        `cell` checks its motions, with the tool that the hand holds at each moment. `things` are boxes left on the
+        table.
+
+        Raises NoHardware, and UnknownName for a tool without feelers. Builds nothing yet.
         """
         world.require_lab()
         self._task, self._world = task, world
@@ -71,13 +75,16 @@ class TouchLab:
         self.arm.__exit__(*exc)
 
     def offer_tool(self, there: bool) -> None:
-        """Somebody holds the tool between the open fingers, or takes it away."""
+        """The simulated person holds the tool between the open fingers (True), or takes it away."""
         self._grip.offered = there
         if not there:
             self._grip.holds = False
 
     def truth(self) -> dict[str, Any]:
-        """What a touch-off should find, for checking alone. Slip counts: it is where the tool is now."""
+        """The true values that a touch-off should find, only for checks.
+
+        They include slip, because they describe the tool's present pose.
+        """
         mount = self._world.mount
         table = mounting.true_table(mount)
         return {
@@ -91,7 +98,10 @@ class TouchLab:
 
 
 class _FeelingArm:
-    """`hw.ports.GuardedArm`. Guarded motions have physics; free ones are exact, and a knock in one is a fault."""
+    """`hw.ports.GuardedArm`.
+
+    Guarded motions have physics; free motions are exact, and a collision in one is a fault.
+    """
 
     def __init__(
         self,
@@ -174,7 +184,7 @@ class _FeelingArm:
         self._fault = None
 
     def _feel(self, path: JointPath, guard: Guard) -> Contact | None:
-        """Down with physics until it touches and stands; the way back is free and takes none."""
+        """Move down with physics until it touches and stands still; the way back needs no physics."""
         rng = touch_stream(self._seed, self._touches)
         unseen = self.zeros_rad + REPEATABILITY_RAD * rng.standard_normal(7)
         cell, detector = self._cell(), Detector(guard)
@@ -199,7 +209,7 @@ class _FeelingArm:
         return None
 
     def _measured(self, felt: Felt, unseen: Array, bias_Nm: Array, rng: np.random.Generator) -> Felt:
-        """As the arm reports it: without what it does not know of its joints, with what its sensors add."""
+        """The readings that the arm reports: without the joint zeros, with sensor errors."""
         noise = TORQUE_NOISE_NM * rng.standard_normal(felt.torque_Nm.shape)
         spikes = rng.uniform(size=len(felt.t_s)) < SPIKES_PER_S / PATH_RATE_HZ
         noise[spikes] += SPIKE_NM * rng.choice([-1.0, 1.0], size=(int(spikes.sum()), 7))
@@ -209,7 +219,7 @@ class _FeelingArm:
         )
 
     def _knocks(self, path: JointPath) -> int | None:
-        """The first sample at which the tool is truly below the table."""
+        """The first sample at which the tool is below the true table."""
         table = mounting.true_table(self._world.mount)
         feelers = self._feelers if self._grip.holds else (FINGERTIPS,)
         X_FT = mounting.X_FT(self._hardware.X_FT, self._world.mount) if self._grip.holds else np.eye(4)
@@ -231,7 +241,7 @@ class _FeelingArm:
 
     @property
     def _workcell_now(self) -> Workcell:
-        """With the tool that the arm takes to be in the hand."""
+        """The workcell with the tool that the arm assumes in the hand."""
         return self._workcell.holding(feeling(self._hardware) if self._grip.holds else empty_hand())
 
     def _moved_to(self, q_rad: Array, duration_s: float) -> float:
@@ -253,7 +263,7 @@ def _moved(path: JointPath, by_rad: Array) -> JointPath:
 
 
 def _contact(pieces: list[Felt], at: int, largest_N: float) -> Contact:
-    """`at` counts in the last piece."""
+    """The contact from the felt pieces; `at` is an index into the last piece."""
     end = sum(len(piece.t_s) for piece in pieces[:-1]) + at + 1
     t_s, commanded, measured, torque = (
         np.concatenate([getattr(piece, name) for piece in pieces])[:end]

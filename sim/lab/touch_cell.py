@@ -1,8 +1,7 @@
-"""The lab's physics of a touch: arm, table and what the hand holds, advanced in pieces so that a touch can stop it.
+"""The lab's physics of a touch: arm, table and the tool in the hand, advanced in pieces so that a touch can stop it.
 
-The same springs in the joints as in `sim.lab.cell`. External torque is what those springs carry: their stiffness times
-their deflection, and damping. The tool hangs on the fingers by a grip that turns across them when it is asked for
-more than it holds.
+The same springs in the joints as in `sim.lab.cell`. The external torque is the load of these springs: stiffness times
+deflection, plus damping. The grip of the fingers yields in rotation when the load exceeds its limit.
 """
 
 from __future__ import annotations
@@ -41,16 +40,16 @@ from sim.tasks.task import Task
 STEP_S = 0.0025
 FEELER_STIFFNESS_N_M = 2e5
 GRIP_NM_RAD, GRIP_NMS_RAD = 4000.0, 4.0
-_GRIP_M = 0.1034  # from the flange to the middle of what the fingers hold
+_GRIP_M = 0.1034  # from the flange to the middle of the grip
 _GRIP = "grip"
 _OUT_OF_THE_WAY_M = 20.0
 _BASE_FRICTION = 0.3
-_KNOT_EVERY = 5  # samples of a path between two knots of what the springs follow
+_KNOT_EVERY = 5  # samples of a path between two knots of the springs' trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class Felt:
-    """A stretch of a motion at 1 kHz: what the arm commanded, where it was, what its joints carried."""
+    """A part of a motion at 1 kHz: commanded joints, true joints, external torques."""
 
     t_s: Array  # (M,)
     commanded_rad: Array  # (M, 7)
@@ -59,12 +58,12 @@ class Felt:
 
 
 class TouchCell:
-    """One plant: with the task's tool in the fingers, or with the closed fingers alone."""
+    """One plant: with the task's tool in the fingers, or with only the closed fingers."""
 
     def __init__(
         self, task: Task, world: World, feelers: tuple[Feeler, ...] | None, things: tuple[KeepOut, ...] = ()
     ) -> None:
-        """`feelers` of the tool; None: no tool, the fingers are closed. `things` lie on the table, boxes in W."""
+        """`feelers` of the tool; None: no tool, closed fingers. `things` are boxes on the table, in W."""
         builder = DiagramBuilder()
         config = MultibodyPlantConfig(time_step=STEP_S, use_sampled_output_ports=False)
         plant, self._scene_graph = AddMultibodyPlant(config, builder)
@@ -106,15 +105,15 @@ class TouchCell:
 
     @property
     def turned_rad(self) -> float:
-        """How far the tool has slipped about the fingers since it was grasped."""
+        """Rotation (rad) by which the tool has slipped in the fingers since it was grasped."""
         return self._turned_rad
 
     def holds_at_most(self, torque_Nm: float) -> None:
-        """Across the fingers, from now on."""
+        """Set the torque limit of the grip, across the fingers, from now on."""
         self._grip_limit_Nm = torque_Nm
 
     def start(self, path: JointPath) -> None:
-        """At rest at the path's start, its springs unloaded; time starts anew."""
+        """Put the arm at rest at the path's start, with unloaded springs; time restarts."""
         positions = self._plant.GetDefaultPositions()
         positions[self._q] = path.q_rad[0]
         if self._object is not None:
@@ -131,13 +130,16 @@ class TouchCell:
         self._simulator.Initialize()
 
     def follow(self, path: JointPath) -> None:
-        """From now on; what has passed of it must be what was followed before."""
+        """Follow `path` from now on; its past must equal that of the previous path."""
         self._path = path
         knots = np.unique(np.append(np.arange(0, len(path.t_s), _KNOT_EVERY), len(path.t_s) - 1))
         self._reference.UpdateTrajectory(PiecewisePolynomial.FirstOrderHold(path.t_s[knots], path.q_rad[knots].T))
 
     def advance(self, to_s: float) -> Felt:
-        """On to `to_s`, a multiple of the step -> what was felt since the last call. Raises RuntimeError (Drake)."""
+        """Advance to `to_s`, a multiple of the step -> the readings since the last call.
+
+        Raises RuntimeError (Drake).
+        """
         begin_s = self._root.get_time()
         self._simulator.AdvanceTo(to_s)
         self._slip()
@@ -148,7 +150,7 @@ class TouchCell:
         return self._felt(t_s, at_s[kept], rows[kept])
 
     def _felt(self, t_s: Array, at_s: Array, rows: Array) -> Felt:
-        """What springs carry follows from the states; each step is pulled towards where the path was before it."""
+        """The load of the springs follows from the states; each step is pulled towards the path's place before it."""
         q, v = rows[:, self._q], rows[:, self._v]
         wanted, after = self._commanded(at_s - STEP_S), self._commanded(at_s)
         spring = np.array(STIFFNESS_NM_RAD) * (wanted - q) + np.array(DAMPING_NMS_RAD) * ((after - wanted) / STEP_S - v)
@@ -160,7 +162,7 @@ class TouchCell:
         return np.stack([np.interp(t_s, self._path.t_s, column) for column in self._path.q_rad.T], axis=-1)
 
     def _add_tool(self, task: Task, world: World, flange: Frame, feelers: tuple[Feeler, ...]) -> None:
-        """The task's own scene, so that a mount that is off or a blade that bends is the same; its object is away."""
+        """Add the task's own scene, so that a misaligned mount or a flexible blade is the same. Its object is far away."""
         plant, hardware = self._plant, task.require_hardware()
         X_FT = mounting.X_FT(hardware.X_FT, world.mount)
         self._grip = plant.AddModelInstance(_GRIP)
@@ -182,7 +184,7 @@ class TouchCell:
         _add_balls(plant, plant.GetBodyByName(bodies.tool), feelers)
 
     def _slip(self) -> None:
-        """A grip that is loaded beyond what it holds turns until it is loaded with just that."""
+        """Rotate a grip that is loaded beyond its limit until its load equals the limit."""
         if self._object is None:
             return
         angle = self._grip_joint.get_angle(self._context)

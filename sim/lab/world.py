@@ -2,7 +2,7 @@
 
 A world file has the keys `task`, `description` and `physics` (sim/lab/physics.py) and the tables `[params]` (every
 parameter of the task, in its units), `[nuisance]`, `[unmodelled]`, `[sensing]`, `[mount]` and `[faults]`. Only `task`
-and `[params]` are required; what else is left out is nominal.
+and `[params]` are required; everything else has nominal defaults.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _Tilt = Annotated[float, Field(ge=-50, le=50)]
 
 @dataclass(frozen=True)
 class Sensing:
-    """How the lab's camera, and the arm's sense of its own joints, deviate from perfect ones."""
+    """Deviations of the lab's camera, and of the arm's joint sensors, from perfect ones."""
 
     depth_noise_scale: Annotated[float, Field(ge=0, le=20)] = 1.0  # 1 = the Azure Kinect model
     extrinsic_error_mm: Annotated[float, Field(ge=0, le=100)] = 1.0
@@ -37,26 +37,26 @@ class Sensing:
     frame_drop: Annotated[float, Field(ge=0, le=0.9)] = 0.0  # share of frames lost
     camera: Literal["kinect", "small"] = "kinect"  # small: a quarter of the resolution, for tests
     encoder_noise_mrad: Annotated[float, Field(ge=0, le=10)] = 0.0
-    """Of every joint, new at every rest of a calibration, one standard deviation."""
+    """Error of every joint, new at every rest of a calibration, one standard deviation."""
     joint_offset_mrad: Annotated[float, Field(ge=0, le=50)] = 0.0
-    """Of every joint's zero, root mean square; the same as long as the lab stands."""
+    """Error of every joint's zero, root mean square; constant for one lab."""
     clock_offset_ms: Annotated[float, Field(ge=-500, le=500)] = 0.0
-    """How late the camera's time stamps are on the arm's clock."""
+    """Delay of the camera's time stamps on the arm's clock."""
     board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
-    """How large the calibration board was printed, over what its maker says."""
+    """Printed size of the calibration board over its stated size."""
 
 
 @dataclass(frozen=True)
 class Mount:
-    """How far table and tool are from where the arm takes them to be; only a touch-off finds out."""
+    """Deviations of table and tool from their assumed poses; only a touch-off measures them."""
 
     table_height_mm: Annotated[float, Field(ge=-50, le=50)] = 0.0
-    """Of the table top over z = 0 of the arm's base frame, at the base."""
+    """Height of the table top over z = 0 of the arm's base frame, at the base."""
     table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # rise along X and along Y
     tool_height_mm: Annotated[float, Field(ge=-30, le=30)] = 0.0  # of the tool along its own Z
     tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
     grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Torque across the fingers that the grip holds per newton of grasp force; 1: any."""
+    """Torque limit of the grip across the fingers, per newton of grasp force; 1: no limit."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Faults:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """One lab to adapt to. Learning and tracking never read it."""
+    """One lab to adapt to, hidden from learning and tracking."""
 
     name: str
     task: str
@@ -84,7 +84,7 @@ class World:
     physics: Physics = "drake"
 
     def require_lab(self) -> None:
-        """Raises NoHardware for a world without arm and camera: theirs is the physics of training."""
+        """Raises NoHardware for a world with a foreign physics, which has no arm and no camera."""
         if self.physics != "drake":
             raise NoHardware(
                 f'world {self.name} has physics = "{self.physics}": there the tool is driven directly, without arm and '
@@ -107,9 +107,9 @@ def shipped_worlds(task: Task, physics: Physics = "drake") -> tuple[World, ...]:
 
 
 def tasks_of_world(name_or_path: str) -> tuple[str, ...]:
-    """The tasks that a world is for: the one that a file names, or all that have a shipped world of that name.
+    """The tasks of a world: the one named in its file, or all with a shipped world of that name.
 
-    Empty where there is no such world, or its file cannot be read: `load_world` says why.
+    Empty if there is no such world, or its file cannot be read; `load_world` gives the reason.
     """
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         try:
@@ -123,7 +123,7 @@ def tasks_of_world(name_or_path: str) -> tuple[str, ...]:
 def load_world(name_or_path: str, task: Task) -> World:
     """The shipped world of that name, or the file at that path (anything with a `/` or ending in `.toml`).
 
-    Raises UnknownName when there is none, WorldError when the file is malformed or for another task.
+    Raises UnknownName if there is none, WorldError if the file is malformed or for another task.
     """
     if name_or_path.endswith(".toml") or "/" in name_or_path:
         path = Path(name_or_path).expanduser()
@@ -151,7 +151,7 @@ _Kind = TypeVar("_Kind")
 class _File(_Strict):
     task: str
     description: str = ""
-    physics: Physics = "drake"  # "mujoco": the tool is driven directly, in a physics that training has never seen
+    physics: Physics = "drake"  # "mujoco": the tool is driven directly, in a physics that training does not use
     params: dict[str, Any]
     nuisance: dict[str, Any] = {}
     unmodelled: dict[str, Any] = {}
@@ -189,7 +189,7 @@ def _parse(data: bytes, name: str, source: str, task: Task) -> World:
 
 
 def _no_devices(file: _File, source: str) -> None:
-    """Refuse arm and camera where there are none."""
+    """Reject settings of arm and camera in a physics without them."""
     tables = [name for name in ("sensing", "mount", "faults") if getattr(file, name)]
     if file.physics != "drake" and tables:
         raise WorldError(
@@ -206,7 +206,7 @@ def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str)
 
 
 def _tuples(value: Any) -> Any:
-    """TOML arrays as tuples, which is what frozen values hold."""
+    """TOML arrays as tuples, for frozen values."""
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
@@ -235,7 +235,7 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 
 
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
-    """Values of `space` from a table; those left out of an optional table stand in the middle of their range."""
+    """Values of `space` from a table; values missing from an optional table are in the middle of their range."""
     types: dict[str, Any] = {
         d.name: (int if d.scale == "integer" else float, ... if required else _middle(d)) for d in space.dimensions
     }
@@ -261,11 +261,11 @@ _SAME_QUANTITY = {
     "g": {"kg": 1e3},
     "Pa": {"kPa": 1e3, "MPa": 1e6},
 }
-"""How many of the expected unit one of another unit is."""
+"""The factor from another unit to the expected one."""
 
 
 def _possible(dimension: Dimension, value: float, source: str, table: str) -> None:
-    """Refuse what cannot exist, and what looks like another unit. Outside of the range is allowed."""
+    """Reject impossible values, and values that look like another unit. Values outside the range are allowed."""
     what = f"{source}: {dimension.label} = {value:g} in [{table}]"
     usual = f"its range is {dimension.low:g} to {dimension.high:g}" + (f" {dimension.unit}" if dimension.unit else "")
     low, high = dimension.low, dimension.high

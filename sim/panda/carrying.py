@@ -1,6 +1,6 @@
-"""The way home with something on the tool: it travels along a line and turns evenly, so gently that nothing rolls off.
+"""The way home with an object on the tool: along a line with a steady rotation, so gently that nothing rolls off.
 
-Straight in joint space the tool rolls by up to 13° on its way, and one scooped piece in three is lost there
+On a straight line in joint space the tool rolls by up to 13°, and one scooped piece in three is lost
 (docs/decisions/0003).
 """
 
@@ -30,10 +30,11 @@ _SHORTEST_S = 0.5
 
 
 def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: ArmModel) -> JointPath:
-    """From one posture (7,) to another (7,); the tool, at X_FT (4, 4) in the flange, moves straight and turns evenly.
+    """From one posture (7,) to another (7,); the tool, at X_FT (4, 4) in the flange, moves straight and rotates
+    steadily.
 
-    At every moment the posture is the one nearest to the straight way in joint space that holds the tool there.
-    Raises NotExecutable where there is none, or where it comes too near to a limit.
+    At every moment the posture is the one, among those with that tool pose, nearest to the straight line in joint
+    space. Raises NotExecutable if there is none, or it comes too near to a limit.
     """
     q_from, q_to = (arm.true_rad(frozen_array(q, (7,), "q_rad")) for q in (q_from_rad, q_to_rad))
     ends = np.stack([forward(q) @ X_FT for q in (q_from, q_to)])
@@ -54,9 +55,9 @@ def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: Arm
 
 
 def _nearest(q_wanted: Array, X_BF: Array) -> Array | None:
-    """(N, 7) postures with the flange at X_BF (N, 4, 4) that are nearest to (N, 7); None where that does not converge.
+    """(N, 7) postures with the flange at X_BF (N, 4, 4), nearest to `q_wanted` (N, 7); None if this does not converge.
 
-    Newton's method on the pose; what it leaves free goes towards the wanted posture.
+    Newton's method on the pose; the free direction moves towards the wanted posture.
     """
     q = np.array(q_wanted)
     for _ in range(_ITERATIONS):
@@ -72,7 +73,7 @@ def _nearest(q_wanted: Array, X_BF: Array) -> Array | None:
 
 
 def _apart(X: Array, X_wanted: Array) -> Array:
-    """(N, 6) how far poses (N, 4, 4) are from the wanted ones: position in m, then rotation in rad."""
+    """(N, 6) differences of poses (N, 4, 4) from the wanted ones: position in m, then rotation in rad."""
     turn = X[..., :3, :3] @ X_wanted[..., :3, :3].swapaxes(-1, -2)
     turned = Rotation.from_matrix(turn).as_rotvec()
     return np.concatenate([X[..., :3, 3] - X_wanted[..., :3, 3], turned], axis=-1)

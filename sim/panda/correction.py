@@ -1,4 +1,4 @@
-"""What a touch-off found, as planning uses it: where the table is, and how the tool is truly held."""
+"""The result of a touch-off for planning: the table's pose and the tool's true pose in the hand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from sim.types import ToolMotion
 
 @dataclass(frozen=True)
 class ToolCorrection:
-    """Nothing found yet: the default. All of the tool in its own frame T as designed, about the tool frame's origin."""
+    """The measured corrections; the default is none.
+
+    Those of the tool are in its designed frame T, about the origin of T.
+    """
 
     table: Table = LEVEL
     height_m: float = 0.0  # along Z of T
@@ -23,7 +26,7 @@ class ToolCorrection:
     roll_rad: float = 0.0  # about X of T; positive: left side up
 
     def X_FT(self, designed: Array) -> Array:
-        """(4, 4) the tool in the flange, given how it was `designed` to be held."""
+        """(4, 4) the tool in the flange, from its `designed` pose."""
         off = np.eye(4)
         off[:3, :3] = Rotation.from_euler("XY", [self.roll_rad, self.pitch_rad]).as_matrix()
         off[:3, 3] = self.forward_m, 0.0, self.height_m
@@ -31,14 +34,14 @@ class ToolCorrection:
 
     @property
     def X_BW(self) -> Array:
-        """(4, 4) the table's frame, in which tasks plan and cameras see, in the arm's base."""
+        """(4, 4) the table's frame W, used by tasks and cameras, in the arm's base B."""
         return self.table.X_BW
 
     @property
     def X_WB(self) -> Array:
-        """(4, 4) the other way round."""
+        """(4, 4) the inverse of `X_BW`."""
         return np.asarray(np.linalg.inv(self.table.X_BW))
 
     def in_base(self, motion: ToolMotion) -> ToolMotion:
-        """A motion over the table, as a task plans it, in the frame in which the arm moves."""
+        """A task's motion over the table, converted to the arm's base frame."""
         return ToolMotion(motion.t_s, self.X_BW @ motion.X_BT, motion.contact)

@@ -1,8 +1,8 @@
-"""Free motions around what the arm must not touch: straight in joint space, else by way of other postures.
+"""Free motions around obstacles: straight in joint space, else through other postures.
 
-A way is a polyline in joint space: the arm rests at every corner, so that each piece is a move like any other. The
-corners come from a fixed set of postures that keep clear; the shortest way through them is looked for, and a piece is
-only checked when it is about to be used (a lazy probabilistic roadmap, Bohlin and Kavraki 2000).
+A way is a polyline in joint space. The arm rests at every corner, so each piece is an ordinary move. The corners come
+from a fixed set of clear postures. The shortest way through them is searched, and a piece is checked only when it is
+about to be used (a lazy probabilistic roadmap, Bohlin and Kavraki 2000).
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from sim.panda.moves import join_paths, move_path
 
 SPEED = 0.25
 ROOM_M = 0.02
-"""By so much more than `hw.limits` asks for the corners keep clear."""
+"""Extra clearance of the corners (m), beyond that of `hw.limits`."""
 TIP_M = 0.05
 """Least height of the tool's points over the table at the corners."""
 STEP_RAD = 0.04
-"""How densely a piece is checked."""
+"""Resolution for checking a piece."""
 
 _VIAS = 600
 _NEIGHBOURS = 12
@@ -37,13 +37,13 @@ _SLIM_M = 0.001
 _LOW_RAD = np.array([-2.4, -1.5, -1.2, -2.9, -1.5, 0.3, -2.5])
 _HIGH_RAD = np.array([2.4, 0.9, 1.2, -0.6, 1.5, 3.2, 2.5])
 _USE = 0.85  # of the position limits, for corners
-_WEIGHTS = np.array([1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3])  # how much room a turn of each joint sweeps
+_WEIGHTS = np.array([1.0, 1.0, 0.8, 0.8, 0.4, 0.4, 0.3])  # room swept by a rotation of each joint
 
 
 def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed: float = SPEED) -> JointPath:
     """A checked path from one posture (7,) to another that keeps clear of arm, table and boxes.
 
-    Deterministic. Raises NotExecutable with what is in the way.
+    Deterministic. Raises NotExecutable naming the obstacle.
     """
     q_from, q_to = frozen_array(q_from_rad, (7,), "q_from_rad"), frozen_array(q_to_rad, (7,), "q_to_rad")
     limits, model = cell.arm.limits, cell.arm.name
@@ -66,13 +66,13 @@ def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed:
 
 
 class _Space:
-    """What is free in one scene, looked up piece by piece."""
+    """The free space of one scene, checked piece by piece."""
 
     def __init__(self, cell: Workcell) -> None:
         self._cell = cell
 
     def way(self, q_from: Array, q_to: Array) -> list[Array] | None:
-        """The corners of a free way, its ends included; None where the roadmap has none."""
+        """The corners of a free way, ends included; None if the roadmap has no way."""
         vias = _postures(self._cell.arm.name)
         nodes = np.concatenate([[q_from, q_to], vias[self._clear(vias, ROOM_M, TIP_M)]])
         ways = _neighbours(nodes)
@@ -90,7 +90,7 @@ class _Space:
         return None
 
     def _shortened(self, corners: list[Array]) -> list[Array]:
-        """Without the corners that are not needed."""
+        """The corners without superfluous ones."""
         at = 0
         while at < len(corners) - 2:
             last = len(corners) - 1
@@ -101,7 +101,7 @@ class _Space:
         return corners
 
     def _piece(self, a: Array, b: Array) -> bool:
-        """Whether the straight piece is free; at its ends it may be as near as `hw.limits` allows, and no nearer."""
+        """Whether the straight piece is free; at its ends it may be as near as `hw.limits` allows, not nearer."""
         count = max(2, int(np.ceil(np.abs(b - a).max() / STEP_RAD)) + 1)
         return bool(self._clear(np.linspace(a, b, count), _SLIM_M, 0.0).all())
 
@@ -120,8 +120,8 @@ class _Space:
 
 @lru_cache(maxsize=2)
 def _postures(model: str) -> Array:
-    """(N, 7) the same corners for everybody: spread evenly over the joints' ranges, elbow up and wrist forward."""
-    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and most ways are straight
+    """(N, 7) the fixed set of corners: spread evenly over the joints' ranges, elbow up and wrist forward."""
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and rarely needed
 
     limits = LIMITS[model]
     middle, half = (limits.q_max_rad + limits.q_min_rad) / 2.0, (limits.q_max_rad - limits.q_min_rad) / 2.0
@@ -131,7 +131,7 @@ def _postures(model: str) -> Array:
 
 
 def _neighbours(nodes: Array) -> list[dict[int, float]]:
-    """The nearest nodes of each, both ways; the two ends know more of them."""
+    """For each node its nearest neighbours, symmetric; the two ends have more neighbours."""
     apart = np.abs((nodes[:, None] - nodes[None]) * _WEIGHTS).max(axis=-1)
     ways: list[dict[int, float]] = [{} for _ in nodes]
     for a, row in enumerate(apart):
@@ -141,7 +141,7 @@ def _neighbours(nodes: Array) -> list[dict[int, float]]:
 
 
 def _shortest(ways: list[dict[int, float]]) -> list[int] | None:
-    """From node 0 to node 1 (Dijkstra), or None."""
+    """The shortest way from node 0 to node 1 (Dijkstra), or None."""
     best: dict[int, float] = {0: 0.0}
     before: dict[int, int] = {}
     queue = [(0.0, 0)]

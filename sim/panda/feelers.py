@@ -1,4 +1,4 @@
-"""What of the hand and of a task's tool may touch the table in a touch-off."""
+"""The parts of the hand and of a task's tool that may touch the table in a touch-off."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FINGERTIP_RADIUS_M = 0.003
 
 @dataclass(frozen=True, eq=False)
 class Feeler:
-    """A ball fixed to the tool (or to the hand) that touches first if the tool is held accordingly."""
+    """A ball fixed to the tool (or hand) that touches first if the tool is held suitably."""
 
     name: str
     p_T_m: Array  # (3,) its centre in the tool frame T (of the fingertips: in the flange)
@@ -36,27 +36,27 @@ class Touchable:
     """How the tool of a task is touched off."""
 
     feelers: tuple[Feeler, ...]
-    centre_m: tuple[float, float]  # where on the table, in the middle of the task's work area
+    centre_m: tuple[float, float]  # place on the table, in the middle of the task's work area
 
 
 class Touching(Held, Protocol):
-    """A tool that a touch-off may be asked for."""
+    """A tool that may have a touch-off."""
 
     @property
     def touchable(self) -> Touchable | None:
-        """None: the tool has nothing to touch with."""
+        """The touch-off of the tool; None: it has no feelers."""
         ...
 
 
 def touchable(hardware: Touching) -> Touchable:
-    """Raises UnknownName for a tool that has nothing to touch with."""
+    """The touch-off of a tool. Raises UnknownName for a tool without feelers."""
     if hardware.touchable is None:
         raise UnknownName("the tool of this task has no corners to touch the table with, so it cannot be touched off")
     return hardware.touchable
 
 
 def empty_hand() -> Tool:
-    """The hand with its fingers closed on nothing: only their tips may touch."""
+    """The hand with closed, empty fingers: only their tips may touch."""
     return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
 
 

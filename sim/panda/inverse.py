@@ -2,8 +2,8 @@
 
 Joints 5 and 6 meet in the wrist W and joints 1, 2 and 3 in the shoulder S. Flange pose and joint 7 fix W; the
 triangle S, elbow, W fixes joint 4; the direction of the forearm then follows from one equation in joint 6, and the
-rest from the frames themselves. Two signs stay open (side of the wrist, side of the shoulder): four branches.
-Joint 4 takes the branch that folds the elbow as the limits allow.
+rest from the frames themselves. Two signs remain (side of the wrist, side of the shoulder), which gives four branches.
+Joint 4 takes the branch that folds the elbow within its limits.
 
 The derivation is ours, from the maker's table in `hw.kinematics`; He and Liu (2021) describe the same family.
 """
@@ -19,16 +19,16 @@ from hw.types import Array
 BRANCHES = 4
 
 _SHOULDER = np.array([0.0, 0.0, D1_M])
-_CENTRE = np.array([0.0, 0.0, 0.0, -np.pi / 2, 0.0, 1.9, 0.0])  # angles are given within half a turn of these
+_CENTRE = np.array([0.0, 0.0, 0.0, -np.pi / 2, 0.0, 1.9, 0.0])  # angles lie within half a turn of these
 _UPPER2, _FORE2 = A4_M**2 + D3_M**2, A4_M**2 + D5_M**2
 _COS4, _SIN4 = A4_M**2 - D3_M * D5_M, A4_M * (D3_M + D5_M)
 
 
 def inverse(X_BF: Array, q7_rad: Array) -> Array:
-    """Flange poses (..., 4, 4) and joint 7 (...) -> (..., 4, 7) joint positions, one row a branch.
+    """Flange poses (..., 4, 4) and joint 7 (...) -> (..., 4, 7) joint positions, one row per branch.
 
-    The leading axes broadcast. A branch that cannot reach is NaN. Position limits are not looked at, except
-    that every angle is given in the turn that contains its range. One branch, followed along a path, is continuous.
+    The leading axes broadcast. An unreachable branch is NaN. Position limits are not checked, but every angle is given
+    in the turn that contains its range. A branch followed along a path is continuous.
     """
     R, p = X_BF[..., :3, :3], X_BF[..., :3, 3]
     c7, s7 = np.cos(q7_rad)[..., None], np.sin(q7_rad)[..., None]
@@ -65,9 +65,9 @@ def inverse(X_BF: Array, q7_rad: Array) -> Array:
 
 
 def postures(X_BF: Array, limits: JointLimits, count: int, ratio: float = np.inf) -> Array:
-    """(N, 7) all that hold the flange at one of the poses (..., 4, 4), over `count` - 2 positions of joint 7.
+    """(N, 7) all postures with the flange at one of the poses (..., 4, 4), over `count` - 2 positions of joint 7.
 
-    `ratio` is the largest share of a joint's position limits that they may use.
+    `ratio` is the largest allowed share of a joint's position limits.
     """
     q7 = np.linspace(limits.q_min_rad[6], limits.q_max_rad[6], count)[1:-1]
     q = inverse(X_BF[..., None, :, :], q7).reshape(-1, 7)

@@ -16,7 +16,7 @@ PEAK_SPEED, PEAK_ACCELERATION, PEAK_JERK = 2.1875, 7.5132, 52.5
 """Largest derivatives of `smooth_step` over unit time."""
 
 MOVE_RATIO = 0.95
-"""No move uses more of a joint's limits than this."""
+"""Largest share of a joint's limits that a move uses."""
 
 Along = Callable[[Array], Array]
 
@@ -31,9 +31,9 @@ def smooth_step(u: Array) -> Array:
 
 
 def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, limits: JointLimits, speed: float = 0.3) -> JointPath:
-    """All joints from one posture (7,) to another (7,) at the same time, at `speed` times the fastest this allows.
+    """Move all joints together from one posture (7,) to another (7,), at `speed` times the fastest possible.
 
-    Raises NotExecutable if an end lies outside of the position limits.
+    Raises NotExecutable if an end lies outside the position limits.
     """
     q_from, q_to = frozen_array(q_from_rad, (7,), "q_from_rad"), frozen_array(q_to_rad, (7,), "q_to_rad")
     distance = np.abs(q_to - q_from)
@@ -50,9 +50,9 @@ def move_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, limits: JointLimits, s
 
 
 def time_curve(along: Along, duration_s: float, limits: JointLimits) -> JointPath:
-    """The joint curve `along` (share (N,) of the way -> (N, 7)) in `duration_s`, or slower if limits ask for it.
+    """The joint curve `along` (share (N,) of the way -> (N, 7)) in `duration_s`, or slower if limits require it.
 
-    Raises NotExecutable near a position limit, or next to a singularity, where no slower motion helps either.
+    Raises NotExecutable near a position limit or a singularity, where a slower motion does not help either.
     """
     held = along(np.linspace(0.0, 1.0, 101))
     still = np.zeros_like(held)
@@ -70,7 +70,7 @@ def time_curve(along: Along, duration_s: float, limits: JointLimits) -> JointPat
 
 
 def join_paths(*paths: JointPath) -> JointPath:
-    """Paths one after the other; each starts where the one before it rests. Contact windows must not be there."""
+    """Paths in sequence; each starts where the previous one rests. They must have no contact windows."""
     for before, after in pairwise(paths):
         if np.abs(after.q_rad[0] - before.q_rad[-1]).max() > 1e-9 or before.contact or after.contact:
             raise ValueError("paths can be joined only at rest, in the same posture and away from contact")

@@ -1,10 +1,10 @@
 """From a tool motion to the three joint paths of a trial: approach, task, retreat.
 
-The task path follows the tool motion exactly (closed-form inverse kinematics); the freedom that is left keeps
-the arm away from its limits (`sim.panda.redundancy`). Everything is checked by the `Workcell` before it is returned.
+The task path follows the tool motion exactly (closed-form inverse kinematics); the remaining freedom keeps the arm away
+from its limits (`sim.panda.redundancy`). Everything is checked by the `Workcell` before it is returned.
 
-Postures and paths that go in or come out are those that the arm reports. In between, planning happens in true joints,
-where the geometry is.
+Postures and paths at the interface are in reported joints. Internally, planning uses true joints, for which the
+geometry holds.
 """
 
 from __future__ import annotations
@@ -34,25 +34,26 @@ from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.types import ToolMotion
 
 LIFTS_M = (0.08, 0.16, 0.24)
-"""The tool comes down the last stretch, and leaves, straight along the vertical; the first that works."""
+"""Heights (m) over which the tool arrives and leaves vertically; the first that works is used."""
 
 CLEAR_M = 0.05
-"""The tool's height above the table wherever else it travels."""
+"""Least height of the tool above the table during other motions."""
 
 HOME_TOOL_M = ((0.45, 0.50, 0.55, 0.60), (0.0,), (0.25, 0.30, 0.35))
-"""X, Y, Z where the tool may be at home: above the near side, so that a camera opposite sees the whole work area."""
+"""Places X, Y, Z of the tool at home: above the near side, so that a camera opposite sees the whole work area."""
 
 VERTICAL_M_S = 0.08
 MOVE_SPEED = 0.3
 
 TUCKED_RAD = ((-0.5, -2.2), (-0.9, -2.4), (-1.2, -2.0))
-"""Joints 2 and 4 of an arm drawn back, high above the table: the detour where the straight way home is not free."""
+"""Joints 2 and 4 of an arm drawn back, high above the table: the detour if the straight way home is blocked."""
 
 _RISE_SWING_RAD = 0.8
 
 
 def home(X_FT: Array, cell: Workcell, pitch_rad: float = 0.0) -> Array:
-    """(7,) the posture between trials: the tool pitched over `HOME_TOOL_M`, the joints near the middle of their ranges.
+    """(7,) the posture between trials: the tool at a place of `HOME_TOOL_M`, the joints near the middle of their
+    ranges.
 
     Raises NotExecutable if the tool cannot be held there.
     """
@@ -78,10 +79,10 @@ def trial_paths(
 ) -> tuple[JointPath, JointPath, JointPath]:
     """Approach (home, above the start, straight down), task, and retreat (straight up, home), each checked.
 
-    The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The
-    tool stays `CLEAR_M` above the table except on the vertical stretches. Where the direct way home is not free, it
-    goes around what is in the way. A tool that `carries` something goes back so gently that it keeps it, where any
-    posture allows that. Raises NotExecutable.
+    The retreat begins where the task path ends: the arm holds still there for as long as the operator likes. The tool
+    stays `CLEAR_M` above the table except on the vertical stretches. If the direct way home is blocked, it goes around
+    the obstacle. A tool that `carries` an object returns gently enough to keep it, if any posture allows that. Raises
+    NotExecutable.
     """
     true, home_rad = cell.in_true_joints(), cell.arm.true_rad(frozen_array(q_home, (7,), "q_home"))
     gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, arm=true.arm) if carries else None
@@ -130,7 +131,7 @@ def task_paths(
 ) -> Iterator[tuple[float, JointPath]]:
     """Acceptable paths of true joints, lazily, with the ratio to rank them by. Raises NotExecutable if there is none.
 
-    `cell` speaks of true joints, as in all that follows here.
+    `cell` is in true joints, as in all functions below.
     """
     X_BF, model = motion.X_BT @ np.linalg.inv(X_FT), cell.arm.name
     accepted = False
@@ -160,9 +161,9 @@ def task_paths(
 
 
 def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float = VERTICAL_M_S) -> JointPath:
-    """Straight up by `rise_m` without turning; joint 7 moves as far as it takes to keep the other joints slow.
+    """Straight up by `rise_m` without rotation; joint 7 moves as far as needed to keep the other joints slow.
 
-    Raises NotExecutable if the tool cannot rise so far within the position limits.
+    Raises NotExecutable if the tool cannot rise that far within the position limits.
     """
     q, limits = arm.true_rad(frozen_array(q_from, (7,), "q_from")), arm.in_true_joints().limits
     X_BF = forward(q)
@@ -185,7 +186,7 @@ def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float =
 
 
 Ways = Callable[[Array], Iterator[JointPath]]
-"""From where the tool was lifted -> ways home, the best first. May raise NotExecutable."""
+"""Posture after lifting the tool -> ways home, the best first. May raise NotExecutable."""
 
 
 def _unless_refused(q_from: Array, ways: Ways, cell: Workcell) -> JointPath | None:
@@ -196,7 +197,7 @@ def _unless_refused(q_from: Array, ways: Ways, cell: Workcell) -> JointPath | No
 
 
 def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
-    """Straight up, then home; higher up if that comes near anything. Safe in both directions."""
+    """Straight up, then home; higher if that comes near an obstacle. Safe in both directions."""
     refused = "nothing was tried"
     for rise_m in LIFTS_M:
         try:
@@ -216,7 +217,7 @@ def _homeward(q_from: ArrayLike, ways: Ways, cell: Workcell) -> JointPath:
 
 
 def _lowest_m(path: JointPath, cell: Workcell) -> float:
-    """The least height of the tool's points over the table; `CLEAR_M` of a tool without any."""
+    """The least height of the tool's points over the table; `CLEAR_M` for a tool without points."""
     if not len(cell.tool.points_F_m):
         return CLEAR_M
     return float(point_heights(link_poses(path.q_rad[::10]), cell.tool, cell.table).min())
@@ -227,7 +228,7 @@ def _gently(q_from: Array, q_home: Array, X_FT: Array, arm: ArmModel) -> Iterato
 
 
 def _ways(q_from: Array, q_home: Array, cell: Workcell) -> Iterator[JointPath]:
-    """Home in joint space: straight, else drawn back, turned, and let down again, else around what is in the way."""
+    """Ways home in joint space: straight; else drawn back, rotated and lowered again; else around obstacles."""
     limits = cell.arm.limits
     yield move_path(q_from, q_home, limits, MOVE_SPEED)
     for tucked_rad in TUCKED_RAD:

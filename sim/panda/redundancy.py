@@ -1,9 +1,9 @@
-"""Which joint 7 along a flange motion keeps the arm farthest from its limits.
+"""Chooses joint 7 along a flange motion so that the arm stays farthest from its limits.
 
-A flange path leaves one freedom. We take joint 7 as a smooth function of time (a quintic B-spline at rest at both ends)
-and minimise the largest ratio of any joint's position, velocity or acceleration to its limit: a coarse search over
-straight profiles on all branches of the closed-form inverse, then sequential linear programming with a trust region
-(each step linearises every ratio in the spline's coefficients and minimises their maximum).
+A flange path leaves one degree of freedom. Joint 7 is a smooth function of time (a quintic B-spline at rest at both
+ends) that minimises the largest ratio of any joint's position, velocity or acceleration to its limit: a coarse search
+over straight profiles on all branches of the closed-form inverse, then sequential linear programming with a trust
+region (each step linearises every ratio in the spline's coefficients and minimises their maximum).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sim.panda.inverse import BRANCHES, inverse
 
 STEP_S = 0.01
 GOOD_ENOUGH = 0.9
-"""Refining stops below this ratio, and so does the search for a better posture."""
+"""Refinement, and the search for a better posture, stop below this ratio."""
 
 ALLOWED = 0.95
 """The largest ratio that a task path may have."""
@@ -40,17 +40,17 @@ _UNREACHABLE = 10.0
 _JUMP_RAD = 2.0
 _NEAR_TOP, _ROUNDS = 0.15, 4
 _ACCELERATION_RESERVE = 0.005
-"""What accelerations may rise by between the samples of the grid."""
+"""Allowance for larger accelerations between the samples of the grid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Joint 7 over time on one branch of the inverse, and the largest ratio it leaves."""
+    """Joint 7 over time on one branch of the inverse, with its largest ratio."""
 
     duration_s: float
     coefficients: Array
     branch: int
-    ratio: float  # as `_Grid.ratios` counts
+    ratio: float  # by `_Grid.ratios`
 
     def q7_rad(self, t_s: Array) -> Array:
         """(N,) -> (N,)."""
@@ -60,7 +60,7 @@ class Profile:
 def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | None = None) -> Iterator[Profile]:
     """Refined profiles for flange poses (N, 4, 4) at evenly spaced `t_s` (N,), the most promising first.
 
-    Lazy, up to eight; none where the poses are out of reach. Starts near `q_seed_rad` (7,) are preferred a little.
+    Lazy, up to eight; none if the poses are out of reach. Starts near `q_seed_rad` (7,) are slightly preferred.
     """
     grid = _Grid.around(t_s, X_BF, limits)
     best = np.inf
@@ -72,7 +72,7 @@ def profiles(t_s: Array, X_BF: Array, limits: JointLimits, q_seed_rad: Array | N
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Flange poses around evenly spaced moments, and how a profile does there.
+    """Flange poses around evenly spaced moments, to evaluate profiles.
 
     Each moment has a neighbour just before and just after it, so that derivatives are local: a short burst of
     acceleration is not averaged away.
@@ -101,7 +101,7 @@ class _Grid:
     def ratios(self, q_rad: Array) -> Array:
         """Joint positions (3, T, ..., 7) -> (3, T, ..., 7) ratios of position, velocity and acceleration.
 
-        Positions count less the farther they are from `ALLOWED`: closeness to a limit is no effort.
+        Positions far below `ALLOWED` count less, because closeness to a limit costs nothing.
         """
         h = float(self.t_s[1, 0] - self.t_s[0, 0])
         dq = (q_rad[2] - q_rad[0]) / (2.0 * h)
@@ -114,8 +114,8 @@ class _Grid:
 def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
     """Straight profiles on a coarse time grid, the best first, no two of them neighbours.
 
-    The two sides of the shoulder (branches 2 i and 2 i + 1) move alike and differ in joint positions only, so they
-    count as neighbours.
+    The two sides of the shoulder (branches 2 i and 2 i + 1) move in the same way and differ only in joint positions, so
+    they count as neighbours.
     """
     coarse, duration_s = grid.thinned(_COARSER), grid.duration_s
     low, high = grid.limits.q_min_rad[6], grid.limits.q_max_rad[6]
@@ -126,7 +126,7 @@ def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
     q = inverse(coarse.X_BF[:, :, None], middle + bend[..., None] * swing)
     worst = coarse.ratios(q).max(axis=(0, 1, -1))  # (K, branches)
     jumps = np.nan_to_num(np.abs(np.diff(q[1], axis=0)), nan=np.inf).max(axis=(0, -1)) > _JUMP_RAD
-    worst[jumps] = _UNREACHABLE  # a joint would turn past the seam of its range
+    worst[jumps] = _UNREACHABLE  # a joint would pass the seam of its range
     if q_seed_rad is not None:
         worst = worst + 0.02 * np.nan_to_num(np.abs(q[1, 0] - q_seed_rad).max(axis=-1), nan=0.0)
     found: list[tuple[int, int]] = []
@@ -141,7 +141,7 @@ def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
 
 
 def _refine(grid: _Grid, start: Profile, to_beat: float) -> Profile:
-    """Sequential linear programming: minimise the largest of all ratios. Gives up early when far from `to_beat`."""
+    """Sequential linear programming: minimise the largest of all ratios. Gives up early if far from `to_beat`."""
     basis = _basis(grid.t_s.ravel(), start.duration_s, grid.count).reshape(*grid.t_s.shape, -1)
     reach, best = 0.3, start.coefficients
     worst, values, slopes = _linearised(grid, basis, best, start.branch)
@@ -171,7 +171,7 @@ def _linearised(grid: _Grid, basis: Array, coefficients: Array, branch: int) -> 
 def _linear_step(values: Array, slopes: Array, reach: float) -> Array:
     """The change of coefficients within `reach` that makes the largest linearised ratio smallest.
 
-    Solved on the rows that are near the top, to which those are added that then stick out.
+    Solved on the rows near the maximum; rows that then exceed it are added.
     """
     n = slopes.shape[1]
     bounds = [(-reach, reach)] * n + [(None, None)]
@@ -191,7 +191,9 @@ def _linear_step(values: Array, slopes: Array, reach: float) -> Array:
 
 
 def _basis(t_s: Array, duration_s: float, count: int) -> Array:
-    """(N,) -> (N, count): quintic B-splines, the outer ones tied so that velocity and acceleration end at zero."""
+    """(N,) -> (N, count): quintic B-splines, the outer ones are combined so that velocity and acceleration are zero at
+    both ends.
+    """
     total = count + _DEGREE - 1
     inner = np.linspace(0.0, duration_s, total - _DEGREE + 1)
     knots = np.r_[np.zeros(_DEGREE), inner, np.full(_DEGREE, duration_s)]

@@ -1,4 +1,4 @@
-"""How the arm looks: one table of primitives, from which the URDF and the camera's meshes both come.
+"""The looks of the arm: one table of primitives for both the URDF and the camera's meshes.
 
 The shapes follow the arm's outline by eye, in the maker's link frames (`hw.kinematics`); they are not the
 maker's meshes. Lengths in metres.
@@ -37,7 +37,7 @@ class Primitive:
 
 
 def _joint(link: str, centre: tuple[float, float, float], axis: Literal["x", "y", "z"]) -> tuple[Primitive, ...]:
-    """A motor housing across a joint: a white drum with a dark cap at each end."""
+    """A motor housing across a joint: a white cylinder with a dark cap at each end."""
     return (
         Primitive(link, "cylinder", (0.058, 0.126), centre, axis),
         Primitive(link, "cylinder", (0.049, 0.142), centre, axis, DARK),
@@ -109,7 +109,7 @@ def mesh(primitive: Primitive) -> tuple[Array, NDArray[np.int32]]:
             polar = np.linspace(-np.pi / 2.0, np.pi / 2.0, _SEGMENTS // 2)[1:-1]
             profile = [(primitive.size[0] * np.cos(a), primitive.size[0] * np.sin(a)) for a in polar]
         vertices, triangles = _lathe([(radius * circle, z) for radius, z in profile])
-    shift = {"x": 1, "y": 2, "z": 0}[primitive.axis]  # turn the axes cyclically: z becomes x or y
+    shift = {"x": 1, "y": 2, "z": 0}[primitive.axis]  # permute the axes cyclically: z becomes x or y
     return np.roll(vertices, shift, axis=1) + np.array(primitive.centre), triangles
 
 

@@ -1,4 +1,4 @@
-"""What the hand holds, and the workcell in which a task ships."""
+"""The hand with a task's tool, and the default workcell of a task."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 
 
 class Held(Protocol):
-    """The tool of a task, as an arm holds it."""
+    """The tool of a task in the hand."""
 
     @property
     def X_FT(self) -> Array:
@@ -25,12 +25,12 @@ class Held(Protocol):
 
     @property
     def tool_mass(self) -> Mass:
-        """In the tool frame, without the hand."""
+        """Mass in the tool frame, without the hand."""
         ...
 
     @property
     def keep_clear(self) -> tuple[Capsule, ...]:
-        """In the tool frame."""
+        """Capsules that must stay clear, in the tool frame."""
         ...
 
 
@@ -41,7 +41,7 @@ def held(
     points_T_m: ArrayLike = ((0.0, 0.0, 0.0),),
     name: str = "tool",
 ) -> Tool:
-    """The hand with a tool at X_FT (4, 4), which weighs `mass_T` in the tool frame.
+    """The hand with a tool at X_FT (4, 4), which has the mass `mass_T` in the tool frame.
 
     `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; the points `points_T_m` (P, 3), in the
     tool frame too, may touch the table.
@@ -56,7 +56,7 @@ def held(
 
 
 def tool_of(hardware: Held) -> Tool:
-    """The hand with the task's tool, as it hangs at `hardware.X_FT`."""
+    """The hand with the task's tool at `hardware.X_FT`."""
     return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear)
 
 

@@ -1,4 +1,4 @@
-"""What a touch-off touches: five places of the table, and the tool's corners at two pitches each."""
+"""The probes of a touch-off: five places of the table, and the tool's corners at two pitches each."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from sim.panda.touching import Probe
 AROUND_M = ((-0.10, -0.16), (-0.10, 0.16), (0.06, 0.16), (0.06, -0.16), (-0.02, 0.0))
 """Places of the table around the work area's centre, along X and Y."""
 PITCHES_DEG = (5.0, 18.0)
-"""Near the pitch of the task, for the height; and one that shows where the corner lies along the blade."""
+"""One pitch near that of the task, for the height, and one that shows the corner's place along the blade."""
 ROLL_DEG = 3.0
-"""Leaning to one side, so that one corner is lower than the other by 4 mm of 80."""
+"""Roll to one side: one corner is 4 mm lower than the other, over 80 mm."""
 
 _STRAIGHT_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def table_probes(centre_m: ArrayLike) -> tuple[Probe, ...]:
-    """With the closed fingers straight down, around `centre_m` (2,)."""
+    """Probes with the closed fingers straight down, around `centre_m` (2,)."""
     centre = np.asarray(centre_m, dtype=np.float64)
     return tuple(
         Probe(f"table place {i}", FINGERTIPS, centre + np.array(off), _STRAIGHT_DOWN)
@@ -32,7 +32,9 @@ def table_probes(centre_m: ArrayLike) -> tuple[Probe, ...]:
 
 
 def tool_probes(feelers: Sequence[Feeler], centre_m: ArrayLike) -> tuple[Probe, ...]:
-    """Every corner of the tool at every pitch: forward ones held down, rear ones up, each leaning to its own side."""
+    """Every corner of the tool at every pitch: front corners pitched down, rear corners up, each rolled to its own
+    side.
+    """
     middle_x = float(np.mean([f.p_T_m[0] for f in feelers]))
     return tuple(
         Probe(f"{f.name} at {pitch:g}°", f, np.asarray(centre_m, dtype=np.float64), _held(f, pitch, middle_x))

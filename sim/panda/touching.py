@@ -1,4 +1,4 @@
-"""The slow motions of a touch-off: where the tool is held, and the straight way down that a guard may stop."""
+"""The slow motions of a touch-off: the posture of each probe, and the straight way down that a guard may stop."""
 
 from __future__ import annotations
 
@@ -21,23 +21,26 @@ from sim.panda.redundancy import ALLOWED
 
 RAMP_S = 0.4
 STILL_S = 0.25
-"""At rest before the way down, so that the tare feels no acceleration."""
+"""Rest before the way down, so that the tare contains no acceleration."""
 CALM_RAD_S2 = 1.5
-"""Largest acceleration of a joint on the way down. Close to a singular posture a slow tool needs fast joints, and what
-they take to speed up feels like a touch: 5.7 rad/s² gave 5 N."""
+"""Largest acceleration of a joint on the way down.
+
+Close to a singular posture a slow tool needs fast joints, and the torque to accelerate them feels like a touch: 5.7
+rad/s² gave 5 N.
+"""
 _Q7 = 91
 _EVERY, _MOST = 3, 24
-"""Of the postures for a place, nearest first, every so many are tried, and so many at most."""
+"""Step through the postures for a place, nearest first, and the largest number to try."""
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """One touch: which feeler, where over the table, and how the tool is held."""
+    """One touch: feeler, place on the table, and orientation of the tool."""
 
     name: str
     feeler: Feeler
-    xy_m: Array  # (2,) where the feeler comes down, in the table's frame
-    R_WT: Array  # (3, 3) how the tool is held
+    xy_m: Array  # (2,) place of the feeler, in the table's frame
+    R_WT: Array  # (3, 3) orientation of the tool
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "xy_m", frozen_array(self.xy_m, (2,), "xy_m"))
@@ -54,7 +57,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stretch of a way down."""
+    """One stage of a way down."""
 
     way_m: float
     speed_m_s: float
@@ -62,13 +65,13 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class HeldTool:
-    """What a plan has to know of arm, tool and surroundings."""
+    """Arm, tool and surroundings for a plan."""
 
     cell: Workcell
-    X_FT: Array  # (4, 4) its tool as far as it is known; of empty fingers the identity
+    X_FT: Array  # (4, 4) the tool by present knowledge; for empty fingers the identity
 
     def guard(self, feeler: Feeler, force_N: float) -> Guard:
-        """Against `force_N` at the centre of the feeler."""
+        """A guard with `force_N` at the centre of the feeler."""
         return Guard(force_N, self.X_FT[:3, :3] @ feeler.p_T_m + self.X_FT[:3, 3])
 
 
@@ -81,9 +84,10 @@ def stance(
     force_N: float,
     q_near: ArrayLike,
 ) -> Array:
-    """(7,) the posture nearest to `q_near` with the feeler `above_m` over the table, from which `search` is allowed.
+    """(7,) the posture nearest to `q_near` with the feeler `above_m` over the table, from which `search` keeps the
+    limits.
 
-    Raises NotExecutable with what forbids the best one.
+    Raises NotExecutable with the reason against the best one.
     """
     arm, cell = bench.cell.arm, bench.cell.over(table)
     limits, near = arm.in_true_joints().limits, arm.true_rad(frozen_array(q_near, (7,), "q_near"))
@@ -110,8 +114,8 @@ def stance(
 def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m: float, arm: ArmModel) -> JointPath:
     """Straight down from `q_top_rad` (7,), joint 7 and the tool's attitude held, through the `stages` in turn.
 
-    The whole way is a contact window that declares `below_m` (how far below the expected table it ends) and the
-    largest force to expect. Raises NotExecutable out of reach.
+    The whole way is a contact window that declares `below_m` (its depth below the expected table) and the largest
+    expected force. Raises NotExecutable out of reach.
     """
     q_top = arm.true_rad(frozen_array(q_top_rad, (7,), "q_top_rad"))
     way_m = _steady(stages)
@@ -130,9 +134,9 @@ def descent(q_top_rad: ArrayLike, stages: Sequence[Stage], guard: Guard, below_m
 
 
 def _steady(stages: Sequence[Stage]) -> Array:
-    """(N,) way at 1 kHz: constant speeds with smooth changes between them (fifth order), at rest at both ends.
+    """(N,) distance at 1 kHz: constant speeds with smooth changes between them (fifth order), at rest at both ends.
 
-    The change to the next speed belongs to the way of the stage before it.
+    The change to the next speed belongs to the previous stage.
     """
     speeds = [0.0, *(stage.speed_m_s for stage in stages), 0.0]
     ramp = np.arange(round(RAMP_S * PATH_RATE_HZ)) / (RAMP_S * PATH_RATE_HZ)

@@ -1,4 +1,4 @@
-"""Postures that hold something at given flange poses, and safe paths between them: for visiting many places in turn."""
+"""Postures for given flange poses and safe paths between them, to visit many poses in turn."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim.panda import inverse
 from sim.panda.moves import join_paths, move_path
 
 ROOM_M = 0.03
-"""Least distance of a posture from everything; a path between postures may come nearer, as `hw.limits` allows."""
+"""Least clearance of a posture; a path between postures may come as near as `hw.limits` allows."""
 
 SPEED = 0.25
 _USE = 0.9  # of the position limits
@@ -25,7 +25,7 @@ _Q7 = 61
 
 
 def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array | None]:
-    """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps its distance, else None."""
+    """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps the clearance, else None."""
     arm, true = cell.arm, cell.in_true_joints()
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
     found: list[Array | None] = []
@@ -37,7 +37,7 @@ def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array |
 
 
 def nearest_first(q_rad: Array, q_start_rad: ArrayLike) -> list[int]:
-    """An order in which to visit postures (N, 7): always on to the nearest that is left."""
+    """An order for visiting postures (N, 7): always the nearest remaining one next."""
     left, here, order = list(range(len(q_rad))), np.asarray(q_start_rad), []
     while left:
         best = min(left, key=lambda i: float(np.abs(q_rad[i] - here).max()))
@@ -48,7 +48,7 @@ def nearest_first(q_rad: Array, q_start_rad: ArrayLike) -> list[int]:
 
 
 def way(q_from_rad: ArrayLike, q_to_rad: ArrayLike, q_home_rad: Array, cell: Workcell) -> JointPath:
-    """A checked path: straight in joint space, else by way of home. Raises NotExecutable with the reason."""
+    """A checked path: straight in joint space, else through home. Raises NotExecutable with the reason."""
     reason = ""
     for path in _ways(frozen_array(q_from_rad), frozen_array(q_to_rad), q_home_rad, cell.arm.limits):
         report = cell.check(path, q_from_rad)

@@ -1,4 +1,4 @@
-"""Rollouts that are never simulated twice: how a killed training goes on without repeating the simulations."""
+"""A cache of rollouts, so that an interrupted training continues without repeating simulations."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True, eq=False)
 class CachedRollouts:
-    """Callable: requests -> rollouts, from `folder` where the same were simulated before, in the same scene."""
+    """A function requests -> rollouts, which reads from `folder` those simulated earlier in the same scene."""
 
     task: Task
     folder: Path
     executor: Executor
 
     def __call__(self, requests: Requests) -> Rollouts:
-        """Every request once: simulated, or read. Raises RolloutError."""
+        """The rollouts of the requests, simulated or read. Raises RolloutError."""
         path = self.folder / f"{self._scene}-{_key(requests)}.npz"
         stored = read_rollouts(path, requests)
         if stored is not None:
@@ -35,7 +35,7 @@ class CachedRollouts:
         return results
 
     def count(self) -> int:
-        """Rollouts of this scene in the folder. Raises DatasetError on a damaged file."""
+        """Number of rollouts of this scene in the folder. Raises DatasetError on a damaged file."""
         return sum(stored_count(path) for path in sorted(self.folder.glob(f"{self._scene}-*.npz")))
 
     @cached_property

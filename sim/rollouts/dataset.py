@@ -1,10 +1,10 @@
-"""The shared dataset of a task: rollouts over parameters, actions and nuisance, drawn once, used by all learning.
+"""The dataset of a task: rollouts over parameters, actions and nuisance, drawn once and used by all learning.
 
-A folder holds `dataset.toml` (what was drawn, and probe rollouts that tell whether the scene is still the
-same) and shards. Shard i holds rollouts i*SHARD and on of a scrambled Sobol sequence, so this part is a
-function of (task, seed, size), a larger one extends a smaller one, and a killed run goes on where it was.
-A second part is denser where the outcome is uncertain: rows further along the same sequence,
-chosen by what the first part tells and written down in `denser.npz`.
+A folder holds `dataset.toml` (the settings, and probe rollouts that detect a changed scene) and shards. Shard i holds
+rollouts from i*SHARD on of a scrambled Sobol sequence. So this part is a function of (task, seed, size), a larger one
+extends a smaller one, and an interrupted run continues. A second part is denser where the outcome is uncertain: its
+rows come from further along the same sequence, are chosen with the help of the first part, and are listed in
+`denser.npz`.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
 SHARD = 256
-"""Rollouts a file: about half a minute of one core, the most that a kill can cost."""
+"""Rollouts per file: about half a minute of one core, the most that an interruption costs."""
 
 MANIFEST = "dataset.toml"
 DENSER = "denser.npz"
 
 PROBE_TOLERANCE = 1e-3
-"""Largest difference of a probe's normalised observation that still counts as the same scene."""
+"""Largest difference between normalised observations of a probe that counts as the same scene."""
 
 POOL = 4
-"""Candidates for every rollout that is added."""
+"""Candidates per added rollout."""
 
 FLOOR = 0.02
-"""Added to the variance of an outcome (at most .25), so that no region is left out."""
+"""Added to the variance of an outcome (at most 0.25), so that no region is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +49,13 @@ class Dataset:
     """Rollouts at the task's reference context. All arrays are read-only, in units."""
 
     parameters: Array  # (N, p) over the task's margin
-    action: Array  # (N, a) executed: the action space and its noise around it
+    action: Array  # (N, a) executed: over the action space and the noise around it
     nuisance: Array  # (N, n)
     observation: Array  # (N, size) normalised, without camera noise
-    end_state: Array  # (N, k); not a number where there is none
+    end_state: Array  # (N, k); nan: no end state
     succeeded: NDArray[np.bool_]  # (N,)
     outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
-    uniform: int  # the first of them fill the space evenly; the others are denser where the outcome changes
+    uniform: int  # how many of the first ones fill the space evenly; the others are denser where the outcome changes
     identity: str  # hash of all of the above
 
     def __len__(self) -> int:
@@ -64,11 +64,11 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Denser:
-    """How many rollouts are added, and what tells where."""
+    """The number of added rollouts, and the rule for their places."""
 
     count: int
     variance: Callable[[Dataset, Requests], Array]
-    """(first part, candidates (N,)) -> (N,) variance of the outcome of each, by what the first part tells."""
+    """(first part, candidates (N,)) -> (N,) variance of the outcome of each, estimated from the first part."""
 
 
 def choose(variance: Array, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -83,7 +83,7 @@ def dataset_requests(task: Task, seed: int, size: int) -> Requests:
 
 
 def draw_requests(task: Task, size: int, rng: np.random.Generator) -> Requests:
-    """Scrambled Sobol over margin, action with noise, nuisance."""
+    """Requests from a scrambled Sobol sequence over margin, action with noise, and nuisance."""
     p, a = len(task.margin), len(task.action)
     unit = sobol(size, p + a + len(task.nuisance), rng)
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
@@ -104,9 +104,9 @@ def build_dataset(
     progress: Progress | None = None,
     denser: Denser | None = None,
 ) -> Dataset:
-    """Simulate what is missing in `folder` and return the whole: `size` rollouts, and those of the `denser` part.
+    """Simulate the missing rollouts in `folder` and return all: `size` rollouts, and those of the `denser` part.
 
-    Raises DatasetError when the folder holds a dataset of another task, seed or scene.
+    Raises DatasetError if the folder holds a dataset of another task, seed or scene.
     """
     more = 0 if denser is None else denser.count
     _agree_on_manifest(task, folder, size, more, seed, executor)
@@ -132,7 +132,7 @@ def build_dataset(
 
 
 def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
-    """The candidates of the denser part: what follows the first part in its sequence."""
+    """The candidates of the denser part: the continuation of the first part's sequence."""
     return dataset_requests(task, seed, size + POOL * count)[size:]
 
 
@@ -148,7 +148,7 @@ def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path,
 
 
 def _simulated(task: Task, path: Path, part: Requests, executor: Executor, progress: Progress) -> Rollouts:
-    """What the shard at `path` holds; simulated and stored if it holds nothing good."""
+    """The rollouts of the shard at `path`; simulated and stored if it is missing or damaged."""
     results = read_rollouts(path, part)
     if results is None:
         results = run_many(task, part, executor, progress)
@@ -201,7 +201,7 @@ def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Roll
 
 
 def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: int, executor: Executor) -> None:
-    """Write the manifest of a new dataset; compare that of an old one with what is asked for and with the scene."""
+    """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
     probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
     if manifest is not None:
@@ -228,7 +228,7 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
 
 
 def _probe_requests(task: Task) -> Requests:
-    """Two rollouts, at a third and two thirds of everything: enough to notice another scene."""
+    """Two rollouts, at one and two thirds of every range: enough to notice another scene."""
     third = np.array([[1 / 3], [2 / 3]])
     spaces = task.parameters, task.action, task.nuisance
     parameters, action, nuisance = (space.spread(np.tile(third, (1, len(space)))) for space in spaces)

@@ -1,4 +1,4 @@
-"""Draws over spaces, and what chance adds to trials: the same numbers for the same seed, whatever the machine."""
+"""Random draws over spaces, and the random parts of trials: the same numbers for the same seed on every machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from sim.types import Space
 
 
 def sobol(n: int, dimensions: int, rng: np.random.Generator) -> Array:
-    """(n, dimensions) scrambled Sobol points in [0, 1); from the same generator state, more of them extend fewer."""
+    """(n, dimensions) scrambled Sobol points in [0, 1); with the same generator state, a larger n extends a smaller
+    one.
+    """
     if dimensions == 0:
         return np.zeros((n, 0))
     engine = qmc.Sobol(dimensions, scramble=True, rng=rng)
@@ -29,7 +31,7 @@ def cover(space: Space, n: int, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Disturbances:
-    """What chance adds to N trials: the error of the executed action, and the nuisance."""
+    """The random parts of N trials: action error and nuisance."""
 
     error: Array  # (N, a) in units, added to the commanded action
     nuisance: Array  # (N, n) in units
@@ -42,18 +44,18 @@ class Disturbances:
 
     @classmethod
     def evenly(cls, task: Task, n: int, rng: np.random.Generator) -> Disturbances:
-        """`n` of them that fill their space evenly: for averages."""
+        """`n` disturbances that fill their space evenly, for averages."""
         return cls.from_unit(task, sobol(n, len(task.action) + len(task.nuisance), rng))
 
     @classmethod
     def at_random(cls, task: Task, n: int, rng: np.random.Generator) -> Disturbances:
-        """`n` independent ones, as in real trials."""
+        """`n` independent disturbances, as in real trials."""
         error = rng.random((n, len(task.action)))
         return cls.from_unit(task, np.concatenate([error, rng.random((n, len(task.nuisance)))], axis=1))
 
 
 def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator) -> Requests:
-    """Rollouts as the target would execute them: commanded actions (N, a) with their error, nuisance by chance."""
+    """Requests as a target executes them: commanded actions (N, a) with random error and nuisance."""
     drawn = Disturbances.at_random(task, len(actions), rng)
     return Requests(targets, contexts, actions + drawn.error, drawn.nuisance)
 

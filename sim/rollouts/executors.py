@@ -1,4 +1,4 @@
-"""Where rollouts run: beside this thread, in a pool of fresh processes, or on the workers of a Dask cluster."""
+"""Executors of rollouts: a thread, a pool of fresh processes, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _PR_SET_PDEATHSIG = 1
 
 
 def serial_executor() -> ThreadPoolExecutor:
-    """One rollout after the other in this process: no start-up time, and one core."""
+    """One rollout after another in this process: no start-up time, one core."""
     return ThreadPoolExecutor(1, thread_name_prefix="rollouts")
 
 
 def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """A pool of `workers` fresh processes (default: one a core), safe beside threads and loaded libraries.
+    """A pool of `workers` fresh processes (default: one per core), safe with threads and loaded libraries.
 
-    An interrupt is the business of the process that waits for them; on Linux none of them outlives it, however it ends.
+    Only the waiting process handles an interrupt. On Linux no worker outlives it, however it ends.
     """
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(workers or os.cpu_count() or 1, mp_context=context, initializer=_serve)
@@ -40,9 +40,9 @@ def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
 def dask_cluster(scheduler: str) -> Iterator[Executor]:
     """The workers of a running Dask cluster, `scheduler` being its address, e.g. tcp://10.0.0.1:8786.
 
-    A cluster on SLURM is started with dask-jobqueue, and gives its address. A lost worker costs the chunks that it
-    was at: the scheduler begins them anew elsewhere (three times, its `allowed-failures`), and each result is taken
-    once. The numbers are those of one machine, if its packages are. Raises ClusterUnavailable.
+    On SLURM, dask-jobqueue starts a cluster and prints its address. If a worker is lost, the scheduler repeats its
+    running chunks elsewhere (three times, its `allowed-failures`), and each result is taken once. The numbers are those
+    of one machine if the packages are the same. Raises ClusterUnavailable.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
@@ -62,7 +62,7 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
         try:
             yield _DaskExecutor(client)
         except RolloutError as error:
-            # While a connection breaks, its futures may also fail with whatever they were at.
+            # While a connection breaks, its futures may also fail with other errors.
             if client.status == "running":
                 raise
             raise ClusterUnavailable(LOST) from error
@@ -73,15 +73,15 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
 class _DaskExecutor(Executor):
     """Runs calls on a Dask client.
 
-    A worker may die while its result is on the way. Then the result is waited for until another worker has made it
-    again. (The executor that `distributed` offers takes such a result for an error.)
+    If a worker dies while its result is on the way, this waits until another worker has computed it again. (The
+    executor of `distributed` treats such a result as an error.)
     """
 
     def __init__(self, client: Any) -> None:
         self._client = client
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Run `fn` on a worker. Where the scheduler is lost, the future is cancelled."""
+        """Run `fn` on a worker. If the scheduler is lost, the future is cancelled."""
         remote = self._client.submit(fn, *args, pure=False, **kwargs)
         local: Future[Any] = Future()
 

@@ -1,4 +1,4 @@
-"""Many rollouts on an Executor: the same results whatever the number of workers and their order."""
+"""Many rollouts on an Executor: the same results for any number of workers and any order."""
 
 from __future__ import annotations
 
@@ -19,21 +19,23 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
-"""`Rollouts.outcome` holds positions in this tuple."""
+"""`Rollouts.outcome` holds indices into this tuple."""
 
 CHUNK, CALLS = 8, 16
-"""Rollouts in one call of a worker, at most: half a second of work, so that little is repeated after a crash. Fewer
-where that makes less than so many calls: the two trials of a session's step, too, keep two workers busy."""
+"""Most rollouts per call of a worker: half a second of work, so that little is repeated after a crash.
+
+Fewer if that gives less than this many calls, so that even the two trials of a session's step keep two workers busy.
+"""
 
 IN_FLIGHT = 64
-"""Chunks handed to the executor at a time, so that a large request does not fill its queue."""
+"""Chunks in the executor's queue at a time, so that a large request does not fill it."""
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Requests:
-    """What to simulate, in units; row i of each array belongs to rollout i."""
+    """The inputs of rollouts, in units; row i of each array belongs to rollout i."""
 
     parameters: Array  # (N, p)
     context: Array  # (N, c)
@@ -58,12 +60,12 @@ class Requests:
 
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """What came of them."""
+    """The results of rollouts."""
 
     observation: Array  # (N, size) normalised, without camera noise
     end_state: Array  # (N, k); not a number where there is none
     succeeded: NDArray[np.bool_]  # (N,)
-    outcome: NDArray[np.int8]  # (N,) position in OUTCOMES
+    outcome: NDArray[np.int8]  # (N,) index into OUTCOMES
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -76,17 +78,17 @@ class Rollouts:
         return Rollouts(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def rewards(self, task: Task, context: Array) -> Array:
-        """(N,) rewards, had the rollouts been scored at `context` (N, c)."""
+        """(N,) rewards of the rollouts if scored at `context` (N, c)."""
         end = np.where(self.succeeded[:, None], self.end_state, 0.0)
         return np.where(self.succeeded, task.reward_of_success(end, context), 0.0)
 
     def ends(self) -> tuple[Array | None, ...]:
-        """The end state (k,) of each success; None where it failed."""
+        """The end state (k,) of each success; None for a failure."""
         return tuple(end if good else None for end, good in zip(self.end_state, self.succeeded, strict=True))
 
 
 Roll = Callable[[Requests], Rollouts]
-"""Rollouts on request: true ones (`run_many` on some executor, or kept in a folder), or those of an emulator."""
+"""A source of rollouts: true ones (`run_many` on some executor, or from a folder), or those of an emulator."""
 
 
 def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
@@ -96,7 +98,7 @@ def concatenate(parts: Iterable[Rollouts]) -> Rollouts:
 
 
 def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll:
-    """`roll`, asked for at most `size` at a time; after each part it tells `progress` how many of `total` are done."""
+    """`roll` in parts of at most `size`; after each part, `progress` gets the number done and `total`."""
     done = 0
 
     def in_parts(requests: Requests) -> Rollouts:
@@ -114,9 +116,9 @@ def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
     """Simulate every request, in their order.
 
-    Raises RolloutError when a rollout raises or a worker dies: it names the requests that were running. Raises
-    ClusterUnavailable where the executor was a cluster's and its scheduler is gone. The executor stays the caller's.
-    A task that simulates whole stacks does so here: that is quicker than handing them out.
+    Raises RolloutError naming the running requests if a rollout raises or a worker dies. Raises ClusterUnavailable if a
+    cluster's scheduler is gone. The caller keeps the executor. A task that simulates stacks does so in this process,
+    which is quicker than using the executor.
     """
     if len(requests) == 0:
         raise ValueError("run_many was given no requests")
@@ -163,12 +165,12 @@ def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
     ]
-    gc.collect(1)  # the young only, 3 ms: a plant and its diagram hold on to each other and would pile up
+    gc.collect(1)  # young objects only, 3 ms: plants and diagrams refer to each other and would accumulate
     return _observed(task, tracks)
 
 
 def _observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
-    """What is kept of them."""
+    """The stored part of the tracks."""
     return Rollouts(
         observation=np.stack([task.observation(track) for track in tracks]),
         end_state=np.stack([np.atleast_1d(task.end_state(track)).astype(np.float64) for track in tracks]),
@@ -178,7 +180,7 @@ def _observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
 
 
 def _reference(task: Task) -> str | Task:
-    """The name of a registered task, which a fresh process can look up; another task travels itself."""
+    """The name of a registered task, which a fresh process can look up; any other task itself."""
     try:
         return task.name if get_task(task.name) is task else task
     except UnknownName:
@@ -192,7 +194,7 @@ def _resolve(source: str | Task) -> Task:
 
 
 def _failure(requests: Requests, lost: list[int], chunk: int, error: BaseException) -> RolloutError:
-    """Name the calls that are `lost`: the one that raised, or all where any of them may have killed its process."""
+    """Name the `lost` calls: the one that raised, or all calls that may have killed the process."""
     ends = [min(start + chunk, len(requests)) - 1 for start in lost]
     spans = [f"{start}-{end}" if end > start else str(start) for start, end in zip(lost, ends, strict=True)]
     which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")

@@ -1,4 +1,4 @@
-"""Rollouts in a file, with a digest that shows damage."""
+"""Rollouts in a file, with a digest that reveals damage."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
 
 
 def read_manifest(path: Path, keys: Collection[str], again: str) -> dict[str, Any] | None:
-    """What a folder of shards says of itself in `path`, with all `keys`; None where there is none.
+    """The manifest `path` of a folder of shards, with all `keys`; None if there is none.
 
-    Raises DatasetError, which says `again`: how to come by another.
+    Raises DatasetError; its message ends with `again`, the way to get another one.
     """
     if not path.exists():
         return None
@@ -37,7 +37,7 @@ def read_manifest(path: Path, keys: Collection[str], again: str) -> dict[str, An
 
 
 def columns_digest(columns: dict[str, Any]) -> str:
-    """Of named arrays, whatever their order."""
+    """A digest of named arrays, independent of their order."""
     total = hashlib.sha256()
     for name in sorted(columns):
         total.update(name.encode() + np.ascontiguousarray(columns[name]).tobytes())
@@ -54,7 +54,7 @@ def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
 
 
 def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
-    """The results in a shard, or None where it is missing, damaged, or of other requests."""
+    """The results in a shard, or None if it is missing, damaged, or for other requests."""
     found = read_shard(path)
     if found is None:
         return None
@@ -64,7 +64,7 @@ def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
 
 
 def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
-    """What a shard holds, or None where it is missing or damaged."""
+    """The contents of a shard, or None if it is missing or damaged."""
     if not path.exists():
         return None
     try:
@@ -80,7 +80,7 @@ def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
 
 
 def stored_count(path: Path) -> int:
-    """How many rollouts a shard holds. Raises DatasetError where it is damaged."""
+    """The number of rollouts in a shard. Raises DatasetError if it is damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:
             return len(file["succeeded"])

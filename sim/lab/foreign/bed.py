@@ -1,4 +1,4 @@
-"""The surface of a piece of food as points, each with the stiffness of its share of the surface."""
+"""The surface of a piece of food as a bed of points, each with the stiffness of its share of the surface."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ POINT_M = 0.0002
 """Radius of a point."""
 
 _CUTS = 4
-"""How often each triangle is cut into four, to spread the surface among the points."""
+"""How often each triangle is divided into four, to distribute the surface over the points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bed:
-    """Points on the surface."""
+    """A bed of points on the surface."""
 
-    points_m: Array  # (N, 3) centres of small spheres, each inside of the surface by its radius
-    share: Array  # (N,) of the surface: area over distance of its plane from the centre, m
+    points_m: Array  # (N, 3) centres of small spheres, each inside the surface by its radius
+    share: Array  # (N,) shares of the surface: area over the distance of its plane from the centre, m
 
     def stiffness_N_m(self, weight_N: float, sink_m: float) -> Array:
-        """(N,) springs in proportion to the shares that carry the weight of the piece where it sinks in by `sink_m`."""
+        """(N,) spring constants, in proportion to the shares, that carry the piece's weight at the depth `sink_m`."""
         deep_m = np.maximum(self.points_m[:, 2].min() + sink_m - self.points_m[:, 2], 0.0)
         return np.asarray(self.share * weight_N / (self.share @ deep_m))
 
@@ -33,8 +33,9 @@ class Bed:
 def bed_of(piece: Piece, g: int) -> Bed:
     """The points of a piece of shape `g` (see `sim.tasks.scooping.piece.make_piece`).
 
-    The pressure of hydroelastic contact rises from the surface to the centre, by e over the distance of a face from
-    there: a point of area A is a spring of e A / distance. Each bit of surface belongs to the nearest point.
+    The pressure of hydroelastic contact rises from the surface to the centre, by e over the distance of the face from
+    the centre. So a point with area A is a spring of e A / distance. Each part of the surface belongs to the nearest
+    point.
     """
     half_m = piece.vertices_m.max(axis=0)
     points_m = _on_box(half_m) if g == BOX else _on_cylinder(piece) if g == CYLINDER else piece.vertices_m

@@ -1,10 +1,10 @@
-"""How soft MuJoCo's contacts are: a spring and a damper in N/m and Ns/m, which MuJoCo does not ask for.
+"""Sets spring and damper of MuJoCo's contacts in N/m and Ns/m, which MuJoCo has no parameters for.
 
 MuJoCo makes each contact a constraint with a reference acceleration -b v - k r and a regulariser R = (1 - d) A / d, A
 the inverse of the mass that the contact moves. Its force is -(k/R) r - (b/R) v - a/R: a spring k/R, a damper b/R and an
 inertia 1/R. Given as "-stiffness, -damping" (solref), k and b are these numbers over d, so that a spring K and a damper
-B are solref = (-K, -B) (1 - d) A. What is left is the impedance d. It is chosen so that the damper outweighs the
-inertia, which no material has, after `INERTIA_S`: 1/R = B times that.
+B are solref = (-K, -B) (1 - d) A. The impedance d remains free. It is chosen so that the damper outweighs the inertia,
+which no material has, after `INERTIA_S`: 1/R = B times that.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FRICTION_IN_PLANE, FRICTIONLESS = 3, 1
 
 
 def add_pair(spec: Any, name: str, one: str, other: str, friction: float) -> None:
-    """Let two geoms touch. Without friction where it is 0; with it, only against sliding."""
+    """Let two geoms touch: frictionless if `friction` is 0, else with sliding friction only."""
     pair = spec.add_pair(name=name, geomname1=one, geomname2=other)
     pair.condim = FRICTION_IN_PLANE if friction > 0.0 else FRICTIONLESS
     pair.friction = (friction, friction, 0.0, 0.0, 0.0)

@@ -1,8 +1,8 @@
 """Pushing in MuJoCo.
 
-The bottle's bottom is a bed of points on a plane, and its wall a stack of discs against the plate: each carries its
-share of what the modulus gives the whole. The two rings of points have the load, the tilting stiffness and the
-resistance to spinning of a full disc under even pressure. Each point has the friction of what lies under it.
+The bottle's bottom is a bed of points on a plane, and its wall a stack of discs against the plate; each has its share
+of the stiffness by the modulus. The two rings of points have the load, tilting stiffness and spinning resistance of a
+full disc under even pressure. Each point has the friction of the surface under it.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ from sim.types import ToolMotion
 STEP_S = 0.0005
 
 _RINGS = ((1.0, 16, 1.0 / 3.0), (0.5, 8, 2.0 / 3.0))
-"""Radius over that of the bottle, number of points, and share of the load (Radau's quadrature of a disc)."""
+"""Radius as a share of the bottle's, number of points, and share of the load (Radau's quadrature of a disc)."""
 
 _POINT_M = 0.0005
 """Radius of a point."""
 
 _DISCS = 8
 SPEED_M_S = float(ACTION.low[1] + ACTION.high[1]) / 2.0
-"""The hit for which wall and plate have the stiffness and the bounce of hydroelastic contact: mid-range."""
+"""The impact for which wall and plate match the stiffness and bounce of hydroelastic contact: mid-range."""
 
 
 def simulate(
@@ -68,7 +68,7 @@ def simulate(
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
-    """What the motion does to a bottle that stands at X_BO (4, 4)."""
+    """The readings of the motion against a bottle at X_BO (4, 4)."""
     effects = unmodelled or Unmodelled()
     course = course_of(motion, X_BO)
     model = scene(course.drive, parameters, effects)
@@ -77,7 +77,7 @@ def readings(
 
 
 def scene(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
-    """The compiled model: table, bottle, and pusher on its carriage. All of the table has the friction mu as yet."""
+    """The compiled model: table, bottle, and pusher on its carriage. At first the whole table has the friction mu."""
     spec = new_scene(_gravity(effects))
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), **_UNTOUCHED)
     _add_pusher(add_carriage(spec, drive))
@@ -89,7 +89,7 @@ def scene(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
 
 
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
-"""Of every geom: only named pairs touch."""
+"""Contact flags of every geom: only named pairs touch."""
 
 
 def _gravity(effects: Unmodelled) -> Array:
@@ -139,7 +139,7 @@ def _points() -> list[tuple[str, tuple[float, float, float], float]]:
 
 
 def _add_slosh(bottle: Any, mass_kg: float, height_m: float) -> None:
-    """A mass that slides across the bottle on two damped springs, as the liquid's first mode does."""
+    """Add a mass that slides across the bottle on two damped springs, like the liquid's first mode."""
     slosh = bottle.add_body(name="slosh", pos=(0.0, 0.0, height_m - BOTTLE_HEIGHT_M / 2))
     set_inertia(slosh, mass_kg, (0.0, 0.0, 0.0), 0.4 * mass_kg * (BOTTLE_RADIUS_M / 2) ** 2 * np.eye(3))
     for name, axis in (("slosh_x", (1.0, 0.0, 0.0)), ("slosh_y", (0.0, 1.0, 0.0))):
@@ -150,7 +150,7 @@ def _add_slosh(bottle: Any, mass_kg: float, height_m: float) -> None:
 
 
 def _add_contacts(spec: Any, mu: float) -> dict[str, float]:
-    """Pairs of points and table, and of discs and plate. The shares of the points."""
+    """Add pairs of points and table, and of discs and plate; return the shares of the points."""
     for name, _, _ in _points():
         add_pair(spec, name, name, "table", mu)
     for i in range(_DISCS):
@@ -159,8 +159,11 @@ def _add_contacts(spec: Any, mu: float) -> dict[str, float]:
 
 
 def _soften(model: Any, e_Pa: float, effects: Unmodelled, shares: dict[str, float]) -> None:
-    """Below, the weight sinks in as it does in hydroelastic contact, and Hunt and Crossley's dissipation damps as it
-    does under that load. In front, see `wall`."""
+    """Set the softness.
+
+    At the bottom, the weight sinks in as in hydroelastic contact, with Hunt and Crossley's dissipation at that load.
+    For the front see `wall`.
+    """
     mass_kg = BOTTLE_MASS_KG * effects.bottle_mass_scale
     dissipation_s_m = DISSIPATION_S_M / effects.plate_restitution_scale
     weight_N = mass_kg * GRAVITY_M_S2
@@ -172,11 +175,11 @@ def _soften(model: Any, e_Pa: float, effects: Unmodelled, shares: dict[str, floa
 
 
 def wall(mass_kg: float, e_Pa: float, dissipation_s_m: float) -> tuple[float, float]:
-    """Spring (N/m) and damper (Ns/m) of a bottle's wall that is hit by the plate at `SPEED_M_S`.
+    """Spring (N/m) and damper (Ns/m) of a bottle's wall when the plate hits it at `SPEED_M_S`.
 
     A plane pressed by delta into a cylinder of radius R and length L meets the force 4/3 e L sqrt(2 / R) delta^1.5
-    (the pressure is e depth / R). The spring is the one that takes up the energy of the hit over the same depth, the
-    damper the one with the same bounce.
+    (the pressure is e depth / R). The spring absorbs the energy of the impact over the same depth; the damper gives the
+    same bounce.
     """
     energy_J = mass_kg * SPEED_M_S**2 / 2.0
     rise = 4.0 / 3.0 * e_Pa * BOTTLE_HEIGHT_M * math.sqrt(2.0 / BOTTLE_RADIUS_M)
@@ -187,7 +190,7 @@ def wall(mass_kg: float, e_Pa: float, dissipation_s_m: float) -> tuple[float, fl
 
 
 def bounce(dissipation: float) -> float:
-    """Speed after over speed before the hit under Hunt and Crossley's law, `dissipation` = d times the speed before.
+    """Speed after over speed before the impact by Hunt and Crossley's law, `dissipation` = d times the speed before.
 
     The exponent of the elastic force does not matter: d v = u, (1 + e) u = ln((1 + u) / (1 - e u)).
     """
@@ -197,7 +200,7 @@ def bounce(dissipation: float) -> float:
 
 
 def damping_ratio(bounced: float) -> float:
-    """Of the spring and damper that cannot pull and bounce by so much, from nearly 0 to nearly 1."""
+    """Damping ratio of a spring and damper that cannot pull and have this bounce (from nearly 0 to nearly 1)."""
 
     def excess(ratio: float) -> float:
         root = math.sqrt(abs(1.0 - ratio**2))

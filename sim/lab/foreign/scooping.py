@@ -1,8 +1,8 @@
 """Scooping in MuJoCo.
 
-The piece's surface is a bed of points (`sim.lab.foreign.bed`) against table, blade and neck. Each has the stiffness
-that hydroelastic contact gives its share of the surface, and training's relaxation time. The edge rides on the table on
-the same two corners.
+The piece's surface is a bed of points (`sim.lab.foreign.bed`) against table, blade and neck. Each has the stiffness of
+its share of the surface in hydroelastic contact, and training's relaxation time. The edge rides on the table on the
+same two corners.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from sim.types import ToolMotion
 STEP_S = 0.00025
 
 EDGE_DAMPING_S = 0.002
-"""Damper over spring of the corners on the table."""
+"""Ratio of damper to spring for the corners on the table, s."""
 
 _SHARP_M, _BELOW_M = 0.0025, 0.005
 _CORNERS = {"corner_left": 1.0, "corner_right": -1.0}
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
-"""Of every geom: only named pairs touch."""
+"""Contact flags of every geom: only named pairs touch."""
 
 
 def simulate(
@@ -62,7 +62,7 @@ def simulate(
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
-    """What the motion does to a piece that lies at X_BO (4, 4)."""
+    """The readings of the motion against a piece at X_BO (4, 4)."""
     effects = unmodelled or Unmodelled()
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return run(course, scene(course.drive, parameters, nuisance, effects), effects.dt_s or STEP_S)
@@ -99,7 +99,7 @@ def _add_piece(spec: Any, bed: Bed, piece: Piece, mass_kg: float, effects: Unmod
 
 
 def _add_spatula(spec: Any, parent: Any, effects: Unmodelled) -> None:
-    """Handle and blade, mounted and hinged as in training (`sim.tasks.scooping.scene`)."""
+    """Add handle and blade, mounted and hinged as in training (`sim.tasks.scooping.scene`)."""
     rotation = RollPitchYaw(0.0, effects.pitch_bias_rad, 0.0)
     bias = RigidTransform(rotation, vector(-effects.distance_bias_m, 0.0, 0.0))
     handle = parent.add_body(name="handle", pos=bias.translation(), quat=quaternion(bias))
@@ -125,8 +125,9 @@ def _add_spatula(spec: Any, parent: Any, effects: Unmodelled) -> None:
 
 
 def _add_blade(spec: Any, body: Any) -> None:
-    """The blade as the points meet it: the bevel runs on for `_SHARP_M` beyond the edge, down into the table, and
-    all of it reaches `_BELOW_M` further down, so that a point inside leaves it upwards."""
+    """The blade for contact with the points: the bevel continues for `_SHARP_M` beyond the edge, down into the table,
+    and the whole blade reaches `_BELOW_M` further down, so that a point inside is pushed upwards.
+    """
     solid, slope = blade().vertices_m, (EDGE_M - CLEARANCE_M - LIP_M) / BEVEL_M
     face = solid[solid[:, 2] > -EDGE_M / 4]
     tip = solid[solid[:, 0] == 0.0][:2] * [0.0, 1.0, 0.0] + [_SHARP_M, 0.0, -slope * (BEVEL_M + _SHARP_M)]

@@ -1,4 +1,4 @@
-"""A rollout without an arm, in MuJoCo: the same carriage on the same springs, read and judged by the same code."""
+"""A rollout without an arm, in MuJoCo: the same carriage, springs, readings and judgement as in Drake."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _JOINTS = ("forward", "up", "pitch")
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 IMPRATIO = 10.0
-"""Friction is so much harder than what presses: what rests on a slope creeps a tenth as fast."""
+"""Friction is stiffer than the normal contact by this factor: an object on a slope then creeps a tenth as fast."""
 
 
 _log = mujoco.MjLogConfig.get()
-_log.logto_console = _log.logto_file = False  # what goes wrong is told by `_MuJoCo.advance_to`, in no file
+_log.logto_console = _log.logto_file = False  # `_MuJoCo.advance_to` reports errors, so no log file
 _log.set()
 
 
 def new_scene(gravity_m_s2: Array) -> Any:
-    """An empty MjSpec: contacts only between the pairs that are named, in cones, solved to the end."""
+    """An empty MjSpec: contacts only between named pairs, with elliptic cones, solved to convergence."""
     spec = mujoco.MjSpec()
     option = spec.option
     option.gravity = gravity_m_s2
@@ -38,12 +38,12 @@ def new_scene(gravity_m_s2: Array) -> Any:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = IMPRATIO
     option.tolerance, option.iterations = 1e-10, 100
-    option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a failure is told, not begun anew
+    option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a failure is reported, not reset
     return spec
 
 
 def add_carriage(spec: Any, drive: Drive) -> Any:
-    """Add the carriage and return a body at the frame T that it carries. Like what it carries it is weightless."""
+    """Add the carriage and return a body at the frame T that it carries. Both are weightless."""
     arm = drive.compliance
     pose = RigidTransform(drive.X_BP)
     carriage = spec.worldbody.add_body(name="carriage", pos=pose.translation(), quat=quaternion(pose))
@@ -55,7 +55,7 @@ def add_carriage(spec: Any, drive: Drive) -> Any:
         carriage.add_joint(name=name, type=kind, axis=axis)
         spring = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         spring.gaintype, spring.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-        spring.gainprm[0] = 1.0  # the control is the force that the wanted place and speed would have
+        spring.gainprm[0] = 1.0  # the control is the force for the wanted place and speed
         spring.biasprm[1], spring.biasprm[2] = -stiffness, -damping
     tool = carriage.add_body(name="carriage_tool", pos=(-arm.p_TP_m[0], 0.0, -arm.p_TP_m[1]))
     tool.gravcomp = 1.0
@@ -63,14 +63,14 @@ def add_carriage(spec: Any, drive: Drive) -> Any:
 
 
 def set_inertia(body: Any, mass_kg: float, centre_m: Any, central_kg_m2: Array) -> None:
-    """Mass, its centre in the body's frame and the inertia (3, 3) about that centre."""
+    """Set mass, centre of mass in the body's frame, and inertia (3, 3) about that centre."""
     M = central_kg_m2
     body.mass, body.ipos, body.explicitinertial = mass_kg, centre_m, True
     body.fullinertia = (M[0, 0], M[1, 1], M[2, 2], M[0, 1], M[0, 2], M[1, 2])
 
 
 def quaternion(pose: RigidTransform) -> Array:
-    """(4,) w, x, y, z."""
+    """The quaternion (4,) of a pose: w, x, y, z."""
     return np.asarray(pose.rotation().ToQuaternion().wxyz())
 
 
@@ -93,9 +93,10 @@ class _Moment:
 
 
 def run(course: Course, model: Any, step_s: float, before_step: Callable[[Any, Any], None] | None = None) -> Readings:
-    """Step a compiled model, which has a carriage and bodies called `TOOL` and `OBJECT`, through the course.
+    """Step a compiled model, with a carriage and bodies called `TOOL` and `OBJECT`, through the course.
 
-    `before_step` (model, data) may change what depends on where things are. Never raises for a solver that fails.
+    `before_step` (model, data) may change properties that depend on positions. A solver failure is noted in the
+    readings, never raised.
     """
     data, start = mujoco.MjData(model), course.start
     place(model, data, start.X_BO, start.tool)
@@ -126,7 +127,7 @@ class _MuJoCo:
         return _Moment(t_s, self._pose(self._object), self._pose(self._tool), velocities)
 
     def advance_to(self, t_s: float) -> None:
-        """In equal steps, none longer than asked for."""
+        """Step in equal steps, none longer than the wanted step."""
         n = math.ceil((t_s - self._t_s) / self._step_s - 1e-9)
         dt_s = (t_s - self._t_s) / n
         self._model.opt.timestep = dt_s
@@ -142,7 +143,7 @@ class _MuJoCo:
             raise RuntimeError(f"MuJoCo's state is no longer finite, or is huge ({', '.join(failed) or 'qpos'})")
 
     def _wanted(self, t_s: Array) -> Array:
-        """(n, 3) the force of each spring and damper of the carriage, were the carriage itself at zero and at rest."""
+        """(n, 3) the force of each spring and damper for a carriage at zero and at rest."""
         arm = self._drive.compliance
         x = np.asarray(self._drive.trajectory.vector_values(t_s.tolist())).T
         return np.asarray(x[:, :3] * np.array(arm.stiffness) + x[:, 3:] * np.array(arm.damping))

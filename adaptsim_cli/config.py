@@ -23,7 +23,7 @@ SIMULATED: Hardware = "fake"
 
 
 def is_simulated(hw: str) -> bool:
-    """Whether hardware of this name is the simulated lab's. Nobody else compares names to find out."""
+    """Whether `hw` names the simulated lab. No other code compares hardware names."""
     return hw == SIMULATED
 
 
@@ -84,22 +84,22 @@ class Config:
 
     @property
     def lab_world(self) -> str:
-        """The world of the simulated lab; empty where a real arm moves."""
+        """The world of the simulated lab; empty for a real arm."""
         return self.world if self.is_simulated else ""
 
     @property
     def place(self) -> str:
-        """Where trials happen, as a part of a name: the world of the simulated lab, or the arm."""
+        """The place of trials as part of a name: the world of the simulated lab, or the arm."""
         return Path(self.lab_world).stem or self.hw
 
     def unattended(self, yes: bool) -> bool:
-        """Whether nobody is asked anything: with `--yes`, and never with a real arm."""
+        """Whether no question is asked: with `--yes`, but never with a real arm."""
         return yes and self.is_simulated
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where things are kept."""
+    """The folders of data and settings."""
 
     data: Path
     user_file: Path
@@ -107,7 +107,7 @@ class Places:
 
     @property
     def rig_files(self) -> tuple[Path, Path]:
-        """Where a rig file is looked for when no setting names one, first the project's."""
+        """Default places of a rig file, the project's first."""
         return self.project_file.with_name(RIG_FILE), self.user_file.with_name(RIG_FILE)
 
     @property
@@ -122,7 +122,7 @@ class Places:
 
     @property
     def world_tables(self) -> Path:
-        """The folder of the tables that benchmarks look trials up in."""
+        """The folder of the world tables for benchmarks."""
         return self.data / "world-tables"
 
     @property
@@ -132,7 +132,7 @@ class Places:
 
     @property
     def durations(self) -> Path:
-        """How long things took lately: a convenience that may be deleted."""
+        """The file with recent durations of steps; it may be deleted."""
         return self.data / "durations.json"
 
     @property
@@ -143,7 +143,7 @@ class Places:
 
 @dataclass(frozen=True)
 class Resolved:
-    """Settings, each with where it came from."""
+    """Settings with the origin of each."""
 
     config: Config
     sources: Mapping[str, str]
@@ -151,7 +151,7 @@ class Resolved:
 
 
 def places(env: Mapping[str, str] | None = None, project: Path | None = None) -> Places:
-    """Where data and settings lie, in this environment and for this project folder (default: the current one)."""
+    """The folders of data and settings, in this environment and for this project folder (default: the current one)."""
     env = os.environ if env is None else env
     project = Path.cwd() if project is None else project
     if home := env.get("ADAPTSIM_HOME"):
@@ -165,7 +165,7 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
 def load(
     flags: Mapping[str, Any] | None = None, env: Mapping[str, str] | None = None, project: Path | None = None
 ) -> Resolved:
-    """All settings; a flag of None was not given. Raises UsageError naming where, key and the known keys."""
+    """All settings; a flag of None was not given. Raises UsageError naming the source, the key and the known keys."""
     env = os.environ if env is None else env
     where = places(env, project)
     values: dict[str, Any] = _Values().model_dump()
@@ -178,7 +178,7 @@ def load(
     )
     for source, layer in layers:
         checked = _checked(layer, source, strict=source not in ("environment", "flag"))
-        if checked.get("rig"):  # in a settings file it is relative to that file
+        if checked.get("rig"):  # a path in a settings file is relative to that file
             folder = Path.cwd() if source in ("environment", "flag") else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
         for key in ("checkpoint", "object", "world"):
@@ -192,7 +192,7 @@ def load(
 
 
 def template() -> str:
-    """A config file with every setting as a comment: its default, and what it is."""
+    """A settings file with every setting as a comment: default and meaning."""
     lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
     for name, info in _Values.model_fields.items():
         value = f'"{info.default}"' if isinstance(info.default, str) else info.default

@@ -1,4 +1,4 @@
-"""What can go wrong around the parts: settings, readiness, the operator, the stored session.
+"""Errors of the command line: settings, readiness, the operator, stored sessions.
 
 CliError
 ├── UsageError           a wrong flag, setting or combination of them

@@ -1,7 +1,7 @@
-"""The arm drawn into the pictures of a calibration: the quickest proof of it that a person can see.
+"""Draws the arm into the pictures of a calibration: the quickest visible proof of it.
 
-Of views that give joints the whole arm is drawn, of others the hand and link 7. The outline of the hand is also
-compared with what moves in the pictures (`perception.outline`).
+For views with joints the whole arm is drawn, for others the hand and link 7. The outline of the hand is also compared
+with the moving parts of the pictures (`perception.outline`).
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from perception.outline import OutlineFit, Seen, fit, silhouette
 
 PICTURE = "arm.jpg"
 LIMIT_M = 0.008
-"""An outline that fits better when it is shifted by more, at the hand, is not right."""
+"""The outline counts as wrong if a shift larger than this, at the hand, fits better."""
 ON_SHEET, COLUMNS, TILE_PX = 6, 3, 640
-_WRIST_BALL_M = 0.10  # what continues the hand's outline: link 6, however joint 7 is turned
+_WRIST_BALL_M = 0.10  # continues the hand's outline: link 6, at any angle of joint 7
 _HAND, _ARM = (60, 60, 235), (235, 170, 60)
 
 
 @dataclass(frozen=True, eq=False)
 class ArmPictures:
-    """What is drawn, and how well it fits."""
+    """The drawn pictures, and the fit of the outline."""
 
     fit: OutlineFit | None
     by_view: dict[str, NDArray[np.uint8]]  # (H, W, 3) BGR
 
     @property
     def fits(self) -> bool:
-        """False, too, where it was not measured."""
+        """Whether the outline fits; also False if not measured."""
         return self.fit is not None and self.fit.shift_m <= LIMIT_M
 
     @property
@@ -63,7 +63,7 @@ class ArmPictures:
         )
 
     def as_json(self) -> dict[str, Any] | None:
-        """None where it was not measured."""
+        """The measurement for JSON; None if not measured."""
         found = self.fit
         if found is None:
             return None
@@ -86,7 +86,7 @@ class ArmPictures:
 
 
 def draw(solved: Solved) -> ArmPictures:
-    """Raises UnusableViews where the arm cannot be drawn."""
+    """Draw the arm into the pictures. Raises UnusableViews if it cannot be drawn."""
     record, camera = solved.record, solved.setup.colour
     if record.mounting != "fixed":
         raise UnusableViews("the camera is on the wrist and does not see the arm: there is nothing to draw")
@@ -115,12 +115,12 @@ def draw(solved: Solved) -> ArmPictures:
 
 
 def jpeg(image: NDArray[np.uint8]) -> bytes:
-    """Of (H, W, 3) BGR."""
+    """JPEG of (H, W, 3) BGR."""
     return cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 88))[1].tobytes()
 
 
 def _picture(solved: Solved, view: View, camera: Intrinsics) -> NDArray[np.uint8] | None:
-    """(H, W, 3) RGB of the view, None where it has none of the camera's size."""
+    """(H, W, 3) RGB of the view; None if it has no picture of the camera's size."""
     path: Path | None = solved.images.get(view.name)
     image = None if path is None else cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None or image.shape[:2] != (camera.height, camera.width):
@@ -133,7 +133,7 @@ def _flange(view: View, offsets_rad: Array) -> Array:
 
 
 def _links(view: View, offsets_rad: Array, X_CB: Array) -> tuple[Array, ...]:
-    """The capsules of the arm in the camera, each as points; none where the joints are not known."""
+    """The capsules of the arm in the camera frame, each as points; empty if joints are unknown."""
     if view.q_rad is None or len(view.q_rad) != FLANGE - 1:
         return ()
     ends = segments(link_poses(view.q_rad + offsets_rad), ARM)
@@ -161,7 +161,7 @@ def _ball(centre_m: Array) -> Array:
 def _drawn(
     picture: NDArray[np.uint8], camera: Intrinsics, hand: Sequence[Array], links: Sequence[Array]
 ) -> NDArray[np.uint8]:
-    """BGR with the outlines, the links' below the hand's."""
+    """(H, W, 3) BGR with the outlines; the hand's on top of the links'."""
     image = np.ascontiguousarray(picture[..., ::-1])
     width = max(1, round(camera.width / 640))
     for parts, colour in ((links, _ARM), (hand, _HAND)):

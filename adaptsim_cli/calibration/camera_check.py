@@ -1,4 +1,4 @@
-"""Is the camera fit for calibrating: intrinsics, exposure, sharpness, and whether it is warm."""
+"""Checks of the camera before a calibration: intrinsics, exposure, sharpness, temperature."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ WARM_UP_MIN = 40
 
 
 def before(frame: Frame, model: CameraModel) -> tuple[Readiness, ...]:
-    """Of any picture of the scene, before anything moves."""
+    """Checks on any picture of the scene, before anything moves."""
     return (_intrinsics(frame, model.colour), _exposure(frame))
 
 
 def warm(real: bool, temperature_C: float | None) -> Readiness:
-    """Cameras do not tell since when they are on, so this reminds and never fails."""
+    """A reminder that never fails, because cameras do not report how long they have been on."""
     if not real:
         return Readiness("warm-up", True, "a simulated camera needs none")
     now = "it does not report its temperature" if temperature_C is None else f"{temperature_C:.1f} °C now"
@@ -30,7 +30,7 @@ def warm(real: bool, temperature_C: float | None) -> Readiness:
 
 
 def at_board(frame: Frame, corners: Corners) -> tuple[Readiness, ...]:
-    """Of a picture with the board: contrast of the print, and how wide its edges are."""
+    """Checks on a picture with the board: contrast of the print, and width of its edges."""
     grey = cv2.cvtColor(frame.colour, cv2.COLOR_RGB2GRAY).astype(np.float32)
     black, white = _levels(grey, corners)
     contrast = white - black

@@ -1,4 +1,4 @@
-"""The checks beside the residuals, from what a folder of views holds: depth images, the filmed swing, infrared."""
+"""The checks besides the residuals, from a folder of views: depth images, the filmed swing, infrared."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from perception.errors import BoardNotFound
 
 MOTION = "motion.json"
 TABLE_X_M, TABLE_Y_M = (0.45, 1.0), (-0.35, 0.35)
-"""The part of the table that is looked at, in the base; what the arm and the board hide in one view others show."""
+"""The part of the table to check, in the base; parts hidden by arm and board in one view are visible in others."""
 TABLE_NEAR_M = 0.02
 _EVERY_PX = 6
 _MEDIAN_VIEWS = 5
@@ -32,7 +32,7 @@ _MEDIAN_VIEWS = 5
 def checks(
     folder: Path, stored: files.Folder, setup: Setup, views: Sequence[View], solution: Solution, forward: Forward | None
 ) -> list[Check]:
-    """All of them, in the order in which they are shown. Raises ViewFolderError where the swing's file is damaged."""
+    """All checks, in the order of the screen. Raises ViewFolderError if the swing's file is damaged."""
     good = [view for view in views if view.name in set(solution.used)]
     predicted = of.board_poses(solution, good, setup, forward)
     poses = dict(zip([view.name for view in good], predicted, strict=True))
@@ -46,7 +46,7 @@ def checks(
 
 
 def readings(stored: files.Folder, device: str) -> list[float]:
-    """What the device told of its temperature, in the order of the views that have it."""
+    """The device's temperatures in °C, in the order of the views that state it."""
     found = (view.record.temperatures_C.get(device) for view in stored.views)
     return [value for value in found if value is not None]
 
@@ -72,14 +72,14 @@ def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array |
 
 
 def _behind(images: Sequence[Array | Any]) -> Array:
-    """(H, W) depth in m of what does not move: in each pixel the median of the far half of its readings; 0 = none."""
+    """(H, W) depth in m of the static background: per pixel the median of the far half of its readings; 0 = none."""
     chosen = np.linspace(0, len(images) - 1, min(len(images), 2 * _MEDIAN_VIEWS + 1)).astype(int)
     stack = np.sort(np.stack([images[i] for i in chosen]).astype(np.float64), axis=0)
     return np.asarray(1e-3 * stack[-1 - len(chosen) // 4])
 
 
 def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
-    """(N, 3) readings near the table top within the part that is looked at, in the base."""
+    """(N, 3) readings near the table top within the checked part, in the base."""
     v, u = np.mgrid[0 : camera.height : _EVERY_PX, 0 : camera.width : _EVERY_PX].reshape(2, -1)
     pixels = np.stack([u, v], axis=1).astype(np.float64)
     flat = cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion).reshape(-1, 2)

@@ -34,7 +34,7 @@ OpenRig = Callable[[Config, Board, SavedCalibration | None], AbstractContextMana
 """(settings, the board in the gripper, an earlier calibration) -> the devices, connected."""
 
 Stores = Callable[[Config, Places], CalibrationStore]
-"""Settings -> the calibrations of the rig."""
+"""(settings) -> the calibrations of the rig."""
 
 RESIDUALS = "residuals.csv"
 OVERLAY = "overlay"
@@ -42,12 +42,12 @@ Ends = Callable[[Config, Places], Sequence[str]]
 """Settings -> the open sessions that use the present calibration and touch-off."""
 
 CHECK_PLACES = 6
-"""Planned for a check, which ends with the third that shows the board."""
+"""Places planned for a check, which ends with the third view of the board."""
 
 
 @dataclass(frozen=True)
 class CalibrationRequest:
-    """What the operator asked for on the command line."""
+    """The operator's options on the command line."""
 
     guide: bool
     views: int
@@ -57,14 +57,14 @@ class CalibrationRequest:
 
 
 def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
-    """`Ends` where no sessions are kept."""
+    """`Ends` without sessions."""
     return ()
 
 
 def calibrate(
     resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
 ) -> None:
-    """The whole calibration. Raises what stops it, with how to go on."""
+    """The whole calibration. Raises the error that stops it, with the command to continue."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
@@ -86,7 +86,7 @@ def calibrate(
 
 
 def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
-    """Three views against the calibration in use. Raises CalibrationMissing where there is none."""
+    """Compare three views with the calibration in use. Raises CalibrationMissing if there is none."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
@@ -116,7 +116,7 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
 
 
 def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
-    """Views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    """Solve views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board and solving"):
         solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions(), wishes=wishes)
@@ -152,7 +152,7 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
 
 
 def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
-    """The arm drawn into every picture of a folder. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    """Draw the arm into every picture of a folder. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board, solving and drawing"):
         solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
@@ -172,7 +172,7 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
 
 
 def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
-    """Several cameras around one arm. Raises ViewFolderError, CalibrationError, PerceptionError."""
+    """Solve several cameras around one arm. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the target and solving"):
         found = together.solve([folder.absolute() for folder in folders])
@@ -229,7 +229,7 @@ def board(
 
 
 def summary(record: SavedCalibration) -> dict[str, Any]:
-    """What a program wants to know of a calibration."""
+    """A calibration for JSON."""
     u = record.uncertainty
     return {
         "accepted": record.accepted,
@@ -253,7 +253,7 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
 
 
 def flags(config: Config) -> str:
-    """What leads another command to the same rig or world."""
+    """The options that lead another command to the same rig or world."""
     place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
     return f"--task {config.task} {place}"
 
@@ -267,7 +267,7 @@ def _after(config: Config) -> tuple[tuple[str, str], ...]:
 
 
 def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> Board:
-    """The board in use, its size measured where somebody is there to ask."""
+    """The board in use, with its measured size; asks for the size if a person is there."""
     known = printing.known(resolved.places.data)
     if known is None:
         if not resolved.config.is_simulated:

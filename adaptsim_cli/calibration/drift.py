@@ -18,7 +18,10 @@ from perception.errors import BoardNotFound
 
 
 def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: Screen) -> Drift:
-    """Visit, compare. Nothing is stored. Raises TooFewViews, HardwareError, PerceptionError, StoppedByOperator."""
+    """Take three views and compare.
+
+    Stores nothing. Raises TooFewViews, HardwareError, PerceptionError, StoppedByOperator.
+    """
     from perception.board import detect
 
     camera = rig.camera.model().colour

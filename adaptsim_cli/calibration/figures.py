@@ -14,11 +14,11 @@ from hw.types import Intrinsics
 
 _WIDTH = 760.0
 ENLARGED = 20.0
-"""Residual vectors in the picture of them."""
+"""Enlargement of residual vectors in their figure."""
 
 
 def coverage(views: Sequence[View], used: frozenset[str], camera: Intrinsics) -> str:
-    """Every corner that was seen, in the frame of the image; views that were not used stand out."""
+    """Every corner found, in the frame of the image; unused views stand out."""
     width = 560.0
     height = width * camera.height / camera.width
     canvas = Canvas(width + 2, height + 2, "Where in the image the board was seen")
@@ -36,7 +36,7 @@ def coverage(views: Sequence[View], used: frozenset[str], camera: Intrinsics) ->
 
 
 def residuals(views: Sequence[ViewOutcome]) -> str:
-    """How far the corners of each view lie from where the result puts them, and how sharp they are in themselves."""
+    """The error of each view's corners under the result, and under the view's own best pose."""
     left, right, top, bottom = 44.0, _WIDTH - 8, 10.0, 210.0
     canvas = Canvas(_WIDTH, bottom + 40, "Residuals of every view in pixels")
     high = 1.1 * max([v.rms_px or 0.0 for v in views if v.used] + [v.held_out_px or 0.0 for v in views] + [0.2])
@@ -44,7 +44,7 @@ def residuals(views: Sequence[ViewOutcome]) -> str:
     for tick in y.ticks(4):
         canvas.line(left, y(tick), right, y(tick), "grid")
         canvas.text(left - 6, y(tick) + 4, plain(round(tick, 6)), anchor="end")
-    step = -(-len(views) // 12)  # so that names stay apart on a narrow screen too
+    step = -(-len(views) // 12)  # so that names do not overlap on a narrow screen
     for i, view in enumerate(views):
         if i % step == 0:
             canvas.text(x(i), bottom + 16, view.name, anchor="middle")
@@ -63,7 +63,7 @@ def residuals(views: Sequence[ViewOutcome]) -> str:
 
 
 def vectors(views: Sequence[Residuals], camera: Intrinsics) -> str:
-    """From where each point is predicted towards where it is seen, enlarged, in the frame of the image; views used."""
+    """Vectors from predicted to observed points, enlarged, in the frame of the image; used views only."""
     width = 560.0
     height = width * camera.height / camera.width
     canvas = Canvas(width + 2, height + 2, f"Residuals as vectors, enlarged {ENLARGED:.0f} times")
@@ -79,7 +79,7 @@ def vectors(views: Sequence[Residuals], camera: Intrinsics) -> str:
 
 
 def work_volume(uncertainty: UncertaintyRecord, camera_m: tuple[float, float]) -> str:
-    """The corners of the work volume from above, with the error that is exceeded once in twenty calibrations."""
+    """The corners of the work volume from above, with the error that 95 % of calibrations stay below."""
     points = np.array(uncertainty.points_m)
     spot = np.array([*points[:, :2], (0.0, 0.0), camera_m])
     low, high = spot.min(axis=0) - 0.15, spot.max(axis=0) + 0.15

@@ -1,7 +1,7 @@
 """A calibration from the first picture to the stored result. Read downwards: this is the order of events.
 
-Every view is on disk before the next motion. Whatever stops the series (an operator, a cable, a power cut) leaves a
-folder that the next run takes up.
+Every view is on the disk before the next motion. If anything stops the series (an operator, a cable, a power cut), the
+next run continues from its folder.
 """
 
 from __future__ import annotations
@@ -37,35 +37,35 @@ TRIES = 3
 
 @dataclass(frozen=True)
 class Options:
-    """What the operator asked for."""
+    """The operator's options."""
 
-    fresh: bool  # begin anew, whatever is there
-    unattended: bool  # nobody is there to ask
+    fresh: bool  # begin a new series, even if one is unfinished
+    unattended: bool  # nobody answers questions
     created: str  # ISO 8601, when this run began
     versions: dict[str, str]
 
 
 @dataclass(frozen=True, eq=False)
 class Sights:
-    """What the views so far have shown."""
+    """The views so far."""
 
     names: tuple[str, ...] = ()
     corners: tuple[Corners, ...] = ()
     X_CM: tuple[Array, ...] = ()
 
     def with_view(self, name: str, corners: Corners, X_CM: Array) -> Sights:
-        """These and one more view: its name, its corners in pixels, its board pose (4, 4) in the camera."""
+        """These and another view: its name, corners in pixels, and board pose (4, 4) in the camera."""
         return Sights((*self.names, name), (*self.corners, corners), (*self.X_CM, X_CM))
 
     def coverage(self, rig: CalibrationRig) -> Coverage | None:
-        """What the views cover and what they still miss; None before the first one."""
+        """The coverage of the views; None before the first view."""
         return coverage(self.corners, self.X_CM, rig.board, rig.camera.model().colour) if self.names else None
 
 
 def calibrate(
     rig: CalibrationRig, store: CalibrationStore, visits: Visits, screen: Screen, options: Options
 ) -> tuple[Solved, Path]:
-    """Check, visit, solve, store. -> what was found, and the folder of the stored calibration.
+    """Check, visit, solve, store; return the solution and the folder of the stored calibration.
 
     Raises PreflightFailed, HardwareError, PerceptionError, StoppedByOperator, CalibrationError, SessionError.
     """
@@ -86,7 +86,7 @@ def calibrate(
 
 
 def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
-    """The corners of the views that an interrupted run has left."""
+    """The views of an interrupted run."""
     from perception.board import detect, locate
 
     sights, camera = Sights(), rig.camera.model().colour
@@ -97,7 +97,7 @@ def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
         assert view.colour is not None  # our own views always have a picture
         corners = detect(view.colour, rig.board, camera)
         X_CM = locate(corners, rig.board, camera).X_VM
-        if not series.path_of_picture(view.name).exists():  # it was stopped just before
+        if not series.path_of_picture(view.name).exists():  # the run was stopped just before this
             _picture(rig, series, sights, view.name, view.colour, corners, X_CM)
         sights = sights.with_view(view.name, corners, X_CM)
     for sentence in folder.damaged:
@@ -120,13 +120,13 @@ def _warm(rig: CalibrationRig) -> Readiness:
 
 
 def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Screen, sights: Sights) -> Sights:
-    """All places that have no view yet. Raises whatever stops it, with everything stored that was seen."""
+    """Visit all places without a view. Raises the error that stops it; every view taken is stored."""
     taken = {int(name) - 1 for name in sights.names}
     left = visits.numbers(taken)
     if left or not series.has_motion:
         visits.begin()
     if not left and not series.has_motion:
-        visits.go(max(taken), None)  # where the board is in view, for the swing that was not filmed
+        visits.go(max(taken), None)  # a place with the board in view, for the missing film of the swing
     for number in left:
         arrival = visits.go(number, sights.coverage(rig))
         if arrival is Arrival.ENOUGH:
@@ -139,7 +139,7 @@ def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Scree
 
 
 def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, number: int, total: int) -> Sights:
-    """Take one view, store it, show it. A view that does not count is named and left out."""
+    """Take, store and show one view. A view that does not count is named and left out."""
     from perception.board import detect, locate
 
     name, camera = f"{number + 1:03d}", rig.camera.model().colour
@@ -173,14 +173,14 @@ def _picture(
     corners: Corners,
     X_CM: Array,
 ) -> Path:
-    """Store what a view shows, for people: its corners, and those of the views before it. -> the picture."""
+    """Store the picture of a view for people, with its corners and those of earlier views; return the picture."""
     drawn = overlay.draw(colour, corners, X_CM, before.corners, rig.board, rig.camera.model().colour)
     series.picture("latest.jpg", drawn)
     return series.picture(series.path_of_picture(name).name, drawn)
 
 
 def _look_again(rig: CalibrationRig, screen: Screen) -> Look:
-    """A few tries, as an arm may still swing. Raises ViewRefused of the last."""
+    """Try several times, because the arm may still swing. Raises the last ViewRefused."""
     for _ in range(TRIES - 1):
         try:
             return look(rig)
@@ -190,7 +190,10 @@ def _look_again(rig: CalibrationRig, screen: Screen) -> Look:
 
 
 def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Screen) -> Path:
-    """Show, and store if accepted. Raises CalibrationRejected, the report beside the views and nothing replaced."""
+    """Show, and store if accepted.
+
+    Else raise CalibrationRejected: the report lies beside the views, and nothing is replaced.
+    """
     page = report.render(solved).encode()
     screen.show(shows.calibration(solved.record))
     for sentence in solved.worth.sentences:
@@ -209,7 +212,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
 
 
 def show_arm(solved: Solved, folder: Path, screen: Screen) -> None:
-    """A picture with the arm drawn into it, where its looks are known. It forbids nothing: a person judges it."""
+    """Show a picture with the arm drawn into it, if the arm's looks are known. A person judges it; it never rejects."""
     try:
         drawn = arm_picture.draw(solved)
     except UnusableViews:
@@ -221,7 +224,7 @@ def show_arm(solved: Solved, folder: Path, screen: Screen) -> None:
 
 
 def rejected(solved: Solved, page: Path, advice: str) -> CalibrationRejected:
-    """Every reason, where to look, and what can be done."""
+    """The error with every reason, the page to read, and the remedy."""
     record = solved.record
     reasons = "; ".join(gate.message for gate in (*record.gates, *record.checks) if gate.verdict == "bad")
     error = CalibrationRejected(f"not accepted: {reasons}")

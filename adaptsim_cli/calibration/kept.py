@@ -1,4 +1,4 @@
-"""The calibrations of one rig as a person lists, reads and compares them."""
+"""Lists, shows and compares the calibrations of one rig."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ HEAD = ("calibration", "made", "known to", "")
 
 
 def listed(store: CalibrationStore) -> list[dict[str, Any]]:
-    """One a calibration, oldest first; the last one is in use. A damaged one comes with its error."""
+    """One row per calibration, oldest first; the last one is in use. A damaged one has its error."""
     paths = store.numbered.all()
     return [_one(store, path, in_use=path == paths[-1]) for path in paths]
 
 
 def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """What `HEAD` names."""
+    """The columns of `HEAD`."""
     return [
         (one["name"], "", "", one["error"])
         if "error" in one
@@ -40,7 +40,7 @@ def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def compared(store: CalibrationStore, first: str, second: str) -> dict[str, Any]:
-    """How far the camera, and the joint zeros, of the second lie from those of the first."""
+    """The differences of camera pose and joint zeros from the first to the second."""
     a, b = (store.read(store.numbered.named(name)) for name in (first, second))
     X_A, X_B = np.array(a.X_AC), np.array(b.X_AC)
     turned = np.linalg.inv(X_A[:3, :3]) @ X_B[:3, :3]
@@ -59,7 +59,7 @@ def compared(store: CalibrationStore, first: str, second: str) -> dict[str, Any]
 
 
 def sentence(found: dict[str, Any]) -> str:
-    """The comparison in words: more than three standard deviations apart is a camera that was moved."""
+    """The comparison in words: a difference of more than three standard deviations means a moved camera."""
     apart = found["distance_mm"] > 3.0 * found["known_to_mm"] or found["turned_deg"] > 3.0 * found["known_to_deg"]
     same = "the difference lies within their uncertainty, so the camera has not moved"
     said = "the camera has moved" if apart else same
@@ -90,5 +90,5 @@ def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]
 
 
 def tell(screen: Screen, store: CalibrationStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
-    """The list on the screen, with the sessions that rest on the one in use."""
+    """Show the list, with the sessions that use the current one."""
     listing.tell(screen, listing.Listing("calibrations", "calibrate", store.folder, HEAD), found, rows(found), resting)

@@ -1,4 +1,4 @@
-"""A short swing of the board while the camera films: what the time offset between camera and arm is found from."""
+"""A short swing of the board before the running camera, to measure the time offset between camera and arm."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from perception.errors import PerceptionError
 from sim.errors import NotExecutable
 
 SWING_RAD = 0.14
-"""Of joint 1: some 60 px in about a second."""
+"""Amplitude of joint 1: about 60 px in about a second."""
 ARM_PERIOD_S = 0.01
 
 
 def record_motion(rig: CalibrationRig, series: Series, screen: Screen) -> None:
-    """Swing, film, store where the board was seen and where the joints were. Says so where there is no room to swing.
+    """Swing, film, store the board's corners and the joints. Says so if there is no room to swing.
 
     Raises ArmFault, CameraError.
     """
@@ -52,7 +52,7 @@ def _as_json(rig: CalibrationRig, played: Execution, frames: tuple[Frame, ...] |
         try:
             corners = detect(frame.colour, rig.board, rig.camera.model().colour)
         except PerceptionError:
-            continue  # a blurred or half-hidden board in one frame of many
+            continue  # the board is blurred or half hidden in this frame
         seen.append({"t_s": frame.t_s, "ids": corners.ids.tolist(), "px": corners.px.tolist()})
     every = max(1, round(ARM_PERIOD_S / float(played.t_s[1] - played.t_s[0])))
     t_s: Array = played.t_start_s + played.t_s[::every]

@@ -1,4 +1,4 @@
-"""The picture that an operator looks at: the corners found, the board's axes, and what earlier views cover."""
+"""The picture for the operator: corners found, the board's axes, and the coverage of earlier views."""
 
 from __future__ import annotations
 

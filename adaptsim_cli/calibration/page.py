@@ -1,4 +1,4 @@
-"""A calibration -> one self-contained HTML page."""
+"""Writes a calibration as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _verdict(record: SavedCalibration) -> str:
 
 
 def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
-    """Views spread over the series, those that were not used first."""
+    """Pictures of views spread over the series, unused views first."""
     odd = [view for view in solved.views if view.name not in used][: PICTURES // 2]
     good = [view for view in solved.views if view.name in used]
     chosen = [good[i] for i in np.linspace(0, len(good) - 1, PICTURES - len(odd)).astype(int)] if good else []
@@ -81,7 +81,7 @@ def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
 
 
 def _url(jpeg: bytes) -> str:
-    """A data URL of the picture, made small."""
+    """A data URL of the reduced picture."""
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         return ""

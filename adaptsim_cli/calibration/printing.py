@@ -1,4 +1,4 @@
-"""The board on paper: a page at true scale with a ruler to check the print, and what is known of the print."""
+"""The board on paper: a page at true scale with a ruler to check the print, and the stored size of the print."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "letter": (279.4, 215.9
 FORMATS = (".pdf", ".png")
 BOARD_FILE = "board.toml"
 LIKELY = 0.03
-"""A print that is off by more than this share was measured wrongly, or printed to fit the page."""
+"""A larger deviation of the print, as a share, means a wrong measurement or a print scaled to the page."""
 
 _TOP_MM, _BOTTOM_MM, _SIDE_MM = 8.0, 17.0, 8.0
 _RULER_MM = 100.0
@@ -30,7 +30,7 @@ _SQUARE_PX = 560
 
 
 class PrintedBoard(Record):
-    """board.toml: the board in use."""
+    """board.toml: the board in use, with its measured size."""
 
     board: BoardRecord
     nominal_square_mm: float
@@ -38,7 +38,7 @@ class PrintedBoard(Record):
 
 
 def fitting(paper: str, square_mm: float | None) -> Board:
-    """The board for a paper: squares as large as fit, in whole mm, or as asked for. Raises UsageError."""
+    """The board for a paper size: the largest squares that fit, in whole mm, or the wanted size. Raises UsageError."""
     if paper not in PAPERS_MM:
         raise UsageError(f"--paper {paper}: choose one of {', '.join(PAPERS_MM)}")
     width, height = PAPERS_MM[paper]
@@ -51,7 +51,7 @@ def fitting(paper: str, square_mm: float | None) -> Board:
 
 
 def page(board: Board, paper: str, kind: str) -> bytes:
-    """The page as PDF or PNG (`kind` is ".pdf" or ".png"), at true scale when printed without fitting to the page."""
+    """The page as PDF or PNG (`kind` is ".pdf" or ".png"), at true scale if printed at 100 %."""
     from matplotlib.figure import Figure
 
     from perception.board import draw
@@ -109,6 +109,6 @@ def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:
 
 
 def known(data: Path) -> PrintedBoard | None:
-    """The board in use. Raises ViewFolderError where its file is damaged."""
+    """The board in use; None if none was stored. Raises ViewFolderError if its file is damaged."""
     path = data / BOARD_FILE
     return read(PrintedBoard, path) if path.exists() else None

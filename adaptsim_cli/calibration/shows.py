@@ -1,4 +1,4 @@
-"""What an operator reads during and after a calibration, as rich renderables."""
+"""Everything that a calibration prints for an operator, as rich renderables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from perception.board.types import BoardPose
 
 
 def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:
-    """What is about to happen."""
+    """The announcement of the series."""
     board = rig.board
     lines = (
         "Finds the camera's pose in the arm's base frame, and its uncertainty.",
@@ -37,7 +37,7 @@ def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:
 def view(
     done: int, total: int, corners: int, of: int, pose: BoardPose, have: Coverage, picture: Path
 ) -> RenderableType:
-    """One line for one view, and what is still missing."""
+    """One line for a view, and the missing coverage."""
     tilt = float(np.linalg.norm(have.tilts_deg[-1]))
     head = Text.assemble(
         (f"  {done:2d} of {total}", "bold"),

@@ -1,4 +1,4 @@
-"""What the pictures of a folder show, and where the arm was: stored views become views that can be solved."""
+"""Turns stored views into views for the solver: finds the target in the pictures and reads the arm's poses."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ MIN_TO_RECOGNISE = 5
 
 @dataclass(frozen=True, eq=False)
 class Looked:
-    """The views with a target, and what became of the others."""
+    """The views with a target, and sentences about the others."""
 
     setup: Setup
     views: tuple[View, ...]
-    left_out: tuple[str, ...]  # sentences: which picture shows no target, and why
-    recognised: tuple[str, ...]  # sentences: what was found rather than told
+    left_out: tuple[str, ...]  # sentences: pictures without a target, with the reason
+    recognised: tuple[str, ...]  # sentences: conventions that were recognised instead of stated
 
 
 def look(stored: files.Folder) -> Looked:
     """Find the target in every picture and read every pose.
 
-    A picture without it is left out and named. Raises PerceptionError where none shows it, UnusableViews where poses
+    A picture without it is left out and named. Raises PerceptionError if no picture shows it, UnusableViews if poses
     can be read in two ways.
     """
     setup, said = _with_pattern(stored, files.as_setup(stored.setup))
@@ -63,14 +63,14 @@ def look(stored: files.Folder) -> Looked:
 
 
 def corners_of(view: files.StoredView, stored: files.Folder, target: Target) -> Corners:
-    """Found in the picture, or brought along. Raises PerceptionError."""
+    """The corners found in the picture, or stated by the view. Raises PerceptionError."""
     if view.colour is None:
         return files.given_corners(view, stored.setup)
     return find(view.colour, target, stored.setup.colour.intrinsics())
 
 
 def _give_up(failed: Sequence[tuple[str, PerceptionError]]) -> None:
-    """Raise for a folder in which no picture shows the target: what is wrong with most of them."""
+    """Raise the commonest error of a folder in which no picture shows the target."""
     kinds = [type(error) for _, error in failed]
     most = max(dict.fromkeys(kinds), key=kinds.count)
     name, error = next((name, error) for name, error in failed if type(error) is most)
@@ -80,7 +80,7 @@ def _give_up(failed: Sequence[tuple[str, PerceptionError]]) -> None:
 
 
 def _with_pattern(stored: files.Folder, setup: Setup) -> tuple[Setup, tuple[str, ...]]:
-    """A ChArUco board with an even number of rows exists in two patterns: the one that the pictures show."""
+    """Choose the pattern in the pictures: a ChArUco board with an even number of rows exists in two patterns."""
     board = setup.board
     if not isinstance(board, Board) or board.squares_down % 2:
         return setup, ()
@@ -106,7 +106,7 @@ def _shows(view: files.StoredView, stored: files.Folder, board: Board) -> bool:
 def _convention(
     stored: files.Folder, setup: Setup, found: Sequence[tuple[files.StoredView, Corners]]
 ) -> tuple[Convention, tuple[str, ...]]:
-    """How the poses are to be read: as they say, as `[poses]` says, or as the pictures ask for."""
+    """The convention of the poses: stated by the keys or by `[poses]`, or recognised from the pictures."""
     told = {key: value for key, value in stored.setup.poses if value is not None}
     asked = frozenset[str]().union(*(view.record.questions() for view, _ in found))
     if asked <= set(told):
@@ -128,4 +128,4 @@ def _infrared(view: files.StoredView, setup: Setup) -> Corners | None:
     try:
         return find(view.infrared, setup.board, setup.infrared)
     except BoardNotFound:
-        return None  # the infrared image is a check of its own, not a condition
+        return None  # infrared is only a further check, not required

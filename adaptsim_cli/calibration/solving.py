@@ -16,31 +16,31 @@ from calib.saved import Origin, SavedCalibration, record_calibration
 from calib.types import Forward, Setup, Solution, View, Worth
 
 DEVICES = ("arm", "camera")
-"""Whose temperatures are kept with a calibration, where they tell them."""
+"""The devices whose temperatures are stored with a calibration, if reported."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What came of a folder, with what the report shows beside the record."""
+    """The result of a folder, with further values for the report."""
 
     record: SavedCalibration
     setup: Setup
     views: tuple[View, ...]
     images: Mapping[str, Path]  # by the view's name
     not_seen: tuple[str, ...]  # sentences: views without a board, damaged ones
-    recognised: tuple[str, ...]  # sentences: what of the folder was found rather than told
-    faults: tuple[Fault, ...]  # what is wrong with views that do not fit
+    recognised: tuple[str, ...]  # sentences: conventions that were recognised instead of stated
+    faults: tuple[Fault, ...]  # faults of views that do not fit
     residuals: tuple[Residuals, ...]  # of every view that shows the target
-    worth: Worth  # which views help, and what more would give
+    worth: Worth  # value of each view, and of further ones
 
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the operator asks for beyond a plain solution."""
+    """The operator's options beyond a plain solution."""
 
-    refine_intrinsics: bool = False  # use those that the views ask for
+    refine_intrinsics: bool = False  # use the intrinsics estimated from the views
     exchange: tuple[tuple[str, str], ...] = ()  # pairs of views with exchanged poses
-    shift: int = 0  # each picture belongs to the pose of the view so many places later
+    shift: int = 0  # each picture belongs to the pose of the view this many places later
     first: str = ""  # leave out the views before this one
     last: str = ""  # and those after this one
 
@@ -49,7 +49,7 @@ PLAIN = Wishes()
 
 
 def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
-    """Raises ViewFolderError, PerceptionError where no view shows the board, CalibrationError."""
+    """Solve a folder of views. Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError."""
     from calib.gates import judge
     from calib.sizing import solve_any_size
     from calib.trial import adopted, suspicious, trial
@@ -68,7 +68,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
     checks.append(intrinsics_check(tried, refined=wishes.refine_intrinsics and tried is not None))
     origin = Origin(
-        folder=folder.name,  # by its name alone, so that the data folder can be moved
+        folder=folder.name,  # only the name, so that the data folder can be moved
         view_sha256={view.name: view.sha256 for view in stored.views},
         hw=hw,
         arm=stored.setup.arm,
@@ -94,7 +94,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
 
 
 def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:
-    """Raises UnusableViews with the fault of the series, where one is found."""
+    """Raises UnusableViews, with the fault of the series if one is found."""
     from calib.sizing import solve_any_size
 
     try:
@@ -106,7 +106,7 @@ def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> t
 
 
 def _as_wished(views: Sequence[View], wishes: Wishes) -> tuple[View, ...]:
-    """The views that count, each with the pose that belongs to it. Raises UnusableViews."""
+    """The chosen views, each with its corrected pose. Raises UnusableViews."""
     names = {view.name for view in views}
     for option, name in (("--from", wishes.first), ("--until", wishes.last)):
         if name and name not in names:

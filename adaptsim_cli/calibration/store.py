@@ -1,6 +1,6 @@
-"""Where calibrations are kept: `<data>/calibrations/<rig>/`, nothing of it ever overwritten.
+"""Stores calibrations in `<data>/calibrations/<rig>/` and never overwrites one.
 
-views-0001/        setup.toml, view-*.json with images: one series, taken up again until it has led to a calibration
+views-0001/        setup.toml, view-*.json with images: one series, continued until it has given a calibration
 calibration-0001/  calibration.json and report.html, written whole or not at all; the highest number counts
 """
 
@@ -47,10 +47,9 @@ class Series:
         return (self.folder / MOTION).exists()
 
     def add(self, view_files: Mapping[str, bytes]) -> None:
-        """Write the files of one view; the last, its record, makes it count. Raises DiskFull, SessionError.
+        """Write the files of one view; its record comes last and makes it count. Raises DiskFull, SessionError.
 
-        Images of a view that was never finished are replaced. A record of that name is one that turned out to be
-        damaged: it is set aside.
+        Images of an unfinished view are replaced. An existing record of that name is a damaged one and is set aside.
         """
         *images, (record, content) = view_files.items()
         if (self.folder / record).exists():
@@ -60,7 +59,7 @@ class Series:
         durable.write_file(self.folder / record, content)
 
     def path_of_picture(self, view: str) -> Path:
-        """Where the picture of a view with its corners lies."""
+        """The file with the picture of a view and its corners."""
         return self.folder / f"{view}.corners.jpg"
 
     def picture(self, name: str, jpeg: bytes) -> Path:
@@ -75,12 +74,12 @@ class Series:
         return (self.folder / files.TOUCH).exists()
 
     def write_touch(self, touch_files: Mapping[str, bytes]) -> None:
-        """Image first: the record makes it count."""
+        """Store touched points: the image first, because the record makes them count."""
         for name, data in touch_files.items():
             durable.replace_file(self.folder / name, data)
 
     def set_aside_touch(self) -> None:
-        """Keep it for looking at; the next run asks for another one."""
+        """Rename the touched points; the next run asks for new ones."""
         (self.folder / files.TOUCH).replace(self.folder / f"{files.TOUCH}.refused")
 
     def write_motion(self, content: Mapping[str, Any]) -> None:
@@ -96,7 +95,7 @@ class CalibrationStore:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other calibration and check away from this rig. Raises UsageError where one runs already."""
+        """Lock this rig against other calibrations and checks. Raises UsageError if one is running."""
         durable.make_folder(self.folder)
         taken = (
             f"another calibration of this rig ({self.folder.name}) is running; wait until it has ended, or stop it: "
@@ -107,8 +106,9 @@ class CalibrationStore:
             yield
 
     def series(self, setup: SetupRecord, *, fresh: bool) -> tuple[Series, bool]:
-        """The series to go on with, and whether it had been begun. A new one if `fresh`, if the last one has led to
-        a calibration, or if the setup has changed since.
+        """The series to continue, and whether it already existed.
+
+        A new one if `fresh`, if the last one has given a calibration, or if the setup has changed since.
         """
         found = self._series.all()
         if found and not fresh and not self._finished(found[-1]) and _same(found[-1], setup):
@@ -119,14 +119,14 @@ class CalibrationStore:
         return Series(path), False
 
     def save(self, record: SavedCalibration, report: bytes) -> Path:
-        """Store an accepted calibration; from now on it is the current one. -> its folder."""
+        """Store an accepted calibration, which becomes the current one; return its folder."""
         durable.make_folder(self.folder)
         path = self.numbered.next()
         durable.write_folder(path, {FILE: record.content(), REPORT: report})
         return path
 
     def current(self) -> SavedCalibration | None:
-        """The latest calibration. Raises SessionError where it cannot be read: an older one is never taken silently."""
+        """The latest calibration. Raises SessionError if it is unreadable: an older one is never used silently."""
         found = self.numbered.all()
         if not found:
             return None
@@ -146,7 +146,7 @@ class CalibrationStore:
         return Numbered(self.folder, RESULT)
 
     def read(self, path: Path) -> SavedCalibration:
-        """One of them. Raises SessionError where it cannot be read."""
+        """One calibration. Raises SessionError if it is unreadable."""
         try:
             return read(SavedCalibration, path / FILE)
         except ViewFolderError as error:

@@ -1,4 +1,4 @@
-"""One view: the arm at rest before and after the picture, joints and picture of the same moment."""
+"""Takes one view: the arm rests before and after the picture, so joints and picture belong together."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from hw.types import ArmState, Array, Frame
 REST_RAD_S = 0.003
 """Slower than this, every joint counts as at rest: under 0.1 mm at the board within 30 ms."""
 DRIFT_RAD = 2e-4
-"""How far a joint may have crept between the readings before and after the picture."""
+"""Largest change of a joint (rad) between the readings before and after the picture."""
 APART_S = 0.25
-"""How far picture and joints may lie apart on the arm's clock."""
+"""Largest time between picture and joints on the arm's clock."""
 WAIT_S, POLL_S = 5.0, 0.05
 
 
 class ViewRefused(Exception):
-    """This look does not count; the next may. The message says why."""
+    """This view does not count; the next may. The message gives the reason."""
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Frame and joints that belong together."""
+    """A frame with its joints."""
 
     frame: Frame
     q_rad: Array  # (7,)
@@ -35,7 +35,7 @@ class Look:
 def look(rig: CalibrationRig) -> Look:
     """Wait for rest and take one picture.
 
-    Raises ViewRefused where the arm does not stay at rest or is not let go of, CameraError, ArmFault.
+    Raises ViewRefused if the arm does not stay at rest or a person does not release it, CameraError, ArmFault.
     """
     before = at_rest(rig)
     frame = rig.camera.snapshot()
@@ -59,7 +59,10 @@ def look(rig: CalibrationRig) -> Look:
 
 
 def at_rest(rig: CalibrationRig) -> ArmState:
-    """Two readings in a row at rest, in nobody's hands. Raises ViewRefused after `WAIT_S`, ArmFault."""
+    """Wait for two readings in a row at rest, with nobody guiding the arm.
+
+    Raises ViewRefused after `WAIT_S`, ArmFault.
+    """
     last, still = _state(rig), False
     for _ in range(round(WAIT_S / POLL_S)):
         rig.pause(POLL_S)
@@ -77,7 +80,7 @@ def at_rest(rig: CalibrationRig) -> ArmState:
 
 
 def _state(rig: CalibrationRig) -> ArmState:
-    """A fault that a person ends by letting go is left in it. Raises ArmFault at any other."""
+    """The arm's state, which may have a fault that a person ends by letting go. Raises ArmFault for any other fault."""
     state = rig.arm.state()
     if state.fault is not None and not state.by_hand:
         raise ArmFault(f"the arm reports {state.fault}; clear the fault on the arm, then run again: it continues")

@@ -1,4 +1,4 @@
-"""Folders of several cameras that stand around one arm: read, solved together, shown, written."""
+"""Reads, solves, shows and writes folders of several cameras around one arm."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _camera(folder: Path) -> Camera:
 
 
 def show(found: Together) -> RenderableType:
-    """A row a camera."""
+    """A table with one row per camera."""
     head = ("camera", "at, m in the base", "views", "held out", "alone", "work volume", "alone")
     rows = [
         (
@@ -58,7 +58,7 @@ def show(found: Together) -> RenderableType:
 
 
 def as_json(found: Together) -> dict[str, Any]:
-    """What a program wants to know."""
+    """The result for JSON."""
     return {
         "target": found.target,
         "size_sigma": found.size_sigma,
@@ -84,5 +84,5 @@ def as_json(found: Together) -> dict[str, Any]:
 
 
 def content(found: Together) -> bytes:
-    """together.json."""
+    """The content of together.json."""
     return (json.dumps(as_json(found), indent=1, allow_nan=False) + "\n").encode()

@@ -1,7 +1,7 @@
-"""The touched point: the board laid flat before the camera, one of its corners touched with a tip from four sides.
+"""The touch check: the board lies flat before the camera, and a tip touches one of its corners from four sides.
 
-The board's pose by the camera and the tip's by the arm's own kinematics must meet there. It is offered after the last
-view; a person may leave it out.
+The board's pose by the camera and the tip's by the arm's kinematics must meet at that corner. It is offered after the
+last view; a person may skip it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LAY = (
 
 
 def offer(rig: CalibrationRig, series: Series, screen: Screen, *, unattended: bool) -> None:
-    """Ask, take the picture, take the touches, store them. Nothing where it was done before, or nobody is there.
+    """Ask, take the picture and the touches, store them. Does nothing if already done, or if nobody is there.
 
     Raises StoppedByOperator, HardwareError, WrongBoard, BoardMirrored.
     """
@@ -58,7 +58,7 @@ def offer(rig: CalibrationRig, series: Series, screen: Screen, *, unattended: bo
 
 
 def middle(corners: Corners, board: Board) -> int:
-    """Of the corners seen the one nearest to the middle of the board, where its pose is known best."""
+    """The visible corner nearest to the board's centre, where its pose is best known."""
     p = board.p_MK_m[corners.ids]
     return int(corners.ids[np.linalg.norm(p - board.outline_m.mean(axis=0), axis=1).argmin()])
 
@@ -75,14 +75,14 @@ def ringed(colour: NDArray[np.uint8], corners: Corners, corner: int) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class _Asking:
-    """The steps that a person, or the lab in a person's place, takes one after the other."""
+    """The steps of a person, or of the lab in place of a person."""
 
     rig: CalibrationRig
     screen: Screen
     unattended: bool
 
     def picture(self) -> tuple[NDArray[np.uint8], Corners] | None:
-        """The board as it lies; None where it is left out, or not found in a few tries."""
+        """The picture of the lying board; None if skipped, or not found in several tries."""
         from perception.board import detect
 
         for _ in range(TRIES):
@@ -98,7 +98,7 @@ class _Asking:
         return None
 
     def touches(self, corner: int) -> Array | None:
-        """(N, 7) joints as reported, taken anew where they disagree; None where it is left out."""
+        """(N, 7) reported joints, repeated if they disagree; None if skipped."""
         for attempt in range(TRIES):
             found: list[Array] = []
             for i in range(MIN_TOUCHES):
@@ -115,7 +115,9 @@ class _Asking:
         return q_rad
 
     def _touch(self, corner: int, number: int) -> Array | None:
-        """(7,) of one touch at rest; None where it is left out, or the arm does not come to rest in a few tries."""
+        """(7,) reported joints of one touch at rest; None if skipped, or the arm does not come to rest in several
+        tries.
+        """
         question = (
             f"Touch {number % MIN_TOUCHES + 1} of {MIN_TOUCHES}: guide the tip to the corner, the gripper leaning "
             f"{_SIDES[number % len(_SIDES)]} by 20 to 40°, let go. At rest?"

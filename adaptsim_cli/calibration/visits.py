@@ -1,4 +1,4 @@
-"""How the board gets to its next place: the arm goes there by itself, or a person guides it by hand."""
+"""Brings the board to its next place: the arm moves by itself, or a person guides it by hand."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sim.errors import NotExecutable
 CANDIDATES = 1024
 DISTANCE_M = (0.45, 1.15)
 FEWEST = 12
-"""Fewer reachable places than this are not worth starting with."""
+"""Fewest reachable places for a series."""
 GUIDED = 20
 
 
@@ -35,14 +35,14 @@ class Arrival(Enum):
 
 
 class Visits(Protocol):
-    """Where the board is held, one place after the other."""
+    """The visits of a series, one place after another."""
 
     def numbers(self, taken: Set[int]) -> Sequence[int]:
-        """The places to visit, in order, given those that have a view already."""
+        """The places to visit, in order; `taken` are those with a view."""
         ...
 
     def begin(self) -> None:
-        """Ask once for the whole series. Raises StoppedByOperator, UsageError."""
+        """Ask for approval, once for the whole series. Raises StoppedByOperator, UsageError."""
         ...
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
@@ -56,12 +56,12 @@ class Visits(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Automatic:
-    """The arm visits planned postures. Each motion is planned and checked just before it is made."""
+    """The arm visits planned postures. Each motion is planned and checked just before it begins."""
 
     rig: CalibrationRig
     screen: Screen
     q_rad: Array  # (P, 7) in the order of the visits
-    home_rad: Array  # (7,) where the arm stood
+    home_rad: Array  # (7,) the arm's first posture
     unattended: bool
 
     def numbers(self, taken: Set[int]) -> Sequence[int]:
@@ -69,7 +69,7 @@ class Automatic:
         return [number for number in range(len(self.q_rad)) if number not in taken]
 
     def begin(self) -> None:
-        """Tell the person what will move, and wait for Enter. Raises UsageError, StoppedByOperator."""
+        """Announce the motions and wait for Enter. Raises UsageError, StoppedByOperator."""
         if self.unattended and self.rig.is_real:
             raise UsageError(
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
@@ -82,7 +82,7 @@ class Automatic:
         self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", stopped=stopped)
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
-        """Move to one posture, or leave it out where no way leads there. Raises MotionRefused, HardwareError."""
+        """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""
         try:
             path = self.rig.ways.way(self.rig.arm.state().q_rad, self.q_rad[number])
         except NotExecutable as error:
@@ -107,7 +107,7 @@ class HandGuided:
     screen: Screen
 
     def numbers(self, taken: Set[int]) -> Sequence[int]:
-        """As many further views as a person may take."""
+        """Numbers of further views, as many as a person may take."""
         first = max(taken, default=-1) + 1
         return range(first, first + GUIDED)
 
@@ -132,14 +132,14 @@ class HandGuided:
         return Arrival.ENOUGH if answer == "s" else Arrival.THERE
 
     def end(self, film: Callable[[], None]) -> None:
-        """Nothing: without a planned motion there is nothing to film."""
-        return  # nothing moves the arm, so nothing is filmed and the time offset is not measured
+        """Does nothing: without a planned motion there is nothing to film."""
+        return  # so the time offset is not measured
 
 
 def plan(rig: CalibrationRig, count: int) -> Array:
-    """(P, 7) up to `count` postures that together show the board in all ways that the arm can reach.
+    """(P, 7) up to `count` postures that together show the board in all reachable ways.
 
-    The same for the same rig and board, so that an interrupted series can go on. Raises PreflightFailed.
+    Deterministic for a rig and board, so that an interrupted series can continue. Raises PreflightFailed.
     """
     if rig.rough_X_BC is None:
         raise PreflightFailed("the camera pose is still unknown, so no motion can be planned: add --guide")

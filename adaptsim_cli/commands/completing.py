@@ -1,4 +1,4 @@
-"""Names that a shell completes: light, since every press of Tab starts the program."""
+"""Names for shell completion. Light, because every press of Tab starts the program."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def tasks(incomplete: str) -> list[str]:
 
 
 def worlds(incomplete: str) -> list[str]:
-    """Worlds that ship, of every task of ours, that begin like this; a shell completes files by itself."""
+    """Shipped worlds of all our tasks that begin like this; the shell completes files itself."""
     return _like(incomplete, list({file.stem for file in _WORLDS.glob("*/*.toml")}))
 
 

@@ -92,7 +92,7 @@ def rollout(
     name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)
-    single.typed(get_task(settings.task), chosen)  # refused before anything is loaded or connected
+    single.typed(get_task(settings.task), chosen)  # raises before anything is loaded or connected
     screen.expect(Durations(resolved.places.durations, f"{settings.hw} {settings.task} {settings.world}"))
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
@@ -114,7 +114,7 @@ def rollout(
 
 
 def _tell(screen: Screen, record: Mapping[str, Any]) -> None:
-    """How the trial ended."""
+    """Print the result of the trial."""
     from math import dist
 
     outcome = record["outcome"].replace("_", " ")

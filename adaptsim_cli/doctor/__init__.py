@@ -1,1 +1,1 @@
-"""`adaptsim doctor`: is all there that an iteration needs, and what mends what is not. Start at `examination`."""
+"""`adaptsim doctor`: checks everything that an iteration needs, with a remedy for each gap. Start at `examination`."""

@@ -1,4 +1,4 @@
-"""The whole checklist, in the order in which it is shown."""
+"""The whole checklist, in the order of the screen."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LOOK_S = 5.0
 
 
 def examine(resolved: Resolved) -> Iterator[Finding]:
-    """Everything that an iteration with these settings needs. Raises nothing for what is not there."""
+    """Check everything that an iteration with these settings needs. A missing part is a finding, never an error."""
     config, places = resolved.config, resolved.places
     arm = None if config.is_simulated else config.hw
     yield from _program(arm)
@@ -108,7 +108,7 @@ def _task(config: Config) -> Iterator[Finding]:
 
 
 def _arm(rig: RigDescription, *, reached: bool) -> Finding:
-    """Over FCI, without a motion."""
+    """Check the arm over FCI, without a motion."""
     if not reached:
         return skipped(lab.DEVICES, "arm", "not asked: its address does not answer")
     from hw.franka.inspection import inspect
@@ -132,7 +132,7 @@ def _camera(rig: RigDescription) -> Iterator[Finding]:
 
 
 def _stream(camera: CameraProcess) -> Finding:
-    """Half a second of images."""
+    """Check half a second of images."""
     try:
         with camera:
             camera.start_recording()
@@ -194,7 +194,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
 
 
 def _motion(resolved: Resolved) -> Finding:
-    """Whether the task can be done in the lab's workcell, as a session has it: the middle action at the reference."""
+    """Whether the task is possible in the session's workcell: the middle action at the reference context."""
     from adaptsim_cli.wiring.motion import mounted_for, planned
 
     task = resolved.config.task

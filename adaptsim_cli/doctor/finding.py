@@ -1,4 +1,4 @@
-"""What one check found."""
+"""The finding of one check."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from enum import Enum
 
 
 class Severity(Enum):
-    """How bad a finding is: MISSING alone keeps an iteration from running."""
+    """The severity of a finding; only MISSING prevents an iteration."""
 
     OK = "ok"
-    ADVICE = "advice"  # it works, but better not like this
+    ADVICE = "advice"  # works, not recommended
     MISSING = "missing"  # an iteration cannot run
     SKIPPED = "skipped"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the checklist. `fix` says what mends it, as a command where there is one."""
+    """One line of the checklist. `fix` is the remedy, a command if there is one."""
 
     group: str
     name: str
@@ -27,7 +27,7 @@ class Finding:
 
 
 def ok(group: str, name: str, detail: str) -> Finding:
-    """All is well; nothing to mend."""
+    """Ready; no remedy needed."""
     return Finding(group, name, Severity.OK, detail)
 
 
@@ -37,10 +37,10 @@ def advice(group: str, name: str, detail: str, fix: str) -> Finding:
 
 
 def missing(group: str, name: str, detail: str, fix: str) -> Finding:
-    """An iteration cannot run before `fix` is done."""
+    """An iteration cannot run until `fix` is done."""
     return Finding(group, name, Severity.MISSING, detail, fix)
 
 
 def skipped(group: str, name: str, why: str) -> Finding:
-    """Not looked at; `why` says the reason."""
+    """Not checked, for the reason `why`."""
     return Finding(group, name, Severity.SKIPPED, why)

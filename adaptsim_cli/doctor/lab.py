@@ -1,4 +1,4 @@
-"""Checks of the lab: rig file, calibration, checkpoint, world, motion, and the devices that answer."""
+"""Checks of the lab: rig file, calibration, checkpoint, world, motion, and the devices."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 DEVICES, LEARNING = "devices", "task"
 MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
-"""Of an arm's states: libfranka wants 95 % of the commands in time, and twenty lost in a row stop the arm."""
+"""Limits for an arm's states: libfranka needs 95 % of the commands in time, and twenty lost in a row stop the arm."""
 LEAST_FRAMES = 10
 
 
 def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: str) -> Finding:
-    """`days` is the setting calibration_days."""
+    """Presence and age of the calibration; `days` is the setting calibration_days."""
     if known is None:
         fix = f"adaptsim calibrate --hw {hw}, ten minutes"
         return missing(DEVICES, "calibration", "this rig has no calibration: the camera pose is unknown", fix)
@@ -36,7 +36,7 @@ def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: st
 
 
 def camera(report: ProbeReport, serial: str) -> Finding:
-    """`serial` as the rig file has it; empty: any."""
+    """The camera with the rig file's `serial`; empty: any."""
     if report.error is not None:
         return missing(DEVICES, "camera", report.error, report.fix or "see docs/guide/cameras.md")
     if serial and serial not in report.serials:
@@ -53,7 +53,7 @@ def camera(report: ProbeReport, serial: str) -> Finding:
 
 
 def arm(seen: Inspection, model: str) -> Finding:
-    """What the arm says over FCI, and whether a second of its states came without a gap."""
+    """The arm's state over FCI, and whether a second of states came without a gap."""
     rhythm, reading = seen.rhythm, seen.reading
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
@@ -73,7 +73,7 @@ def arm(seen: Inspection, model: str) -> Finding:
 
 
 def stream(facts: Mapping[str, Any], seconds: float) -> Finding:
-    """Synchronised frames of the camera, as its own record tells of them (`CameraProcess.facts`)."""
+    """The stream of synchronised frames, by the camera's own record (`CameraProcess.facts`)."""
     film = facts.get("recording") or {}
     frames, dropped = int(film.get("frames", 0)), int(film.get("dropped", 0))
     told = f"{frames} synchronised frames in {seconds:.1f} s, {dropped} dropped"
@@ -86,7 +86,7 @@ def stream(facts: Mapping[str, Any], seconds: float) -> Finding:
 
 
 def answers(name: str, ask: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:
-    """A device that is asked for a sign of life: `ask` returns what it said, or raises one of `errors`."""
+    """Whether a device answers: `ask` returns its answer, or raises one of `errors`."""
     try:
         return ok(DEVICES, name, ask())
     except errors as error:
@@ -94,7 +94,7 @@ def answers(name: str, ask: Callable[[], str], errors: tuple[type[Exception], ..
 
 
 def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:
-    """Something of the task that is loaded for a look: `load` returns what is there, or raises one of `errors`."""
+    """Whether a part of the task loads: `load` returns its description, or raises one of `errors`."""
     try:
         return ok(LEARNING, name, load())
     except errors as error:
@@ -102,7 +102,7 @@ def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], .
 
 
 def no_pedal(*, waived: bool) -> Finding:
-    """A rig file without a pedal: advice where it waives one, else the arm does not move."""
+    """A rig file without a pedal: advice if it waives the pedal, else missing, because the arm does not move."""
     fix = "docs/guide/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
     if waived:
         return advice(DEVICES, "pedal", "waived by the rig file: only the arm's own stop button ends a motion", fix)
@@ -111,5 +111,5 @@ def no_pedal(*, waived: bool) -> Finding:
 
 
 def not_needed(names: tuple[str, ...]) -> tuple[Finding, ...]:
-    """What the simulated lab does without."""
+    """The devices that the simulated lab does not need."""
     return tuple(skipped(DEVICES, name, "not checked: hw = fake needs none") for name in names)

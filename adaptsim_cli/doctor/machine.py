@@ -11,12 +11,12 @@ from hw.franka.realtime import PRIORITY
 
 GROUP, DEVICES = "machine", "devices"
 SLOW_MB_S = 20.0
-"""A trial's recording is some 40 MB; the operator waits for it."""
+"""A trial's recording has about 40 MB, and the operator waits for it."""
 SLOW_FLUSH_S = 0.2
 LOCKED_MB = 100
-"""What libfranka's notes give a user to lock, so that a cycle never waits for a page."""
+"""The lock limit in libfranka's notes, so that a cycle never waits for a memory page."""
 MOST_RTT_MS = 0.5
-"""Half of the millisecond that a cycle has; the maker's own ping test asks for the same order."""
+"""Half of a 1 ms cycle; the maker's ping test asks for the same order."""
 
 
 def disk(folder: str, free_mb: int, least_mb: int) -> Finding:
@@ -28,7 +28,7 @@ def disk(folder: str, free_mb: int, least_mb: int) -> Finding:
 
 
 def disk_speed(folder: str, speed: WriteSpeed) -> Finding:
-    """How fast `folder` takes data to the disk, and how long a small file takes."""
+    """How fast `folder` stores data on the disk, and how long a small file takes."""
     if speed.mb_s is None:
         told = f"{folder} cannot be written to: {speed.problem}"
         return missing(GROUP, "disk speed", told, f"sudo chown -R $USER {folder}")
@@ -40,7 +40,7 @@ def disk_speed(folder: str, speed: WriteSpeed) -> Finding:
 
 
 def realtime_kernel(release: str, is_real_time: bool) -> Finding:
-    """`release` of the running kernel, as uname tells it."""
+    """Whether the kernel is real-time; `release` is that of uname."""
     if is_real_time:
         return ok(GROUP, "real-time kernel", release)
     detail = f"{release} is not real-time: the arm stops with communication_constraints_violation when cycles are late"
@@ -49,7 +49,7 @@ def realtime_kernel(release: str, is_real_time: bool) -> Finding:
 
 
 def priorities(user: Limits) -> Finding:
-    """What this user may ask for."""
+    """Whether this user may use real-time priority and locked memory."""
     if user.privileged or (user.rtprio >= PRIORITY and user.memlock_bytes >= 1e6 * LOCKED_MB):
         return ok(GROUP, "priorities", "this user may ask for real-time priority and locked memory")
     detail = f"rtprio {user.rtprio:g}, {PRIORITY} needed; memlock {user.memlock_bytes / 1e6:.0f} MB, {LOCKED_MB} needed"
@@ -61,7 +61,7 @@ def priorities(user: Limits) -> Finding:
 
 
 def governor(governors: Sequence[str]) -> Finding:
-    """Of every core; none where the machine does not change its clock, or does not tell."""
+    """The frequency governors of all cores; empty if the machine has a fixed clock, or does not tell."""
     if not governors:
         return ok(GROUP, "clock frequency", "this machine has no frequency governor")
     slow = [name for name in governors if name != "performance"]
@@ -72,7 +72,7 @@ def governor(governors: Sequence[str]) -> Finding:
 
 
 def network(address: str, trips: RoundTrips) -> Finding:
-    """Round trips to the arm: how long, how steady, how many lost."""
+    """Round trips to the arm: time, jitter, losses."""
     if not trips.times_ms:
         fix = (
             "check that the arm is on, the cable in its control box, and this machine's address in the same network: "
@@ -91,7 +91,7 @@ def network(address: str, trips: RoundTrips) -> Finding:
 
 
 def serial_port(what: str, path: str, port: Port, others: Sequence[str]) -> Finding:
-    """Whether a serial port is there and may be used; `others` are the ports that there are."""
+    """Whether a serial port exists and may be used; `others` are the existing ports."""
     if not port.exists:
         fix = f"plug it in, or write its port into the rig file; there now: {', '.join(others) or 'none'}"
         return missing(DEVICES, f"{what} port", f"{path} is not there", fix)

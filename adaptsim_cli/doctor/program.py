@@ -17,7 +17,7 @@ LIBRARIES = {
     "libusb-1.0.so.0": "libusb-1.0-0",
     "libglib-2.0.so.0": "libglib2.0-0",
 }
-"""What Open3D and Drake load -> the Debian package that holds it."""
+"""Library that Open3D or Drake loads -> its Debian package."""
 
 
 def python(version: str, wanted: str) -> Finding:
@@ -28,7 +28,7 @@ def python(version: str, wanted: str) -> Finding:
 
 
 def packages(requirements: Sequence[str], installed: Callable[[str], str | None]) -> Finding:
-    """Everything that the program always needs; `installed` gives a version, None where a package is not there."""
+    """The required packages; `installed` returns a version, or None if a package is missing."""
     needed = [r for text in requirements if (r := Requirement(text)).marker is None or r.marker.evaluate({"extra": ""})]
     wrong = []
     for requirement in needed:

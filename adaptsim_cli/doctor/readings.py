@@ -1,4 +1,4 @@
-"""What the checks want to know of this machine, read from it. Nothing here judges."""
+"""Readings of this machine for the checks, without judgement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TRIES, _PATIENCE_S, _DESK_PORT = 20, 0.5, 443
 
 
 def installed(package: str) -> str | None:
-    """The version of an installed package; None where it is not installed."""
+    """The version of an installed package; None if it is not installed."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -37,7 +37,7 @@ def loads(library: str) -> bool:
 
 @dataclass(frozen=True)
 class WriteSpeed:
-    """Of a folder; `mb_s` is None where it cannot be written to."""
+    """The write speed of a folder; `mb_s` is None if it is not writable."""
 
     mb_s: float | None
     flush_s: float = 0.0
@@ -45,7 +45,7 @@ class WriteSpeed:
 
 
 def write_speed(folder: Path) -> WriteSpeed:
-    """16 MB, and a small file, each until the disk has them. Leaves nothing behind."""
+    """Time 16 MB and a small file until both are on the disk. Leaves nothing behind."""
     try:
         with tempfile.NamedTemporaryFile(dir=folder, prefix=".adaptsim-doctor-") as file:
             began = time.perf_counter()
@@ -63,13 +63,13 @@ def write_speed(folder: Path) -> WriteSpeed:
 
 
 def existing(folder: Path) -> Path:
-    """`folder`, or the nearest above it that is there."""
+    """`folder`, or its nearest existing parent."""
     return folder if folder.is_dir() or folder == folder.parent else existing(folder.parent)
 
 
 @dataclass(frozen=True)
 class RoundTrips:
-    """Times of single round trips; `lost` tries had no answer, `problem` says why the last of them."""
+    """Times of single round trips; `lost` tries had no answer, and `problem` is the reason of the last one."""
 
     times_ms: tuple[float, ...]
     lost: int
@@ -79,9 +79,11 @@ class RoundTrips:
 def round_trips(
     address: str, port: int = _DESK_PORT, tries: int = _TRIES, patience_s: float = _PATIENCE_S
 ) -> RoundTrips:
-    """Open a connection to the arm's web page time and again: the system answers, no program of the arm is disturbed.
+    """Connect to the port of the arm's web page repeatedly.
 
-    A refusal is an answer too. Gives up when the first two get none.
+    The arm's system answers; none of its programs is disturbed.
+
+    A refused connection counts as an answer. Gives up after two tries without any.
     """
     times_ms: list[float] = []
     lost, problem = 0, ""
@@ -108,7 +110,7 @@ def round_trips(
 
 @dataclass(frozen=True)
 class Limits:
-    """What this user may ask of the scheduler."""
+    """The real-time limits of this user."""
 
     rtprio: float
     memlock_bytes: float
@@ -116,7 +118,7 @@ class Limits:
 
 
 def limits() -> Limits:
-    """The soft limits of this process; infinity where there is none."""
+    """The soft limits of this process; infinity: no limit."""
 
     def soft(kind: int) -> float:
         value = resource.getrlimit(kind)[0]
@@ -126,7 +128,7 @@ def limits() -> Limits:
 
 
 def governors(cpus: Path = Path("/sys/devices/system/cpu")) -> tuple[str, ...]:
-    """Of every core that has one."""
+    """The frequency governors of all cores that have one."""
     return tuple(file.read_text().strip() for file in sorted(cpus.glob("cpu[0-9]*/cpufreq/scaling_governor")))
 
 
@@ -136,11 +138,11 @@ class Port:
 
     exists: bool
     may: bool
-    group: str  # that owns it; "dialout" where it is not there
+    group: str  # owner of the port; "dialout" if it does not exist
 
 
 def port(path: Path) -> Port:
-    """The serial port at `path`, looked at but not opened."""
+    """The properties of the serial port at `path`, without opening it."""
     if not path.exists():
         return Port(False, False, "dialout")
     owner = path.stat().st_gid

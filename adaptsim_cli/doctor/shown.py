@@ -1,4 +1,4 @@
-"""The checklist as a person and as a program reads it."""
+"""The checklist for the screen and for JSON."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MARKS = {
 
 
 def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
-    """The table, then the remedies on lines of their own, unbroken, so that they can be copied."""
+    """Show the table, then each remedy on an unwrapped line, so that it can be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)

@@ -1,1 +1,1 @@
-"""What commands print with `--json`: one model a command. Every object begins with its `version`."""
+"""The `--json` output of commands: one model per command. Every object begins with its `version`."""

@@ -1,4 +1,4 @@
-"""What all JSON output shares: a version, no unknown keys, a meaning for every field, and units."""
+"""The common base of all JSON output: a version, no unknown keys, a meaning for every field, and units."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 VERSION = 1
-"""Counts up when a key goes, or means something else. New keys do not change it."""
+"""Counts up when a key is removed or changes its meaning. New keys do not change it."""
 
 UNITS = {
     "_s": "s", "_ms": "ms", "_m": "m", "_mm": "mm", "_mm_m": "mm/m", "_px": "px", "_deg": "degree", "_rad": "rad",
@@ -20,23 +20,23 @@ Quantities = dict[str, float]
 
 
 def said(meaning: str) -> Any:
-    """A field that every object has, with one line of meaning."""
+    """A required field, with one line of meaning."""
     return Field(description=meaning)
 
 
 def maybe(meaning: str) -> Any:
-    """A field that is null where there is nothing to say."""
+    """A field that may be null, with one line of meaning."""
     return Field(None, description=meaning)
 
 
 class Part(BaseModel):
-    """A part of an output: frozen, unknown keys are an error, so that no key leaves the program undescribed."""
+    """A part of an output: frozen, and unknown keys are an error, so that every key is documented."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", json_schema_serialization_defaults_required=True)
 
 
 class Output(Part):
-    """What one command prints."""
+    """The output of one command."""
 
     version: int = Field(
         VERSION, description="of this output; it increases when a key is removed or changes its meaning"
@@ -44,6 +44,6 @@ class Output(Part):
 
 
 def unit_of(name: str) -> str:
-    """The unit that a name ends with, "" where it has none."""
+    """The unit at the end of a name, "" if it has none."""
     ends = [end for end in UNITS if name.endswith(end)]
     return UNITS[max(ends, key=len)] if ends else ""

@@ -1,4 +1,4 @@
-"""Which command prints what, and its JSON schema."""
+"""The output model of each command, and its JSON schema."""
 
 from __future__ import annotations
 
@@ -74,7 +74,10 @@ OUTPUTS: Mapping[str, type[Output]] = {
 
 
 def output(command: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    """`value` as `command` prints it, its version first. Raises ValidationError where it is not as described."""
+    """`value` as the output of `command`, with its version first.
+
+    Raises ValidationError if it does not match the model.
+    """
     return OUTPUTS[command].model_validate(value).model_dump(mode="json")
 
 

@@ -29,14 +29,14 @@ class Described(Part):
 
 
 class Worlds(Output):
-    """The worlds of a task, and what its quantities mean."""
+    """The worlds of a task, and the meaning of its quantities."""
 
     worlds: list[WorldRow] = said("one each")
     quantities: list[Described] = said("parameters, contexts, actions and nuisance of the task")
 
 
 class World(Output):
-    """What is hidden in a world. A session never sees it."""
+    """The hidden values of a world. A session never sees them."""
 
     task: str = said("which task")
     world: str = said("which world")
@@ -93,7 +93,7 @@ class CheckpointVerified(Output):
 
 
 class Identifiable(Part):
-    """How well sessions can tell one parameter."""
+    """How well sessions can identify one parameter."""
 
     name: str = said("its name")
     title: str = said("its plain name, with the unit")
@@ -102,7 +102,7 @@ class Identifiable(Part):
 
 
 class CheckpointParameters(Output):
-    """Which parameters sessions can tell."""
+    """Which parameters sessions can identify."""
 
     folder: str = said("of the checkpoint")
     task: str = said("which task")

@@ -9,7 +9,7 @@ from adaptsim_cli.outputs.trials import UNITS, Best
 
 
 class SessionRow(Part):
-    """One session in one line. A damaged one has `session` and `error` alone."""
+    """One session in one line. A damaged one has only `session` and `error`."""
 
     session: str = said("its name")
     task: str = said("which task")
@@ -109,7 +109,7 @@ class Redone(Output):
 
 
 class Amended(Output):
-    """A trial that counts again, or counts otherwise."""
+    """A trial that counts again, or counts with another outcome."""
 
     session: str = said("which session")
     trial: int = said("number of the trial, from 1")
@@ -126,14 +126,14 @@ class Annotated(Output):
 
 
 class Moved(Output):
-    """A session that lies elsewhere now."""
+    """A session that was moved."""
 
     session: str = said("which session")
     folder: str = said("its new folder")
 
 
 class Deleted(Output):
-    """A session that is gone."""
+    """A session that was deleted."""
 
     session: str = said("which session")
     deleted: bool = said("true")
@@ -207,7 +207,7 @@ class Reported(Output):
 
 
 class ComparedMethod(Part):
-    """What the sessions of one method say together."""
+    """The pooled result of the sessions of one method."""
 
     method: str = said("which method")
     sessions: int = said("how many sessions")
@@ -229,7 +229,7 @@ class Compared(Output):
 
 
 class Stored(Part):
-    """A trial as it was tracked when it was made."""
+    """A trial as first tracked."""
 
     outcome: str = said("outcome that counts")
     tracked_outcome: str = said("outcome that tracking found")
@@ -239,7 +239,7 @@ class Stored(Part):
 
 
 class Now(Part):
-    """The same trial as it is tracked now."""
+    """The same trial, tracked now."""
 
     outcome: str = said("tracked outcome")
     reward: float | None = said("its reward; null if there is none")
@@ -270,7 +270,7 @@ class Retracked(Output):
 
 
 class RolloutRow(Part):
-    """One rollout in one line. A damaged one has `rollout` and `error` alone."""
+    """One rollout in one line. A damaged one has only `rollout` and `error`."""
 
     rollout: str = said("its name")
     task: str = said("which task")

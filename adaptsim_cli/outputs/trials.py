@@ -28,7 +28,7 @@ class Particle(Part):
 
 
 class Best(Part):
-    """The parameters that the session would go with."""
+    """The best parameters of the session so far."""
 
     params: Quantities = said("parameters, in `units`")
     mean_reward: float = said("estimated reward of their policy")
@@ -37,7 +37,7 @@ class Best(Part):
 
 
 class Outlook(Part):
-    """What another iteration may gain."""
+    """The expected gain of another iteration."""
 
     gain: float = said("reward that one more iteration is expected to bring")
     likely: float = said("chance that more than 0.05 is left to gain")
@@ -50,7 +50,7 @@ class Outlook(Part):
 
 
 class Iteration(Output):
-    """What one iteration led to: one object a line, one line an iteration."""
+    """The result of one iteration: one object per line and iteration."""
 
     task: str = said("which task")
     session: str = said("which session")
@@ -78,7 +78,7 @@ class Track(Part):
 
 
 class Rollout(Output):
-    """One trial by itself."""
+    """One single trial."""
 
     task: str = said("which task")
     hw: str = said("hardware: fake, panda or fr3")

@@ -1,4 +1,4 @@
-"""A benchmark -> one HTML page, and its rows as CSV and JSON beside it."""
+"""Writes a benchmark as one HTML page, with its rows as CSV and JSON."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from sim.benchmark.summary import LEAST_GAP, WORSE_BY, MethodSummary, SetSummary
 
 PAGE, TABLE, DATA = "report.html", "rows.csv", "benchmark.json"
 COLUMNS = ("task", "set", "target", "method", "seed", "reward", "ci95_low", "ci95_high", "real_trials", "simulations")
-"""Of the CSV; `wall_s` follows."""
+"""Columns of the CSV, before `wall_s`."""
 
 
 @dataclass(frozen=True)
 class SetView:
-    """One set of worlds as the page shows it."""
+    """One set of worlds for the page."""
 
     title: str
     rows: tuple[tuple[str, ...], ...]
-    differences: str  # SVG; empty where UDR was not run
+    differences: str  # SVG; empty if UDR was not run
     curves: tuple[tuple[str, str], ...]  # (method, SVG)
-    with_gap: str  # names; empty where there are none or nobody knows
+    with_gap: str  # names; empty if there are none, or they are unknown
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What was compared and what came of it."""
+    """A comparison and its results."""
 
     folder: Path
     task_title: str
@@ -44,12 +44,12 @@ class Comparison:
     targets: tuple[str, ...]
     seeds: int
     tabled: bool  # whether trials were looked up in world tables
-    left_out: tuple[tuple[str, str], ...]  # methods that these checkpoints do not hold, and why
+    left_out: tuple[tuple[str, str], ...]  # methods missing from these checkpoints, and why
     rows: tuple[Row, ...]
     summaries: tuple[SetSummary, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Everything, with one row for each world, method and seed."""
+        """The whole comparison, with one row per world, method and seed."""
         return {
             **self.plan,
             "targets": list(self.targets),

@@ -1,4 +1,4 @@
-"""Several sessions of one task -> one page and two tables: by session, by method, trial by trial."""
+"""Compares several sessions of one task on one page and in two tables: by session, by method, trial by trial."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class Compared:
     """One session of a comparison."""
 
     facts: Facts
-    trials: tuple[TrialRecord, ...]  # that count, in order
+    trials: tuple[TrialRecord, ...]  # counting trials, in order
     result: ResultRecord | None  # of the last complete iteration
     iterations: tuple[Measured, ...]  # mean reward of each
     table: tuple[Row, ...]
 
     @property
     def place(self) -> str:
-        """Where its trials happened, for a person."""
+        """The place of its trials, for a person."""
         world = self.facts.world.split("/")[-1].removesuffix(".toml")
         return f"world {world}" if self.facts.world else f"real robot {self.facts.hw}"
 
@@ -47,12 +47,12 @@ class Compared:
 
     @property
     def title(self) -> str:
-        """What tells it from the others."""
+        """Its identification among the compared sessions."""
         return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
 
     @property
     def pair(self) -> tuple[str, str, int]:
-        """Sessions of different methods are compared where this is the same."""
+        """The key for pairing sessions of different methods."""
         return self.facts.hw, self.facts.world_sha256, self.facts.seed
 
     def as_row(self) -> Row:
@@ -78,7 +78,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class MethodRow:
-    """What the sessions of one method say together."""
+    """The pooled result of the sessions of one method."""
 
     method: str
     sessions: int
@@ -101,7 +101,10 @@ class MethodRow:
 
 
 def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
-    """Raises UsageError unless they are two or more of one task, each with a trial; SessionError on damage."""
+    """Read the sessions.
+
+    Raises UsageError unless they are two or more of one task, each with a trial; SessionError on damage.
+    """
     if len(stores) < 2:
         raise UsageError("compare needs two sessions or more: adaptsim sessions list names them")
     tasks = {store.facts.task for store in stores}
@@ -111,7 +114,7 @@ def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
 
 
 def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
-    """Each method's sessions together, and against the first method in the same world with the same seed."""
+    """The sessions of each method, pooled, and paired with the first method by world and seed."""
     methods = tuple(dict.fromkeys(c.facts.method for c in found))
     ends = {m: {c.pair: c.iterations[-1].mean for c in found if c.facts.method == m} for m in methods}
     result = []
@@ -133,7 +136,7 @@ def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
 
 
 def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
-    """A sentence for each session that UDR was tried beside, in the same world with the same seed."""
+    """A sentence for each session that has a UDR session in the same world with the same seed."""
     udr = {c.pair: c for c in found if c.facts.method == UDR}
     told = []
     for c in found:

@@ -12,7 +12,7 @@ from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from sim.adaptation.posterior import Posterior
 
 WIDE, NARROW = 760.0, 400.0
-"""Of figures, in pixels of theirs: a page shows one or the other, as its own width allows."""
+"""Widths of figures, in their own pixels; a page shows the one that fits."""
 
 LEVELS = (0.05, 0.25, 0.75, 0.95)
 """Quantiles of a posterior: the ends of the pale and of the strong band."""
@@ -21,7 +21,7 @@ LEVELS = (0.05, 0.25, 0.75, 0.95)
 def rewards(
     trials: Sequence[TrialRecord], iterations: int, particles: int, per_particle: int, width: float = WIDE
 ) -> str:
-    """Reward of every trial, grouped by iteration; a bar is what was expected, a line the mean of the iteration."""
+    """Reward of every trial, grouped by iteration; a bar is the expected range, a line the mean of the iteration."""
     canvas = Canvas(width, 250, "Reward of every trial")
     left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
     y = Scale(0.0, 1.0, bottom, top)
@@ -66,10 +66,10 @@ def parameter(
     posteriors: Sequence[Posterior] = (),
     index: int = 0,
 ) -> str:
-    """One parameter: its mean for every particle against iterations, inside its range.
+    """The mean of one parameter for every particle against iterations, within its range.
 
-    Bands are where the trajectories known at that time say that it lies; of a whole number, circles as large as each
-    value is likely. `index` is the parameter's place in the posteriors.
+    Bands show the posterior by the trajectories known at that time; for an integer parameter, the size of a circle
+    shows the probability of a value. `index` is the parameter's index in the posteriors.
     """
     canvas = Canvas(360, 190, f"{dimension.name} over the iterations")
     left, right, top, bottom = 52.0, 350.0, 12.0, 158.0
@@ -97,7 +97,7 @@ def parameter(
 
 
 def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: int) -> tuple[float, float]:
-    """The range with whatever of a posterior's bands lies beyond it."""
+    """The range, extended to include the posterior's bands."""
     ends = [p.quantiles((LEVELS[0], LEVELS[-1]))[:, index] for p in posteriors]
     return (
         float(min([dimension.low, *(low for low, _ in ends)])),
@@ -123,8 +123,8 @@ class Level:
     """One row of a comparison: a reward with its interval."""
 
     label: str
-    short: str  # beside the label where there is little room
-    detail: str  # below it elsewhere: what it rests on
+    short: str  # beside the label if there is little room
+    detail: str  # below the label otherwise: the basis of the value
     mean: float
     low: float
     high: float
@@ -165,7 +165,7 @@ class Line:
 
 
 def lines(sessions: Sequence[Line], width: float = WIDE) -> str:
-    """Mean reward against iterations, one line a session; a bar is the 95 % interval of a mean."""
+    """Mean reward against iterations, one line per session; a bar is the 95 % interval of a mean."""
     canvas = Canvas(width, 280, "Mean reward of every iteration")
     left, right, top, bottom = 38.0, width - 12.0, 12.0, 236.0
     y = Scale(0.0, 1.0, bottom, top)

@@ -1,4 +1,4 @@
-"""What the simulator makes of a session afterwards: values that a report draws; `wiring.hindsight` computes them."""
+"""The evaluation of a session in hindsight: values for the report, computed by `wiring.hindsight`."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from sim.adaptation.posterior import Posterior, Prospect
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What the simulator expects of one executed trial: states (k columns) at the times of an observation."""
+    """The simulator's prediction of one executed trial: states (k columns) at the times of an observation."""
 
     t_s: Array  # (M,)
     columns: tuple[int, ...]  # of the track
-    guess: Array  # (M, k) with the parameters that the trial's policy was trained for
-    likely: Array  # (N, M, k) with parameters drawn from the posterior after all trials
+    guess: Array  # (M, k) for the parameters of the trial's policy
+    likely: Array  # (N, M, k) for parameters drawn from the posterior after all trials
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What the simulator says of a session, all of its trials known."""
+    """The simulator's judgement of a session, from all of its trials."""
 
     posteriors: tuple[Posterior, ...]  # before the first iteration, and after each
     predictions: Mapping[int, Prediction]  # by number of the trial

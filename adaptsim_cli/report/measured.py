@@ -1,4 +1,4 @@
-"""Rewards that were measured, and how sure their mean is."""
+"""Measured rewards, and the uncertainty of their mean."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from sim.tasks import TASKS, get_task
 
 Z95 = 1.96
-"""Standard deviations that hold 95 % of a normal distribution."""
+"""Half width of the central 95 % of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The mean of some trials' rewards with its 95 % interval, within the rewards there are."""
+    """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
 
     mean: float
     low: float
@@ -25,16 +25,16 @@ class Measured:
 
 
 UNKNOWN_STD = 0.4
-"""Of the rewards of single trials of a task that this version does not know: nearly that of a coin."""
+"""Standard deviation of single rewards for a task that this version does not know: almost that of a coin."""
 
 
 def trial_std(task: str) -> float:
-    """How much the rewards of single trials of a task spread."""
+    """Standard deviation of the rewards of single trials of a task."""
     return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
 
 
 def mean_of(rewards: Sequence[float], std: float) -> Measured:
-    """Of single trials that spread by `std`. Raises ValueError without a trial."""
+    """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
     if not rewards:
         raise ValueError("no trial, so no mean")
     mean = float(np.mean(rewards))

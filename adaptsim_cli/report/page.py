@@ -1,4 +1,4 @@
-"""A session -> one self-contained HTML page."""
+"""Writes a session as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ class Still:
 
 @dataclass(frozen=True)
 class TrialView:
-    """One trial as the page shows it."""
+    """One trial for the page."""
 
     record: TrialRecord
     strip: tuple[Still, ...]
-    overlay: str  # data URL, "" where there is none
+    overlay: str  # data URL, "" if there is none
     context: str
     action: str
-    prediction: str = ""  # the figure, "" where the simulator can say nothing
+    prediction: str = ""  # the figure, "" without a prediction
 
     @property
     def outcome(self) -> str:
@@ -63,7 +63,7 @@ class TrialView:
 
     @property
     def miss(self) -> str:
-        """How far from its goal the object came to rest; "" where there is no goal."""
+        """Distance of the object's final place from its goal, in words; "" without a goal."""
         if self.record.goal_m is None:
             return ""
         return f"{1e3 * dist(self.record.track.state[-1][:2], self.record.goal_m):.0f} mm from the goal"
@@ -71,7 +71,7 @@ class TrialView:
 
 @dataclass(frozen=True)
 class IterationView:
-    """One iteration as the page shows it; `result` is None while it runs."""
+    """One iteration for the page; `result` is None while it runs."""
 
     number: int  # from 1
     particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
@@ -86,7 +86,7 @@ class IterationView:
 
     @property
     def timing_s(self) -> dict[str, float]:
-        """What the iteration's time went into, and the total."""
+        """The iteration's times by stage, and the total."""
         return {} if self.result is None else self.result.timing_s
 
 
@@ -106,7 +106,7 @@ def write(
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
-    `judgement` is what the simulator says in hindsight, or why it can say nothing.
+    `judgement` is the simulator's judgement in hindsight, or the reason why there is none.
     """
     path = out if out is not None else store.folder / "report.html"
     durable.make_folder(path.absolute().parent)
@@ -115,7 +115,7 @@ def write(
 
 
 def render(store: SessionStore, judgement: Judgement | str = "", reference: Reference | None = None) -> str:
-    """The page as HTML. Raises SessionError when a record is corrupt."""
+    """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, known = store.facts, None if isinstance(judgement, str) else judgement
     views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
     trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.number)
@@ -165,7 +165,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
 
 
 def fill(template: str, **values: object) -> str:
-    """A template of this package with the page's style and script."""
+    """Fill a template of this package, with the page's style and script."""
     from jinja2 import Environment, StrictUndefined
 
     folder = resources.files("adaptsim_cli.report")
@@ -188,7 +188,7 @@ def levels(
     known: Judgement | None,
     reference: Reference | None,
 ) -> tuple[Level, ...]:
-    """First policy, adapted policy and uniform domain randomisation: as measured, and as the simulator expects."""
+    """Measured and expected rewards of first policy, adapted policy and uniform domain randomisation."""
     if not trials:
         return ()
     std = trial_std(facts.task)
@@ -254,7 +254,7 @@ def _words(name: str, first: int) -> str:
 
 
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
-    """The stages that time was spent on, the total last."""
+    """The stages of the times, the total last."""
     found = dict.fromkeys(kind for result in results for kind in result.timing_s)
     return (*(kind for kind in found if kind != "total"), *(kind for kind in found if kind == "total"))
 
@@ -267,7 +267,7 @@ def _particles(store: SessionStore, iteration: int) -> tuple[Samples, ...]:
 
 
 def _paths(store: SessionStore, results: list[ResultRecord]) -> list[list[list[float]]]:
-    """Parameter -> particle -> its mean at every iteration, the next one included."""
+    """For each parameter and particle, its mean at every iteration, the next one included."""
     steps = [store.start.particles, *(r.next_particles for r in results)]
     means = np.array([[_mean(samples) for samples in particles] for particles in steps])  # (I + 1, n, p)
     return [list(map(list, means[:, :, k].T)) for k in range(means.shape[2])]
@@ -278,7 +278,7 @@ def _mean(samples: Samples) -> Row:
 
 
 def _quantities(dimensions: Sequence[Dimension], values: Row) -> str:
-    """Plain name, value and unit of each; a line does not break within one of them."""
+    """Plain name, value and unit of each quantity, without a line break inside one."""
     each = (
         f"{d.plain_name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True)
     )
@@ -286,7 +286,7 @@ def _quantities(dimensions: Sequence[Dimension], values: Row) -> str:
 
 
 def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
-    """The stored dimensions with the plain names and meanings of the task; without them where the task is not known."""
+    """The stored dimensions, with plain names and meanings if the task is known."""
     task = get_task(facts.task) if facts.task in TASKS else None
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
     known = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
@@ -298,7 +298,7 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
 
 
 def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
-    """What the trials add to the simulator's action, in words."""
+    """The correction of the simulator's action, in words."""
     if outlook is None:
         return ""
     told = outlook.noticeable(_described(facts, facts.action))

@@ -1,4 +1,4 @@
-"""The figures of paths: tracked ones, and observed against expected ones. Session data -> inline SVG. Pure."""
+"""The figures of paths: tracked ones, and observed against predicted ones. Session data -> inline SVG. Pure."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
 
 
 def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] = ()) -> str:
-    """The observed path of one trial against the expected ones: before it, and in hindsight.
+    """The observed path of one trial against the predictions before it and in hindsight.
 
     On the table from above, or against time for quantities with names (`curves`), one panel each.
     """
@@ -92,7 +92,7 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
 
 
 def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
-    """Both axes have one scale, so a path keeps its shape."""
+    """A view from above; both axes have the same scale, so a path keeps its shape."""
     everything = np.concatenate([seen, expected.guess, expected.likely.reshape(-1, seen.shape[1])])[:, :2]
     if trial.goal_m is not None:
         everything = np.concatenate([everything, np.array([trial.goal_m])])

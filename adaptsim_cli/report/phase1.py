@@ -1,4 +1,4 @@
-"""What a pretraining is worth -> a section of a markdown document and its figures."""
+"""Writes the verification of a pretraining as a section of a Markdown document, with figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sim.tasks import TASKS
 
 DOCUMENT = "phase1.md"
 BAR = 0.9
-"""Of the noise ceiling that the rank correlation is to reach."""
+"""Share of the noise ceiling that the rank correlation should reach."""
 
 PREAMBLE = """# Phase 1: what the pretrained checkpoints are worth
 
@@ -37,7 +37,7 @@ MEMORIES = {
 
 
 def write(verification: Verification, folder: Path, command: str) -> Path:
-    """Put the section of this task into `phase1.md` of `folder`, its figures into `figures/` -> the document.
+    """Put the section of this task into `phase1.md` of `folder` and its figures into `figures/`; return the document.
 
     Sections of other tasks stay as they are.
     """
@@ -51,13 +51,13 @@ def write(verification: Verification, folder: Path, command: str) -> Path:
 
 
 def section_name(verification: Verification) -> str:
-    """The task, and what is not the usual: targets beyond those of the paper, NAF as the solver."""
+    """The task, plus options that differ from the usual ones: wide targets, NAF as the solver."""
     made = verification.pretrained
     return made.task.name + ("-wide" if made.wide else "") + ("-naf" if made.by_naf else "")
 
 
 def merged(document: str, name: str, content: str) -> str:
-    """`document` with the section `name` replaced or added; sections stand in the order of the tasks."""
+    """`document` with the section `name` replaced or added; sections are in the order of the tasks."""
     found = dict(re.findall(r"<!-- begin (\S+) -->\n(.*?)<!-- end \1 -->\n", document, flags=re.DOTALL))
     found[name] = content.strip() + "\n\n"
     known = list(TASKS)
@@ -67,7 +67,7 @@ def merged(document: str, name: str, content: str) -> str:
 
 
 def section(verification: Verification, pictures: Sequence[str], command: str) -> str:
-    """The section as markdown."""
+    """The section as Markdown."""
     from jinja2 import Environment, StrictUndefined
 
     made, pairs = verification.pretrained, verification.pairs
@@ -108,7 +108,7 @@ def section(verification: Verification, pictures: Sequence[str], command: str) -
 
 
 def rank_verdict(ranks: RankCorrelation) -> str:
-    """Whether the emulator orders policies as well as the rollouts can tell."""
+    """Whether the emulator ranks policies as well as the rollouts can show."""
     if math.isnan(ranks.ratio):
         return (
             f"The policies of different E earn nearly the same in these targets (chance alone makes such differences "
@@ -122,7 +122,7 @@ def rank_verdict(ranks: RankCorrelation) -> str:
 
 
 def _own(rewards: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
-    """Mean of (n, t, r) where the policy runs in the parameters that it was made for."""
+    """Mean of (n, t, r) for policies in the parameters that they were trained for."""
     return float(np.diagonal(rewards.mean(axis=2)).mean())
 
 

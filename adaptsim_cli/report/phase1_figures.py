@@ -38,7 +38,7 @@ def draw_all(verification: Verification, folder: Path, name: str) -> tuple[str, 
 
 
 def emulator(held: HeldOut) -> Figure:
-    """Predicted against observed successes, how many there were of each, and errors of the position."""
+    """Predicted against observed successes, their counts, and errors of the position."""
     figure, (left, middle, right) = _panels(3)
     bins, count = held.reliability, held.reliability.count
     there = count > 0
@@ -67,7 +67,7 @@ def emulator(held: HeldOut) -> Figure:
 
 
 def policies(pairs: Pairs) -> Figure:
-    """True rewards of the two kinds of policies, pair by pair; what the emulator expects against what is true."""
+    """True rewards of the two kinds of policies, pair by pair; expected rewards against true ones."""
     figure, (left, right) = _panels(2)
     emulated, drake = pairs.emulated.mean(axis=2), pairs.drake.mean(axis=2)
     for j in range(emulated.shape[1]):
@@ -88,7 +88,7 @@ def policies(pairs: Pairs) -> Figure:
 
 
 def learning(verification: Verification) -> Figure:
-    """How the adaptation policy learnt, and what the methods close of the gap after each iteration."""
+    """The learning curve of the adaptation policy, and the gap closed by each method after each iteration."""
     figure, (left, middle, right) = _panels(3)
     made = verification.pretrained
     _learning_curve(left, made.curve, int(made.plan["budget"]["meta"]["parallel"]))
@@ -124,7 +124,7 @@ def _learning_curve(axes: Axes, curve: Mapping[str, Any], parallel: int) -> None
 
 
 def _panels(count: int) -> tuple[Figure, tuple[Axes, ...]]:
-    # Without pyplot: no window system, and nothing global to close.
+    # Without pyplot: no window system, and no global state to close.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""A rollout -> one self-contained HTML page."""
+"""Writes a rollout as one self-contained HTML page."""
 
 from __future__ import annotations
 

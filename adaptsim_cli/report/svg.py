@@ -1,6 +1,6 @@
-"""Just enough of a plotting library to draw inline SVG whose colours follow the page's light or dark theme.
+"""A minimal plotting library for inline SVG that follows the page's light or dark theme.
 
-Colours are CSS classes (`c0`, `c1`, ... for particles), so the same figure reads well on both grounds.
+Colours are CSS classes (`c0`, `c1`, ... for particles), so the same figure is readable on both backgrounds.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Canvas:
 
 
 def _most(scale: Scale, each: float, most: int) -> int:
-    """How many labels that need `each` pixels fit along a scale; at most `most`, at least 2."""
+    """The number of labels of `each` pixels that fit along a scale; at most `most`, at least 2."""
     return max(2, min(most, int(abs(scale.end - scale.start) / each)))
 
 

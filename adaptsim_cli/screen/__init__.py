@@ -1,1 +1,1 @@
-"""What a person reads and types: the terminal, and the texts and tables that several commands share."""
+"""The terminal: output, questions, and texts and tables that several commands share."""

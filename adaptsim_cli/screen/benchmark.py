@@ -25,14 +25,14 @@ def tables(summaries: Sequence[SetSummary]) -> Iterator[Table]:
 
 
 def title(summary: SetSummary) -> str:
-    """What the numbers of a set rest on."""
+    """The heading of a set: the basis of its numbers."""
     gap = "" if summary.with_gap is None else f", {len(summary.with_gap)} with a gap between oracle and udr"
     worlds, seeds = _count(summary.worlds, "world"), _count(summary.seeds, "seed")
     return f"{summary.set}: {worlds}, {seeds}{gap}"
 
 
 def cells(method: MethodSummary) -> tuple[str, ...]:
-    """A row as text: what is not known stays empty."""
+    """A row as text; unknown values stay empty."""
     worst = "" if method.worst_world is None else f"{method.worst_world} {signed(method.worst_difference)}"
     return (
         method.method,
@@ -47,12 +47,12 @@ def cells(method: MethodSummary) -> tuple[str, ...]:
 
 
 def signed(value: float | None) -> str:
-    """With its sign; empty where it is not known."""
+    """A number with its sign; empty if unknown."""
     return "" if value is None else f"{value:+.3f}".replace("-", MINUS)
 
 
 def between(interval: Interval | None) -> str:
-    """Both ends; empty where they are not known."""
+    """Both ends of an interval; empty if unknown."""
     return "" if interval is None else f"{interval[0]:.3f} to {interval[1]:.3f}".replace("-", MINUS)
 
 

@@ -1,4 +1,4 @@
-"""Whether something is ready: one sentence a check, which says what to do where it is not."""
+"""Readiness checks: one sentence per check; a failing one says what to do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Readiness:
 
     name: str
     ok: bool
-    detail: str  # what was found, and where not ok what to do
+    detail: str  # the finding, and the remedy if not ok
 
 
 def failures(checks: Sequence[Readiness]) -> str:

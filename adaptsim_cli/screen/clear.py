@@ -1,4 +1,4 @@
-"""What a person reads before an arm moves: is the work area clear, and what the arm does next. One text for all."""
+"""The one question before an arm moves: whether the work area is clear, with the arm's next motion."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from hw.types import Array, JointPath
 
-_EVERY = 20  # samples of a path between two poses whose distance is a speed
+_EVERY = 20  # samples of a path between two poses for a speed
 
 
 def clear_to_move(real: bool, what: str, duration_s: float | None = None, speed_m_s: float | None = None) -> str:
-    """A question to which Enter is the start. `what` goes on after "then": "goes home", "scoops and goes back".
+    """A question that Enter answers with a start. `what` continues after "then": "goes home", "scoops and goes back".
 
-    Asked before the first motion of a command and again whenever somebody may have reached in. `speed_m_s` is the
-    largest of the tool; what is not known is left out.
+    Asked before the first motion of a command, and again whenever somebody may have reached in. `speed_m_s` is the
+    tool's top speed. Unknown values are left out.
     """
     who = "THE REAL ROBOT" if real else "The simulated robot"
     parts = [f"{duration_s:.0f} s in all" if duration_s is not None and duration_s >= 1.0 else ""]

@@ -1,6 +1,6 @@
 """Every print, prompt, table and progress bar.
 
-Data go to stdout; with `--json` everything that a person reads goes to stderr. Rich obeys NO_COLOR and TERM=dumb and
+Data go to stdout; with `--json`, all text for a person goes to stderr. Rich obeys NO_COLOR and TERM=dumb and
 measures the terminal.
 """
 
@@ -28,21 +28,21 @@ from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained
 from adaptsim_cli.screen.stopwatch import Stopwatch
 
 ANSWERING = "answering"
-"""The stage of the time that questions wait for their answers."""
+"""The stage of the time spent waiting for answers."""
 END = "(end of input)"
-"""What listeners hear where there is no answer any more."""
+"""The answer that listeners get at the end of input."""
 _WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
 
 
 class Listener(Protocol):
-    """Whoever shows elsewhere what the terminal shows."""
+    """A listener that shows the terminal's events elsewhere."""
 
     def doing(self, what: str, expected_s: float | None) -> None:
-        """`what` is being done now."""
+        """A step, `what`, begins."""
         ...
 
     def did(self, what: str, stage: str, took_s: float) -> None:
-        """It is over."""
+        """The step is over."""
         ...
 
     def asking(self, question: str) -> None:
@@ -50,16 +50,16 @@ class Listener(Protocol):
         ...
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
-        """It has one."""
+        """The question is answered."""
         ...
 
     def noted(self, text: str) -> None:
-        """A line that should be noticed was printed."""
+        """A highlighted line was printed."""
         ...
 
 
 class Screen:
-    """The terminal, or what stands for it."""
+    """The terminal, or its stand-in."""
 
     def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
         loading.clear()
@@ -68,18 +68,18 @@ class Screen:
         self._durations: Durations | None = None
         self._listeners: list[Listener] = []
         self._stopwatch = Stopwatch()
-        self._pictures: pictures.Protocol | None = None  # how the terminal shows pictures, once it was asked
+        self._pictures: pictures.Protocol | None = None  # the terminal's picture protocol, once known
 
     def expect(self, durations: Durations) -> None:
-        """From now on every wait says how long it took lately."""
+        """From now on every wait shows its recent duration."""
         self._durations = durations
 
     def tell(self, listener: Listener) -> None:
-        """From now on `listener` too hears of every wait, question, answer and warning."""
+        """From now on `listener` also gets every wait, question, answer and warning."""
         self._listeners.append(listener)
 
     def lap_s(self) -> dict[str, float]:
-        """Where the time since the last call went, stage by stage, in s: all of it."""
+        """The time since the last call by stage, in s; the stages add up to all of it."""
         return self._stopwatch.lap_s()
 
     @property
@@ -92,27 +92,27 @@ class Screen:
         self._console.print(what)
 
     def plain(self, text: str) -> None:
-        """One line as it is, whatever the width: paths can be copied."""
+        """Print one unwrapped line, so that paths can be copied."""
         self._console.print(Text(text), soft_wrap=True)
 
     def note(self, text: str) -> None:
-        """Print a line that should be noticed."""
+        """Print a highlighted line."""
         self.show(Text(text, style="yellow"))
         for listener in self._listeners:
             listener.noted(text.strip())
 
     def data(self, command: str, value: Mapping[str, Any]) -> None:
-        """What `command` prints with --json, on one line of stdout: checked against its model, its version first."""
+        """Print the --json output of `command` on one line of stdout, checked against its model, version first."""
         from adaptsim_cli.outputs import catalogue
 
         sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()
 
     def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
-        """Ask until one of the `keys` is typed; returns it, "" for Enter. Esc is the key that is a way out.
+        """Ask until one of the `keys` is typed, and return it ("" for Enter). Esc counts as the key that is a way out.
 
         The question names all keys, or those `listed`.
-        `?` shows what each key does, after `explain`; any other answer is named, and changes nothing. Raises
+        `?` shows `explain`, then the meaning of each key. Any other answer is named and changes nothing. Raises
         StoppedByOperator at the end of input.
         """
         while True:
@@ -132,17 +132,17 @@ class Screen:
         then: str,
         stopped: str = "stopped by the operator; everything completed is stored",
     ) -> None:
-        """Returns at Enter, with which happens what `then` says. Raises StoppedByOperator(`stopped`) at q and Esc."""
+        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q and Esc."""
         if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
             raise StoppedByOperator(stopped)
 
     def words(self, question: str) -> str | None:
-        """A sentence as it was typed, "" where there is none; None at q and Esc. Raises StoppedByOperator."""
+        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator."""
         answer = self.ask_text(question)
         return None if answer in ("q", "Q", ESCAPE) else answer
 
     def length(self, question: str, otherwise: float) -> float:
-        """A positive number, asked for until it is one; `otherwise` at Enter. Raises StoppedByOperator at q and Esc."""
+        """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q and Esc."""
         while (answer := self.words(question)) is not None:
             with suppress(ValueError):
                 if (value := float(answer.replace(",", ".")) if answer else otherwise) > 0.0:
@@ -170,9 +170,9 @@ class Screen:
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
-        """While it is done: what it is, for how long already, and how long it took lately; one line off a terminal.
+        """Show a running step with its time so far and its recent duration; only one line without a terminal.
 
-        `stage` is the one word under which `lap_s` adds the time up.
+        `stage` is the word under which `lap_s` adds up the time.
         """
         expected_s = self._durations.expected_s(what) if self._durations else None
         began = time.monotonic()
@@ -203,7 +203,7 @@ class Screen:
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:
-        """Yields `update(stage, done, total)`: a bar a stage on a terminal, a line every tenth elsewhere."""
+        """Yields `update(stage, done, total)`: a bar per stage on a terminal, else a line every tenth."""
         if self._live:
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
             with Progress(*columns, console=self._console) as bars:
@@ -217,7 +217,7 @@ class Screen:
                 yield draw
         else:
             said: set[tuple[str, int]] = set()
-            began: dict[str, tuple[float, int]] = {}  # when a stage was first heard of, and how far it was
+            began: dict[str, tuple[float, int]] = {}  # start time of each stage, and its count then
 
             def say(stage: str, done: int, total: int) -> None:
                 tenth = 10 * done // max(total, 1)
@@ -230,13 +230,16 @@ class Screen:
             yield say
 
     def next(self, *steps: tuple[str, str]) -> None:
-        """What to do next: (command, why) of each, the likeliest first. Commands stay whole, to be copied."""
+        """Show the next commands, (command, reason) each, the likeliest first.
+
+        Commands stay unwrapped, to be copied.
+        """
         for index, (command, why) in enumerate(steps):
             self.plain(f"{'Next: ' if not index else '  or: '}{command}")
             self.show(Text(f"      {why}", style="dim"))
 
     def picture(self, jpeg: bytes) -> bool:
-        """A small picture, where the terminal can show one; whether it did."""
+        """Show a small picture if the terminal can; return whether it did."""
         if not self._live:
             return False
         if self._pictures is None:
@@ -254,7 +257,7 @@ class Screen:
 
 
 def _left(spent_s: float, done: int, missing: int) -> str:
-    """How long what is missing takes at the speed so far; empty while nobody can know, and under ten seconds."""
+    """The remaining time at the speed so far; empty while unknown, and below ten seconds."""
     seconds = spent_s * missing / done if done else 0.0
     if seconds < 10.0:
         return ""
@@ -262,12 +265,12 @@ def _left(spent_s: float, done: int, missing: int) -> str:
 
 
 def error(message: str) -> None:
-    """One clear message on stderr, on a line of its own, and unbroken so that commands in it can be copied."""
+    """Print one message on stderr, on a line of its own, unwrapped so that commands in it can be copied."""
     _last_words("Error: ", "bold red", message)
 
 
 def ended(message: str) -> None:
-    """As `error`, where a person ended the command: that is no error."""
+    """As `error`, for a command that a person ended, which is not an error."""
     _last_words("", "", message[:1].upper() + message[1:])
 
 
@@ -275,13 +278,13 @@ def _last_words(mark: str, style: str, message: str) -> None:
     loading.clear()
     console = Console(stderr=True, highlight=False, markup=False)
     if console.is_terminal:
-        console.print()  # a ^C or a half-answered question may stand there
+        console.print()  # the line may hold a ^C or a half-answered question
     console.print(Text.assemble((mark, style), message), soft_wrap=True)
 
 
 def require_terminal(
     otherwise: str = "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended",
 ) -> None:
-    """Raises UsageError, saying `otherwise`, where nobody can answer a question."""
+    """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)

@@ -1,4 +1,4 @@
-"""Whatever stops a run says how to go on with it."""
+"""Adds the command to continue to every error that stops a run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WORTH_CONTINUING = (
 
 @contextmanager
 def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
-    """Add `hint` to what stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+    """Add `hint` to the error that stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
     try:
         yield
     except KeyboardInterrupt as error:

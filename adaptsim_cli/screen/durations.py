@@ -1,4 +1,4 @@
-"""How long each thing took lately, so that a wait can say how long it will be."""
+"""Recent durations of steps, so that a wait can show its expected time."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from adaptsim_cli.storage import durable
 from hw.bounded import Unreadable, read_table
 
 KEPT = 5
-"""Of each thing, the last so many."""
+"""Number of durations stored per step."""
 WORTH_S = 0.5
-"""What takes less is no wait."""
+"""Shorter steps are not stored."""
 
 
 @dataclass
 class Durations:
-    """Of the things done in one place: another world or rig takes another time. A convenience, never a record."""
+    """The durations in one place, because another world or rig takes another time. A convenience, never a record."""
 
     file: Path
     place: str
     _known: dict[str, dict[str, list[float]]] | None = field(default=None, repr=False)
 
     def expected_s(self, what: str) -> float | None:
-        """The middle of the last times; None where it was never done here."""
+        """The median of the last durations; None if there are none."""
         last = self._here().get(_key(what))
         return statistics.median(last) if last else None
 
     def learn(self, what: str, took_s: float) -> None:
-        """Remember how long it took. A file that cannot be written is done without."""
+        """Store a duration. Does nothing if the file is not writable."""
         if took_s < WORTH_S:
             return
         last = self._here().setdefault(_key(what), [])
@@ -50,7 +50,7 @@ class Durations:
 
 
 def _key(what: str) -> str:
-    """Numbers differ from time to time; what is done does not."""
+    """The step's sentence without its numbers, which differ from time to time."""
     return re.sub(r"\d+(\.\d+)?", "#", what)
 
 

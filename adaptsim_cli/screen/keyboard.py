@@ -1,4 +1,4 @@
-"""One line from the keyboard, with an Esc that needs no Enter."""
+"""Reads one line from the keyboard; Esc needs no Enter."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from contextlib import contextmanager, suppress
 from adaptsim_cli.screen.keys import ESCAPE
 
 _SEQUENCE_S = 0.05
-"""What follows an Esc within this belongs to it: an arrow key sends several bytes."""
+"""Bytes that follow an Esc within this time belong to it: an arrow key sends several."""
 _ENTER, _END, _DELETE, _DELETE_ALL = "\r\n", "\x04", "\x7f\x08", "\x15"
 
 
 def read_line() -> str:
     """What was typed, with its Enter as "\\n"; `ESCAPE` at once where Esc was pressed; "" at the end of input.
 
-    What was typed before the call is no answer to the question, and is thrown away: Enter may start a motion.
+    Input typed before the call does not answer the question and is discarded, because Enter may start a motion.
     """
     if not sys.stdin.isatty():
         return sys.stdin.readline()
@@ -31,10 +31,10 @@ def read_line() -> str:
 
 @contextmanager
 def key_by_key(fd: int) -> Iterator[None]:
-    """The terminal hands over every key at once and echoes none; what was typed before is thrown away."""
+    """Put the terminal into a mode that delivers every key at once without echo; discard earlier input."""
     before = termios.tcgetattr(fd)
     single = termios.tcgetattr(fd)
-    single[3] &= ~(termios.ICANON | termios.ECHO)  # signals stay: Ctrl-C interrupts
+    single[3] &= ~(termios.ICANON | termios.ECHO)  # signals stay on: Ctrl-C interrupts
     single[6][termios.VMIN], single[6][termios.VTIME] = 1, 0
     termios.tcsetattr(fd, termios.TCSAFLUSH, single)
     try:
@@ -70,7 +70,7 @@ def _line(fd: int) -> str:
 
 
 def _alone(fd: int) -> bool:
-    """Whether an Esc is the key itself; the rest of an arrow key and its like is read away."""
+    """Whether an Esc is the key itself; the rest of an arrow key or similar is discarded."""
     if not select.select([fd], [], [], _SEQUENCE_S)[0]:
         return True
     if os.read(fd, 1) in (b"[", b"O"):
@@ -80,5 +80,5 @@ def _alone(fd: int) -> bool:
 
 
 def _echo(fd: int, text: str) -> None:
-    with suppress(OSError):  # a terminal that can only be read
+    with suppress(OSError):  # a read-only terminal
         os.write(fd, text.encode())

@@ -1,4 +1,4 @@
-"""The keys that answer a question: what each does, how the question names them, what `?` says. Pure."""
+"""The keys that answer a question, their names in the question, and their explanations at `?`. Pure."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ class Key:
 
     typed: str  # lower case; "" is Enter
     does: str  # after the key: "to start", "when it lies there"
-    meaning: str  # one sentence, what happens then
+    meaning: str  # the effect, one sentence
     is_way_out: bool = False  # q and Esc mean it too
 
     @property
     def name(self) -> str:
-        """As a question calls it."""
+        """Its name in a question."""
         return self.typed or "Enter"
 
 
 def enter(does: str, meaning: str) -> Key:
-    """The key that goes on."""
+    """The key that continues."""
     return Key("", does, meaning)
 
 
@@ -35,7 +35,7 @@ def stop(meaning: str) -> Key:
 
 
 def chosen(keys: Sequence[Key], answer: str) -> Key | None:
-    """The key that was typed; None where it is none of them."""
+    """The typed key; None if it is not one of `keys`."""
     return next((key for key in keys if answer == key.typed or (key.is_way_out and answer in ("q", ESCAPE))), None)
 
 
@@ -47,11 +47,11 @@ def prompt(keys: Sequence[Key]) -> str:
 
 
 def explained(keys: Sequence[Key]) -> list[tuple[str, str]]:
-    """What `?` shows: (key, what happens then)."""
+    """The explanations at `?`: (key, effect)."""
     return [(f"{key.name} or Esc" if key.is_way_out else key.name, key.meaning) for key in keys]
 
 
 def unknown(answer: str) -> str:
-    """What an answer that means nothing gets."""
+    """The message for an unknown answer."""
     shown = "Esc" if answer == ESCAPE else answer if answer.isprintable() else repr(answer)
     return f"{shown} means nothing here, and nothing has happened."

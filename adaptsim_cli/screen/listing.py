@@ -1,4 +1,4 @@
-"""A list of named things of a rig, calibrations or touch-offs, with the sessions that rest on the one in use."""
+"""A list of a rig's calibrations or touch-offs, with the sessions that use the current one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptsim_cli.screen.console import Screen
 
 @dataclass(frozen=True)
 class Listing:
-    """What is listed."""
+    """The kind of a list."""
 
     plural: str
     command: str  # `adaptsim COMMAND` makes one, `adaptsim COMMAND compare` compares two
@@ -28,7 +28,9 @@ def tell(
     rows: Sequence[Sequence[str]],
     resting: Sequence[str],
 ) -> None:
-    """The `rows` of `found`, oldest first, the sessions `resting` on the one in use, and the next command."""
+    """Show the `rows` of `found`, oldest first, the sessions that use the current one (`resting`), and the next
+    command.
+    """
     if found:
         screen.show(views.rows(listed.head, rows))
     else:

@@ -1,4 +1,4 @@
-"""One line on the terminal while a command imports what it needs. Whatever is said next takes its place."""
+"""One line on the terminal while a command imports its modules. The next output replaces it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ _ERASE = "\r\x1b[K"
 
 
 def say() -> None:
-    """Nothing without a terminal, so that no pipe holds it."""
+    """Show the line; nothing without a terminal, so that no pipe gets it."""
     if _can_erase():
         sys.stderr.write(LINE)
         sys.stderr.flush()
 
 
 def clear() -> None:
-    """Take the line away, if it stands there."""
+    """Erase the line, if it is shown."""
     if _can_erase():
         sys.stderr.write(_ERASE)
         sys.stderr.flush()

@@ -1,6 +1,6 @@
-"""A small picture in a terminal that can show one: kitty's graphics protocol, or sixel. Pure but for `protocol_of`.
+"""Small pictures in a terminal, by kitty's graphics protocol or sixel. Pure, except `protocol_of`.
 
-Sources: "Terminal graphics protocol" of kitty; DEC VT340 manual, chapter 14 (sixel), as xterm has it.
+Sources: "Terminal graphics protocol" of kitty; DEC VT340 manual, chapter 14 (sixel), as in xterm.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Protocol = Literal["kitty", "sixel", "none"]
 Image = NDArray[np.uint8]
 
 WIDE_PX = 480
-"""How wide a picture is at most: half of a screen of 100 columns."""
+"""Largest width of a picture: half of a screen of 100 columns."""
 _KITTY = ("kitty", "ghostty", "wezterm")
 _CHUNK = 4096
 _ANSWER_S = 0.3
 _LEVELS = 6
-"""Of red, green and blue in sixel's palette."""
+"""Levels of red, green and blue in sixel's palette."""
 _BAND = 6
-"""Rows of pixels that one row of sixels holds."""
+"""Rows of pixels in one row of sixels."""
 
 
 def named_protocol(environment: Mapping[str, str]) -> Protocol:
-    """What the environment tells of the terminal; inside of tmux and screen nothing of the outer one holds."""
+    """The protocol by environment variables; inside tmux and screen they do not describe the outer terminal."""
     if environment.get("TMUX") or environment.get("STY"):
         return "none"
     said = f"{environment.get('TERM', '')} {environment.get('TERM_PROGRAM', '')}".lower()
@@ -40,7 +40,7 @@ def named_protocol(environment: Mapping[str, str]) -> Protocol:
 
 
 def protocol_of(environment: Mapping[str, str]) -> Protocol:
-    """As named by the environment, else as the terminal answers: its attributes hold a 4 where it knows sixel."""
+    """The protocol by the environment, else by the terminal's answer: its attributes contain a 4 if it knows sixel."""
     if (named := named_protocol(environment)) != "none":
         return named
     if not (sys.stdin.isatty() and sys.stdout.isatty()) or environment.get("TERM", "dumb") == "dumb":
@@ -67,7 +67,7 @@ def _attributes() -> str:
 
 
 def drawn(jpeg: bytes, protocol: Protocol) -> str:
-    """The escape sequences that show a JPEG, made small; "" where the terminal shows none."""
+    """The escape sequences that show a reduced JPEG; "" if the terminal cannot show pictures."""
     import cv2
 
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -110,7 +110,7 @@ def _percent(level: int) -> int:
 
 
 def _band(colour: NDArray[np.int_]) -> str:
-    """Up to six rows (R, W) of palette numbers: each colour in turn, from the left again."""
+    """Up to six rows (R, W) of palette numbers as sixels: one pass from the left per colour."""
     weights = (1 << np.arange(len(colour)))[:, None]
     parts = []
     for c in np.unique(colour):
@@ -120,7 +120,7 @@ def _band(colour: NDArray[np.int_]) -> str:
 
 
 def _runs(bits: NDArray[np.int_]) -> str:
-    """Sixels (W,) with equal neighbours counted."""
+    """Sixels (W,) in run-length encoding."""
     starts = np.flatnonzero(np.diff(bits, prepend=-1))
     lengths = np.diff(starts, append=len(bits))
     return "".join(

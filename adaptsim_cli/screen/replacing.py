@@ -1,4 +1,6 @@
-"""Before a calibration or touch-off replaces another: which open sessions that ends, and how they can go on."""
+"""A warning before a calibration or touch-off replaces another: the open sessions that it ends, and how to continue
+them.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from adaptsim_cli.screen.console import Screen
 
 
 def tell(screen: Screen, what: str, sessions: Sequence[str]) -> None:
-    """Name the `sessions` that rest on `what`, where there are any."""
+    """Name the `sessions` that use `what`, if there are any."""
     if not sessions:
         return
     many = "s" if len(sessions) > 1 else ""

@@ -1,4 +1,4 @@
-"""Quantities as an operator types them: `name=value`, checked against the space that they belong to."""
+"""Quantities typed by an operator as `name=value`, checked against their space."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Array:
-    """(n,) in units: `given` as name=value, what is not given from `otherwise` (n,).
+    """(n,) in units: `given` as name=value, missing ones from `otherwise` (n,).
 
-    Raises UsageError on a name, number or range that is wrong, naming those that are right.
+    Raises UsageError for a wrong name, number or range, naming the right ones.
     """
     values = dict(zip(space.names, np.asarray(otherwise, dtype=float), strict=True))
     for text in given:
@@ -41,12 +41,12 @@ def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Ar
 
 
 def typed(option: str, named: Mapping[str, float]) -> str:
-    """Values as they can be pasted into a command: `--param mu=0.29 --param e=6.08e4`."""
+    """Values as options to paste into a command: `--param mu=0.29 --param e=6.08e4`."""
     return " ".join(f"{option} {name}={number(value)}" for name, value in named.items())
 
 
 def number(value: float) -> str:
-    """Three significant digits, as people read them and as a command takes them: 0.29, 2140, 3.81e4."""
+    """Three significant digits, readable for people and commands: 0.29, 2140, 3.81e4."""
     if value == 0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
     mantissa, exponent = f"{value:.2e}".split("e")
@@ -54,7 +54,7 @@ def number(value: float) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit, as people read it: a length under 1 cm in millimetres, −1.0 mm for −0.000976 m."""
+    """A number with its unit for people; a length under 1 cm in millimetres: −1.0 mm for −0.000976 m."""
     if unit == "m" and 0 < abs(value) < 0.01:
         return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ")
     return f"{number(value)} {unit}".rstrip()

@@ -1,4 +1,4 @@
-"""What is shown, as rich renderables; pure, so that `console` alone touches the terminal."""
+"""Common views as rich renderables. Pure: only `console` touches the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sim.types import Space
 
 
 def words(name: str) -> str:
-    """The name of an outcome as people read it: `on_blade` -> on blade."""
+    """The name of an outcome for people: `on_blade` -> on blade."""
     return name.replace("_", " ")
 
 
@@ -35,18 +35,18 @@ def meanings(*spaces: Space) -> Table:
 
 
 def badge(hw: str, hardware: str) -> Text:
-    """Which hardware moves; on every screen."""
+    """The badge on every screen that says which hardware moves."""
     rest = "no real robot moves" if is_simulated(hw) else "keep clear of the arm"
     return Text.assemble(mark(hw), f" {hardware}: {rest}")
 
 
 def mark(hw: str) -> Text:
-    """The badge alone, where there is no room for more."""
+    """Only the short badge, for narrow places."""
     return Text(" SIMULATED ", "black on cyan") if is_simulated(hw) else Text(" REAL ROBOT ", "white on red")
 
 
 def checks(found: Sequence[Readiness]) -> RenderableType:
-    """The checklist before a session, one row a check."""
+    """The checklist before a session, one row per check."""
     table = _table()
     for check in found:
         table.add_row(Text("ok", "green") if check.ok else Text("FAILED", "bold red"), check.name, check.detail)
@@ -54,7 +54,7 @@ def checks(found: Sequence[Readiness]) -> RenderableType:
 
 
 def waiting(what: str, since_s: float, expected_s: float | None) -> Text:
-    """One line that moves while something is done; it fits on the screen."""
+    """The animated line of a running step, fitted to the screen."""
     dots = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
     line = Text(f"{dots[int(8 * since_s) % len(dots)]} {what}  ", no_wrap=True, overflow="ellipsis")
     line.append(f"{since_s:.0f} s", "bold")
@@ -62,23 +62,23 @@ def waiting(what: str, since_s: float, expected_s: float | None) -> Text:
 
 
 def _lately(expected_s: float | None) -> str:
-    """How long it took lately, behind the seconds so far; empty where nobody knows."""
+    """The recent duration, behind the seconds so far; empty if unknown."""
     return "" if expected_s is None else f" of about {max(expected_s, 1.0):.0f} s"
 
 
 def about(expected_s: float | None) -> str:
-    """The same, before it begins."""
+    """The recent duration, before a step begins; empty if unknown."""
     return "" if expected_s is None or expected_s < 1.0 else f" (about {expected_s:.0f} s)"
 
 
 def spent(stages: Mapping[str, float]) -> str:
-    """`16 s: finding 3 s, planning 12 s`: all of it, and the stages that took at least a second."""
+    """`16 s: finding 3 s, planning 12 s`: the total, and the stages of at least a second."""
     named = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items() if seconds >= 1.0)
     return f"{sum(stages.values()):.0f} s{': ' if named else ''}{named}"
 
 
 def keys(explain: str, keys: Sequence[tuple[str, str]]) -> RenderableType:
-    """What `?` shows: what is asked, then every key with what it does."""
+    """The text at `?`: the question explained, then every key with its effect."""
     table = _table()
     for key, meaning in keys:
         table.add_row(Text(key, "bold"), meaning)
@@ -100,5 +100,5 @@ def _table() -> Table:
 
 
 def indent(what: RenderableType) -> Padding:
-    """Two columns in from the left."""
+    """Indented by two columns."""
     return Padding(what, (0, 0, 0, 2), expand=False)

@@ -1,1 +1,1 @@
-"""What is written is whole or absent, one process at a time: for every folder of the command line."""
+"""Durable storage for all folders of the command line: files are whole or absent, and one process writes at a time."""

@@ -18,7 +18,7 @@ from adaptsim_cli.errors import DiskFull, SessionError
 from sim.storage.files import TEMPORARY, flush_file, flush_folder, publish_new, whole_file
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""The system's numbers for a disk, or a user's share of it, without room."""
+"""Error numbers of the system for a full disk or an exhausted quota."""
 
 
 def write_file(path: Path, content: bytes) -> None:
@@ -28,7 +28,7 @@ def write_file(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write `content` as `path`, in place of what may be there: for what is derived and can be made again."""
+    """Write or replace `path`; only for derived files that can be made again."""
     with explained(path), whole_file(path) as temporary:
         temporary.write_bytes(content)
 
@@ -50,9 +50,9 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
 
 
 def complete_folder(path: Path, derived: Mapping[str, bytes], name: str, record: bytes) -> None:
-    """Add what was `derived` from the files of a folder, and then the `record` that says that the folder is complete.
+    """Add files `derived` from those of a folder, then the `record` that marks the folder as complete.
 
-    Both can be done again after a crash in between. Raises DiskFull or SessionError, also where `name` exists already.
+    After a crash in between, both can be repeated. Raises DiskFull or SessionError, also if `name` already exists.
     """
     for file, content in derived.items():
         replace_file(path / file, content)
@@ -71,7 +71,7 @@ def make_folder(path: Path) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Make `folder` and write to it, before something is done whose result has to lie there.
+    """Make `folder` and test writing to it, before work begins whose result must be stored there.
 
     Raises DiskFull, SessionError.
     """
@@ -82,18 +82,18 @@ def require_writable(folder: Path) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what killed processes were writing below `folder`. Only for who holds the folder's lock."""
+    """Remove unfinished files of killed processes in `folder`. The caller must hold the folder's lock."""
     for path in folder.rglob(TEMPORARY):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:
-            with suppress(OSError):  # it is never read, so it may stay
+            with suppress(OSError):  # never read, so it may stay
                 path.unlink()
 
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn the system's errors of writing `path` into DiskFull or SessionError."""
+    """Turn system errors while writing `path` into DiskFull or SessionError."""
     try:
         yield
     except FileExistsError as error:
@@ -108,7 +108,7 @@ def explained(path: Path) -> Iterator[None]:
 
 
 def disk_full(path: Path) -> DiskFull:
-    """The error where there is no room for `path`."""
+    """The error for a disk without room for `path`."""
     return DiskFull(
         f"the disk is full: {path} could not be written. Everything completed before is safe; "
         "free some space and run the same command again"

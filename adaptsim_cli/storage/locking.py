@@ -1,4 +1,4 @@
-"""One process at a time: a lock on a folder, which the system takes back from a process that was killed."""
+"""One process at a time: a lock on a folder, which the system releases if the process is killed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.storage.durable import FULL, disk_full
 
 LOCK = ".lock"
-"""A file of the folder, open for writing while the lock is held: a network file system locks nothing else."""
+"""The locked file in the folder, open for writing, because a network file system locks nothing else."""
 
 _POLL_S = 0.02
 
 
 @contextmanager
 def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
-    """Hold `folder`, which exists. Raises UsageError with the message `taken` where another process still holds it
-    after `wait_s`, DiskFull or SessionError where the folder cannot be written to, or was moved or deleted meanwhile.
+    """Lock the existing `folder`.
+
+    Raises UsageError with the message `taken` if another process still holds the lock after `wait_s`, DiskFull or
+    SessionError if the folder is not writable, or was moved or deleted meanwhile.
     """
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -50,7 +52,7 @@ def _lock(descriptor: int, folder: Path, taken: str, until_s: float) -> None:
             raise SessionError(f"{folder} is on a file system without locks: {error.strerror}") from error
         else:
             break
-    if not _is_file_of(descriptor, folder / LOCK):  # it was moved between opening and locking, and is not held here
+    if not _is_file_of(descriptor, folder / LOCK):  # the folder was moved between opening and locking
         raise _gone(folder)
 
 

@@ -1,4 +1,4 @@
-"""Folders of one kind beside each other, numbered from 1: the highest counts, and none is ever overwritten."""
+"""Numbered folders of one kind, from 1: the highest counts, and none is ever overwritten."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptsim_cli.storage import durable
 from hw.bounded import Unreadable, read_table
 
 RESTORED = "restored.json"
-"""Beside a copy of an earlier one that was put in use again: its name, and when."""
+"""The file beside a restored copy, with the original's name and the time."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Numbered:
         return sorted(path for path in self.folder.glob(f"{self.prefix}*") if pattern.fullmatch(path.name))
 
     def next(self) -> Path:
-        """Where the next one goes."""
+        """The path of the next one."""
         found = self.all()
         number = int(found[-1].name.removeprefix(self.prefix)) + 1 if found else 1
         return self.folder / f"{self.prefix}{number:04d}"
 
     def named(self, name: str) -> Path:
-        """By its whole name or its number alone. Raises UsageError naming those that there are."""
+        """The folder with this name or number. Raises UsageError naming the existing ones."""
         wanted = f"{self.prefix}{int(name):04d}" if name.isdigit() else name
         found = {path.name: path for path in self.all()}
         if wanted not in found:
@@ -56,7 +56,7 @@ class Numbered:
 
 
 def restored_from(path: Path) -> str:
-    """The name of the one that `path` is a copy of; "" where it is none."""
+    """The name of the original of a copy; "" if `path` is not a copy."""
     try:
         named = read_table(path / RESTORED).get("from")
     except (OSError, Unreadable):
@@ -65,6 +65,6 @@ def restored_from(path: Path) -> str:
 
 
 def remark(in_use: bool, copy_of: str) -> str:
-    """What a list says behind one of them: `in use, copy of 1`."""
+    """The remark in a list: `in use, copy of 1`."""
     copied = f"copy of {int(copy_of.rpartition('-')[2])}" if copy_of else ""
     return ", ".join(part for part in ("in use" if in_use else "", copied) if part)

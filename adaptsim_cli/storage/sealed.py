@@ -1,4 +1,4 @@
-"""Records that notice when they were changed: the end of a file holds the SHA-256 of all that stands before it."""
+"""Sealed records reveal later changes: the end of a file holds the SHA-256 of everything before it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ _TOML = (b"# sha256 ", b"\n")
 _DIGITS = 64
 
 KEY = "sealed"
-"""The member that holds the seal of a JSON file. In a TOML file it is a comment."""
+"""The key of the seal in a JSON file. In a TOML file the seal is a comment."""
 
 
 class SealBroken(ValueError):
-    """A file is not as it was written."""
+    """A file was changed after it was written."""
 
 
 def seal_json(text: bytes) -> bytes:
@@ -27,7 +27,7 @@ def seal_toml(text: bytes) -> bytes:
 
 
 def is_sealed(content: bytes, suffix: str) -> bool:
-    """Whether a file of this suffix is sealed; those of former versions are not. Raises SealBroken."""
+    """Whether a file of this suffix is sealed; those of earlier versions are not. Raises SealBroken."""
     before, after = _TOML if suffix == ".toml" else _JSON
     start = len(content) - len(before) - _DIGITS - len(after)
     if start < 0 or content[start : start + len(before)] != before or not content.endswith(after):

@@ -1,4 +1,4 @@
-"""Explains a file that breaks its schema: the place, and the key that was probably meant."""
+"""Explains a file that breaks its schema: the place, and the probably intended key."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Sequence
 
 
 def place(loc: Sequence[int | str]) -> str:
-    """Where in a file something is wrong; empty: the file as a whole."""
+    """The place of an error in a file; empty: the whole file."""
     return ".".join(str(part) for part in loc)
 
 
 def unknown(key: str, name: str, known: Sequence[str], title: str) -> str:
-    """The message for a `key` of a file whose last part, `name`, is none of the `known` ones under `title`."""
+    """The message for an unknown `key` of a file: its last part `name` is not among the `known` keys of `title`."""
     near = difflib.get_close_matches(name, known, n=1)
     hint = f", did you mean {near[0]!r}?" if near else ";"
     return f"unknown key {key!r}{hint} {title}: {', '.join(known)}"
 
 
 def plain(message: str) -> str:
-    """A message of pydantic in the middle of a sentence."""
+    """A message of pydantic, for the middle of a sentence."""
     return message[0].lower() + message[1:]

@@ -1,4 +1,4 @@
-"""The versions that are kept with everything stored."""
+"""The versions that are stored with every record."""
 
 from __future__ import annotations
 

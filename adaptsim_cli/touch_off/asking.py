@@ -1,4 +1,4 @@
-"""What a touch-off asks of whoever stands beside the robot; a person at a terminal, or nobody (`--yes`)."""
+"""The questions of a touch-off to the operator: a person at a terminal, or nobody (`--yes`)."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command
 
 
 class Assistant(Protocol):
-    """Each may raise StoppedByOperator or UsageError."""
+    """The questions of a touch-off. Each may raise StoppedByOperator or UsageError."""
 
     def begin(self, rig: TouchRig) -> None:
-        """Returns when this arm may be moved at all."""
+        """Returns once this arm may be moved at all."""
         ...
 
     def empty_hand(self, rig: TouchRig) -> None:
-        """Returns when nothing is in the hand."""
+        """Returns once the hand is empty."""
         ...
 
     def hand_over(self, rig: TouchRig) -> None:
-        """Returns when the tool is held between the open fingers."""
+        """Returns once the person holds the tool between the open fingers."""
         ...
 
     def clear(self, rig: TouchRig, what: str) -> None:
-        """Returns when nobody is within reach any more, after somebody had their hands at the gripper.
+        """Returns once nobody is within reach any more, after somebody had their hands at the gripper.
 
-        `what` the arm does next.
+        `what` is the arm's next motion.
         """
         ...
 
 
 @dataclass(frozen=True)
 class HumanAssistant:
-    """A person at the terminal answers."""
+    """A person at the terminal."""
 
     screen: Screen
 
     def begin(self, rig: TouchRig) -> None:
-        """See `Assistant`: the model of a real arm is typed once."""
+        """See `Assistant`: the person types the model of a real arm once."""
         if rig.is_real:
             rig.confirm()
 
@@ -75,7 +75,7 @@ class HumanAssistant:
 
 @dataclass(frozen=True)
 class NoAssistant:
-    """Nobody is there: the simulated lab alone."""
+    """Nobody; only for the simulated lab."""
 
     def begin(self, rig: TouchRig) -> None:
         """See `Assistant`. Raises UsageError for a real arm."""

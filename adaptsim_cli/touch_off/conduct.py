@@ -22,12 +22,12 @@ from hw.errors import HandError, HardwareError
 
 OpenRig = Callable[[Config, Places, Grasp], AbstractContextManager[TouchRig]]
 Stores = Callable[[Config, Places], TouchOffStore]
-"""Settings -> the touch-offs of the rig."""
+"""(settings) -> the touch-offs of the rig."""
 
 
 @dataclass(frozen=True)
 class TouchOffRequest:
-    """What the operator asked for on the command line."""
+    """The operator's options on the command line."""
 
     grasp: Grasp
     yes: bool
@@ -39,12 +39,12 @@ Ends = Callable[[Config, Places], Sequence[str]]
 
 
 def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
-    """`Ends` where no sessions are kept."""
+    """`Ends` without sessions."""
     return ()
 
 
 def flags(config: Config) -> str:
-    """What leads another command to the same rig or world."""
+    """The options that lead another command to the same rig or world."""
     place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
     return f"--task {config.task} {place}"
 
@@ -52,7 +52,7 @@ def flags(config: Config) -> str:
 def touch_off(
     resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
 ) -> None:
-    """The whole touch-off. Raises what stops it, with how to go on."""
+    """The whole touch-off. Raises the error that stops it, with the command to continue."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     if not config.is_simulated and request.yes:
         raise UsageError(NEVER_CONFIRMS)
@@ -73,7 +73,7 @@ def touch_off(
 
 
 def summary(saved: SavedTouchOff) -> dict[str, Any]:
-    """What a program wants to know of a touch-off: values in mm and degrees, each with its 95 % half width."""
+    """A touch-off for JSON: values in mm and degrees, each with its 95 % half width."""
     import numpy as np
 
     degrees = float(np.rad2deg(1.0))

@@ -1,7 +1,7 @@
-"""What can go wrong in a touch-off, beside what devices raise.
+"""Errors of a touch-off, besides those of devices.
 
 PreflightFailed
-└── TouchOffFailed       what was touched does not make sense, or nothing was; nothing stored is replaced
+└── TouchOffFailed       the touches contradict each other, or there was none; nothing stored is replaced
 """
 
 from adaptsim_cli.errors import PreflightFailed

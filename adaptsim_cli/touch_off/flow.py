@@ -1,6 +1,6 @@
 """A touch-off from the empty hand to the stored correction. Read downwards: this is the order of events.
 
-Every motion is planned and checked just before it is made, and every descent ends at the first force, or goes back.
+Every motion is planned and checked just before it begins. Every descent ends at the first force, or goes back.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from sim.panda.detours import free_path
 from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 
 ABOVE_M = 0.022
-"""From here every way down begins, over where the table is expected."""
+"""Every way down begins at this height over the expected table."""
 FIRST_DEEPER_M, DEEPER_M = 0.016, 0.010
-"""How far below the expected table the first way down of all searches, and the others."""
+"""Depth below the expected table that the first way down searches, and that of all others."""
 EARLY_M = 0.016
-"""A touch so far above the expected table is not the table."""
+"""A touch this far above the expected table is not the table."""
 FAST_M_S, SLOW_M_S = 0.015, 0.0025
 BEFORE_M, BEYOND_M = 0.003, 0.007
-"""A slow touch begins so far above what the fast one found, and gives up so far below."""
+"""A slow touch begins this far above the fast one's result, and gives up this far below it."""
 TOUCH_N, PRESS_N = 4.0, 15.0
-"""A touch; and as hard as the task will press, for the slip check."""
+"""The force of a touch; and the task's largest force, for the slip check."""
 PRESS_BEYOND_M = 0.015
-"""How far below the table it may be commanded for that: a blade that bends takes more than one that does not."""
+"""How far below the table the slip check may be commanded: a flexible blade needs more."""
 SLOW_TOUCHES = 2
 SLIPPED_M = 0.0004
 _OPEN_M = 0.06
@@ -44,7 +44,7 @@ _OPEN_M = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """Where the first corner touched before and after it was pressed onto the table."""
+    """The first corner's touch before and after it was pressed onto the table."""
 
     moved_m: float
     pressed_N: float
@@ -57,7 +57,7 @@ class Slip:
 
 @dataclass(frozen=True, eq=False)
 class TouchOffRun:
-    """All that a touch-off gives."""
+    """The results of a touch-off."""
 
     result: Result
     slip: Slip
@@ -98,9 +98,9 @@ def touch_off(rig: TouchRig, operator: Assistant, screen: Screen) -> TouchOffRun
 
 
 def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
-    """Each place: down until it touches, then slowly again; what one place shows helps to find the next."""
+    """At each place: down until it touches, then again slowly. The result of one place helps to find the next."""
     found: list[Touched] = []
-    lower_m = 0.0  # how much lower than expected the last place was
+    lower_m = 0.0  # by how much the last place was lower than expected
     for number, probe in enumerate(probes):
         deeper_m = FIRST_DEEPER_M if number == 0 else DEEPER_M
         expected = Table(table.height_m + lower_m, table.slope_x, table.slope_y)
@@ -127,7 +127,7 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
 
 
 def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) -> Slip:
-    """Press the first corner onto the table as hard as the task will, and touch again: has it moved?"""
+    """Press the first corner onto the table with the task's force, and touch again: has it moved?"""
     probe = rig.plan.tool[0]
     before = [_above(rig.loaded, t.q_rad, probe, table) for t in tool if t.probe is probe]
     expected = Table(table.height_m + float(np.mean(before)), table.slope_x, table.slope_y)
@@ -141,7 +141,7 @@ def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) 
 
 
 def _at(rig: TouchRig, bench: HeldTool, probe: Probe, expected: Table, deeper_m: float) -> Array:
-    """Go over the place -> the posture there (7,), as the arm reports it."""
+    """Move over the place; return the reported posture (7,) there."""
     search = (Stage(ABOVE_M + deeper_m, FAST_M_S),)
     q_rad = stance(probe, bench, expected, ABOVE_M, search, TOUCH_N, rig.arm.state().q_rad)
     _go(rig, q_rad, bench)
@@ -149,7 +149,7 @@ def _at(rig: TouchRig, bench: HeldTool, probe: Probe, expected: Table, deeper_m:
 
 
 def _slowly(rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, found_m: float) -> Array:
-    """Down again, the last stretch slowly -> the true joints (7,) where the touch began, before anything bent."""
+    """Down again, slowly at the end; return the true joints (7,) at the start of the touch, before anything bent."""
     guard = bench.guard(probe.feeler, TOUCH_N)
     contact = _feel(rig, bench, probe, here, _last_slow(found_m, BEYOND_M), BEYOND_M - found_m, guard)
     touch = began(contact, guard)
@@ -162,14 +162,14 @@ def _slowly(rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, found_m: 
 
 
 def _last_slow(found_m: float, beyond_m: float) -> tuple[Stage, Stage]:
-    """From `ABOVE_M` fast to shortly before what was found, then slowly to `beyond_m` below it."""
+    """From `ABOVE_M` fast to shortly before the found height, then slowly to `beyond_m` below it."""
     return Stage(ABOVE_M - found_m - BEFORE_M, FAST_M_S), Stage(BEFORE_M + beyond_m, SLOW_M_S)
 
 
 def _feel(
     rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, stages: tuple[Stage, ...], below_m: float, guard: Guard
 ) -> Contact:
-    """Down from `here` until it touches. The arm is back at `here`."""
+    """Move down from `here` until it touches; the arm then returns to `here`."""
     path = descent(here, stages, guard, below_m, bench.cell.arm)
     try:
         return rig.arm.execute_until_contact(path, guard)
@@ -200,7 +200,7 @@ def _go(rig: TouchRig, q_rad: Array, bench: HeldTool) -> None:
 
 
 def _above(bench: HeldTool, q_rad: Array, probe: Probe, table: Table) -> float:
-    """How far over `table` the tool, as designed, takes its corner to be."""
+    """Height of the corner over `table`, for the tool as designed."""
     X_BT = forward(q_rad) @ bench.X_FT
     p_m = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]
     return float(p_m[2] - probe.feeler.radius_m - table.height_at(p_m))

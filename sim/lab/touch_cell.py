@@ -162,7 +162,7 @@ class TouchCell:
         return np.stack([np.interp(t_s, self._path.t_s, column) for column in self._path.q_rad.T], axis=-1)
 
     def _add_tool(self, task: Task, world: World, flange: Frame, feelers: tuple[Feeler, ...]) -> None:
-        """Add the task's own scene, so that a misaligned mount or a flexible blade is the same. Its object is far away."""
+        """Add the task's own scene, so that a misaligned mount or a flexible blade is the same. Its object is away."""
         plant, hardware = self._plant, task.require_hardware()
         X_FT = mounting.X_FT(hardware.X_FT, world.mount)
         self._grip = plant.AddModelInstance(_GRIP)

@@ -1,1 +1,1 @@
-"""Tasks, simulation and learning: everything that knows physics."""
+"""Tasks, simulation and learning."""

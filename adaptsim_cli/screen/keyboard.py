@@ -18,7 +18,7 @@ _ENTER, _END, _DELETE, _DELETE_ALL = "\r\n", "\x04", "\x7f\x08", "\x15"
 
 
 def read_line() -> str:
-    """What was typed, with its Enter as "\\n"; `ESCAPE` at once where Esc was pressed; "" at the end of input.
+    """The typed line, with its Enter as "\\n"; `ESCAPE` at once if Esc was pressed; "" at the end of input.
 
     Input typed before the call does not answer the question and is discarded, because Enter may start a motion.
     """

@@ -1,4 +1,4 @@
-"""The touch-offs of one rig and task as a person lists, reads and compares them."""
+"""Lists, shows and compares the touch-offs of one rig and task."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ VALUES = (
 
 
 def listed(store: TouchOffStore) -> list[dict[str, Any]]:
-    """One a touch-off, oldest first; the last one is in use. A damaged one comes with its error."""
+    """One row per touch-off, oldest first; the last one is in use. A damaged one has its error."""
     paths = store.numbered.all()
     return [_one(store, path, in_use=path == paths[-1]) for path in paths]
 
 
 def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """What `HEAD` names."""
+    """The columns of `HEAD`."""
     return [
         (one["name"], "", "", "", "", one["error"])
         if "error" in one
@@ -50,7 +50,7 @@ def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def compared(store: TouchOffStore, first: str, second: str) -> dict[str, Any]:
-    """Every quantity of both, and second less first with the 95 % half width of the difference, for JSON."""
+    """Every quantity of both, and second minus first with the 95 % half width of the difference, for JSON."""
     paths = [store.numbered.named(name) for name in (first, second)]
     a, b = map(store.read, paths)
     found = []
@@ -91,7 +91,7 @@ def values(known: SavedTouchOff) -> list[tuple[str, str, str]]:
 
 
 def tell(screen: Screen, store: TouchOffStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
-    """The list on the screen, with the sessions that rest on the one in use."""
+    """Show the list, with the sessions that use the current one."""
     listing.tell(screen, listing.Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
 
 

@@ -1,4 +1,4 @@
-"""What a touch-off asks of its parts; `wiring` fills these in, tests bring their own."""
+"""The parts of a touch-off; `wiring` provides them, tests bring their own."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from sim.panda.touching import HeldTool, Probe
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is touched, in order."""
+    """The probes of a touch-off, in order."""
 
     table: tuple[Probe, ...]  # with the closed, empty fingers
     tool: tuple[Probe, ...]  # with the tool; the first one is touched again after the slip check
 
 
 def plan_of(hardware: Touching) -> Plan:
-    """What is touched for a task's tool. Raises UnknownName."""
+    """The probes for a task's tool. Raises UnknownName."""
     touched = touchable(hardware)
     return Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m))
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """How the tool is held."""
+    """The grasp of the tool."""
 
-    width_m: float = 0.012  # of the handle
+    width_m: float = 0.012  # width of the handle
     force_N: float = 40.0
 
 
@@ -40,20 +40,20 @@ class TouchRig:
     """The connected devices of one bench."""
 
     name: str  # "fake", "panda" or "fr3"
-    title: str  # what an operator calls it
+    title: str  # its name for an operator
     key: str  # the folder name of its touch-offs
     tool_name: str
     arm: GuardedArm
     hand: Hand
     grasp: Grasp
-    empty: HeldTool  # with nothing in the hand, the table where it is taken to be at first
+    empty: HeldTool  # empty hand, over the first assumed table
     loaded: HeldTool  # with the tool, as designed
     plan: Plan
-    home_rad: Array  # (7,) where the tool is handed over and the arm returns to
-    tool_there: Callable[[bool], None]  # the tool is held between the open fingers, or was taken away
-    confirm: Callable[[], None] = lambda: None  # has a real arm's first motion confirmed. Raises StoppedByOperator
+    home_rad: Array  # (7,) posture for handing over the tool, and at the end
+    tool_there: Callable[[bool], None]  # True: the tool is offered between the open fingers; False: taken away
+    confirm: Callable[[], None] = lambda: None  # asks for confirmation of a real arm. Raises StoppedByOperator
 
     @property
     def is_real(self) -> bool:
-        """Whether its arm can hurt somebody."""
+        """Whether a real arm moves, which can hurt somebody."""
         return not is_simulated(self.name)

@@ -1,4 +1,4 @@
-"""What an operator reads during and after a touch-off, as rich renderables."""
+"""Everything that a touch-off prints for an operator, as rich renderables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptsim_cli.touch_off.solving import MeasuredValue, Result
 
 
 def explanation(rig: TouchRig) -> RenderableType:
-    """What is about to happen."""
+    """The announcement of the touch-off."""
     lines = (
         "Finds how high the table is and how the tool sits in the hand, by touching. About five minutes.",
         f"1  The hand is homed, empty; its closed fingers touch the table at {len(rig.plan.table)} places.",
@@ -42,7 +42,7 @@ def pressing(force_N: float) -> RenderableType:
 
 
 def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
-    """What was found, and within what."""
+    """The results with their intervals."""
     rows = [
         _row("table height under the work area", found.table_height_m, 1e3, "mm"),
         _row("table rises along X", found.tilt_x, 1e3, "mm/m"),

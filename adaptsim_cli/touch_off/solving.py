@@ -1,8 +1,8 @@
-"""From touches to a correction, and how well it is known.
+"""Computes the correction and its uncertainty from the touches.
 
-Closed empty fingers have a known length: where they touch is where the table is, three numbers from five places. Then
-the tool's corners touch that table, held at different pitches: how high the tool is, how far forward, and how it is
-turned are four numbers from eight touches. The height of an edge alone could not tell table from tool; the fingers can.
+Closed, empty fingers have a known length, so five touches give the table's plane (three numbers). Then the tool's
+corners touch that table at different pitches: eight touches give the tool's height, forward shift, pitch and roll (four
+numbers). The height of an edge alone could not separate table and tool; the fingers can.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from sim.panda.correction import ToolCorrection
 from sim.panda.touching import Probe
 
 FLOOR_M = 0.00005
-"""No touch is believed to be better than this, however well a few of them agree."""
+"""No touch counts as more precise than this, however well a few of them agree."""
 COVERAGE = 0.95
 DIFFER_M = 0.0006
-"""Repeats of one place that differ by more are not the same contact."""
+"""Repeats at one place that differ by more are not the same contact."""
 MISFIT_M = 0.0010
-"""A place that is off by more from what all others say: something lies there, or something gives in."""
+"""A place that deviates by more from all others: an object lies there, or something gives way."""
 UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.02
-"""Half widths of intervals beyond which the touches do not say enough."""
+"""Largest acceptable half widths of the intervals."""
 MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
-"""Beyond these another corner than the expected one would have touched, or the tool is not the one that was meant."""
+"""With larger deviations another corner would have touched, or the tool is a different one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """One slow touch: which place, and the true joints where it began."""
+    """One slow touch: its probe, and the true joints where it began."""
 
     probe: Probe
     q_rad: Array  # (7,)
@@ -49,7 +49,7 @@ class MeasuredValue:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a touch-off found."""
+    """The result of a touch-off."""
 
     correction: ToolCorrection
     table_height_m: MeasuredValue  # of the table top under the work area, over z = 0 of the base
@@ -59,10 +59,10 @@ class Result:
     forward_m: MeasuredValue
     pitch_rad: MeasuredValue
     roll_rad: MeasuredValue
-    edge_over_table_m: float  # half width of the 95 % interval of what a task feels: edge against table
+    edge_over_table_m: float  # half width of the 95 % interval of the edge's height over the table
     repeat_m: float  # spread of repeats, one standard deviation
     misfit_m: float  # largest residual of a place
-    problems: tuple[str, ...]  # why it must not be used; empty: it may
+    problems: tuple[str, ...]  # reasons against its use; empty: none
 
 
 def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
@@ -74,7 +74,7 @@ def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
 
 
 def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[ToolCorrection, Array, Array]:
-    """How the tool is held -> (correction, residuals (N,) in m, normal matrix (4, 4): height, forward, pitch, roll)."""
+    """The tool's pose -> (correction, residuals (N,) in m, normal matrix (4, 4): height, forward, pitch, roll)."""
     from scipy.optimize import least_squares
 
     X_BF = forward(np.array([t.q_rad for t in touches]))
@@ -92,7 +92,7 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
 
 
 def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array) -> Result:
-    """Everything from all slow touches. `work_m` (2,) is where the table's height is stated.
+    """The result from all slow touches. `work_m` (2,) is the place for the stated height of the table.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """
@@ -128,7 +128,7 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
 
 
 def differ(heights_m: Sequence[float]) -> float:
-    """How far repeats of one place are apart, in m."""
+    """Largest difference between repeats at one place, m."""
     return max(heights_m) - min(heights_m)
 
 

@@ -1,6 +1,6 @@
-"""Where touch-offs are kept: `<data>/touch-offs/<rig>/touch-off-0001/touch-off.json`, whole or not at all.
+"""Stores touch-offs in `<data>/touch-offs/<rig>/touch-off-0001/touch-off.json`, whole or not at all.
 
-The highest number counts; nothing is overwritten. One that cannot be read stops the program.
+The highest number counts; nothing is overwritten. An unreadable one stops the program.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class SlowTouchRecord(Record):
     """One slow touch."""
 
     place: str
-    q_rad: tuple[float, ...]  # true joints, as far as calibration knows
+    q_rad: tuple[float, ...]  # true joints by the calibration
 
     @classmethod
     def from_touch(cls, touched: Touched) -> SlowTouchRecord:
@@ -51,7 +51,7 @@ class SlowTouchRecord(Record):
 
 
 class SavedTouchOff(Record):
-    """touch-off.json."""
+    """touch-off.json: a finished touch-off."""
 
     format: int = FORMAT
     created: str  # ISO 8601
@@ -74,12 +74,12 @@ class SavedTouchOff(Record):
     slip_m: float
     pressed_N: float
     grasp_force_N: float
-    joint_zeros_rad: tuple[float, ...]  # of the calibration that it was made with
+    joint_zeros_rad: tuple[float, ...]  # of the calibration in use then
     touches: tuple[SlowTouchRecord, ...]
     versions: dict[str, str]
 
     def correction(self) -> ToolCorrection:
-        """Table and tool as they are, for planning."""
+        """The corrections of table and tool, for planning."""
         table = Table(self.table_origin_m, self.tilt_x.value, self.tilt_y.value)
         return ToolCorrection(
             table,
@@ -94,12 +94,12 @@ class SavedTouchOff(Record):
         return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
-        """The digest of the file, which sessions keep."""
+        """The SHA-256 of the file, which sessions record."""
         return hashlib.sha256(self.content()).hexdigest()
 
 
 def record(found: TouchOffRun, rig: TouchRig, created: str, versions: dict[str, str]) -> SavedTouchOff:
-    """All of it as it is stored."""
+    """The record of a touch-off."""
     result, table = found.result, found.result.correction.table
     return SavedTouchOff(
         created=created,
@@ -135,14 +135,14 @@ class TouchOffStore:
     folder: Path
 
     def save(self, saved: SavedTouchOff) -> Path:
-        """Store; from now on it is the current one. -> its folder. Raises DiskFull, SessionError."""
+        """Store a touch-off, which becomes the current one; return its folder. Raises DiskFull, SessionError."""
         durable.make_folder(self.folder)
         path = self.numbered.next()
         durable.write_folder(path, {FILE: saved.content()})
         return path
 
     def current(self) -> SavedTouchOff | None:
-        """The latest. Raises SessionError where it cannot be read: an older one is never taken silently."""
+        """The latest touch-off. Raises SessionError if it is unreadable: an older one is never used silently."""
         found = self.numbered.all()
         if not found:
             return None
@@ -159,7 +159,7 @@ class TouchOffStore:
         return Numbered(self.folder, PREFIX)
 
     def read(self, path: Path) -> SavedTouchOff:
-        """One of them. Raises SessionError where it cannot be read."""
+        """One touch-off. Raises SessionError if it is unreadable."""
         try:
             return read(SavedTouchOff, path / FILE)
         except ViewFolderError as error:

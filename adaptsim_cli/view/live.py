@@ -1,4 +1,4 @@
-"""A session, or one trial, on a page: what the watcher is shown becomes the page's state."""
+"""A session, or one trial, on the live page: turns the watcher's calls into the page's state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from sim.tasks.task import Task
 
 
 class LiveView:
-    """`session.watching.Watcher` and `screen.console.Listener`: everything goes to one page."""
+    """`session.watching.Watcher` and `screen.console.Listener` that show everything on one page."""
 
     def __init__(self, page: Page) -> None:
         self._page, self._lock = page, Lock()
@@ -33,7 +33,7 @@ class LiveView:
         self._occasion: Occasion | None = None
 
     def begins(self, task: Task, occasion: Occasion, title: str) -> None:
-        """What it is, on what hardware."""
+        """Begin the page: session or rollout, and hardware."""
         self._task, self._occasion = task, occasion
         head = {
             "simulated": is_simulated(occasion.hw),
@@ -104,9 +104,9 @@ class LiveView:
 
 @contextmanager
 def live_view(screen: Screen, task: Task, occasion: Occasion, title: str, port: int | None) -> Iterator[LiveView]:
-    """The page while it is needed; says where it is, and how to reach it from another computer.
+    """Serve the page; print its address, and how to reach it from another computer.
 
-    Raises UsageError where the port that was asked for is taken.
+    Raises UsageError if the wanted port is in use.
     """
     html = (resources.files("adaptsim_cli.view") / "page.html").read_text(encoding="utf-8")
     with Page(html, port) as page:

@@ -1,4 +1,4 @@
-"""One page on this computer: its state goes out as server-sent events, and nothing comes in."""
+"""Serves one page on this computer. Its state goes out as server-sent events; nothing comes in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adaptsim_cli.errors import UsageError
 HOST = "127.0.0.1"
 PORT = 8765
 KEEP_ALIVE_S = 5.0
-"""After so long without news a comment is sent, by which a page that was closed is noticed."""
+"""After this time without news a comment is sent, to notice a closed page."""
 
 _POLICY = (
     "default-src 'none'; img-src 'self' data:; connect-src 'self'; "
@@ -26,7 +26,7 @@ _OURS = frozenset({"127.0.0.1", "localhost"})
 
 
 class Page:
-    """Serves `html` at the address; whoever has it open sees every `show` at once."""
+    """Serves `html` at `address`; open pages show every `show` at once."""
 
     def __init__(self, html: str, port: int | None = None) -> None:
         self._html, self._wanted = html.encode(), port
@@ -37,7 +37,7 @@ class Page:
         self._server: ThreadingHTTPServer | None = None
 
     def __enter__(self) -> Self:
-        """Listens from now on, at the port that was asked for. Raises UsageError where it is taken."""
+        """Listen at the wanted port. Raises UsageError if it is in use."""
         self._server = _listening(self._handler(), self._wanted)
         threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True).start()
         return self
@@ -52,18 +52,18 @@ class Page:
 
     @property
     def port(self) -> int:
-        """At which it listens. Raises ValueError before that."""
+        """The port at which it listens. Raises ValueError before."""
         if self._server is None:
             raise ValueError("the page is not served yet")
         return int(self._server.server_address[1])
 
     @property
     def address(self) -> str:
-        """For a browser on this computer."""
+        """The address for a browser on this computer."""
         return f"http://{HOST}:{self.port}/"
 
     def show(self, state: Mapping[str, Any], pictures: Mapping[str, bytes]) -> None:
-        """`state` for the page, and its JPEG pictures by name, instead of those before."""
+        """Replace the page's state and its JPEG pictures (by name)."""
         content = json.dumps(state, allow_nan=False).encode()
         with self._news:
             self._state, self._pictures = content, dict(pictures)
@@ -71,7 +71,7 @@ class Page:
             self._news.notify_all()
 
     def _after(self, version: int) -> tuple[int, bytes | None]:
-        """The state once it is newer than `version`; None after `KEEP_ALIVE_S` without one. Version -1: it is over."""
+        """The next state after `version`; None after `KEEP_ALIVE_S` without one. Version -1: the page has ended."""
         with self._news:
             is_new = self._news.wait_for(lambda: self._ended or self._version > version, KEEP_ALIVE_S)
             if self._version > version:
@@ -86,7 +86,7 @@ class Page:
 
             def do_GET(self) -> None:
                 """The page, a picture, or the stream of states."""
-                if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in _OURS:  # another site's page asks
+                if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in _OURS:  # from another site's page
                     self.send_error(HTTPStatus.FORBIDDEN)
                     return
                 path = urlsplit(self.path).path
@@ -127,7 +127,7 @@ class Page:
                     return
 
             def log_message(self, format: str, *args: Any) -> None:
-                """Nothing: the terminal belongs to the session."""
+                """Logs nothing: the terminal belongs to the session."""
 
         return Handler
 

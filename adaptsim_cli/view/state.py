@@ -1,4 +1,4 @@
-"""What the live page is told, as plain JSON. Pure."""
+"""The state of the live page, as plain JSON. Pure."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from sim.tasks.task import Task
 from sim.types import Space
 
 BINS = 24
-"""Of the posterior of one parameter, over its range."""
+"""Number of bins of one parameter's posterior, over its range."""
 
 
 def quantities(space: Space, point: Sequence[float] | Array) -> list[dict[str, str]]:
-    """Plain name, value as people read it, unit and meaning of each."""
+    """Plain name, readable value, unit and meaning of each quantity."""
     return [
         {"name": d.name, "plain": d.plain_name, "value": number(float(v)), "unit": d.unit, "meaning": d.meaning}
         for d, v in zip(space.dimensions, point, strict=True)
@@ -39,7 +39,7 @@ def trial(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
         "attempt": stage.key.attempt + 1,
         "iteration": stage.iteration + 1,
         "particle": stage.particle + 1,
-        "particles": particles,  # 0: it belongs to no session
+        "particles": particles,  # 0: a single rollout
         "parameters": quantities(task.parameters, made.parameters),
         "context": quantities(task.context, made.context),
         "action": quantities(task.action, made.action),
@@ -49,7 +49,7 @@ def trial(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
 
 
 def motion(sight: Sight) -> dict[str, Any]:
-    """The planned motion of the arm, and what lies on the table, in metres."""
+    """The planned motion of the arm, and the marks on the table, in m."""
     return {
         "t_s": _rounded(sight.t_s, 3),
         "arm_m": _rounded(sight.arm_m, 4),
@@ -62,13 +62,13 @@ def motion(sight: Sight) -> dict[str, Any]:
 
 
 def picture(sight: Sight, name: str) -> dict[str, Any]:
-    """The camera's picture, and what is drawn over it in its pixels."""
+    """The camera's picture, and its overlay in pixels."""
     width, height = sight.size_px
     return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(sight.path_px, 1)}
 
 
 def judged(found: Judged, track: ObjectTrack, seen: Seen, urls: Mapping[str, str]) -> dict[str, Any]:
-    """A tracked trial, before anyone has accepted it."""
+    """A tracked trial, before its review."""
     has_place = track.state.shape[1] >= 3
     return {
         "outcome": found.outcome.value.replace("_", " "),
@@ -113,7 +113,7 @@ def _best(task: Task, result: ResultRecord) -> dict[str, Any]:
 def _parameters(
     store: SessionStore, task: Task, results: Sequence[ResultRecord], posterior: Posterior | None
 ) -> list[dict[str, Any]]:
-    """Each with its range, the particles of every iteration in fractions of it, and the posterior."""
+    """Each parameter with its range, the particles of every iteration as fractions of the range, and the posterior."""
     space = task.parameters
     steps = [store.start.particles, *(result.next_particles for result in results)]
     means = np.array([[np.mean(samples, axis=0) for samples in particles] for particles in steps])  # (I + 1, n, p)
@@ -136,7 +136,7 @@ def _parameters(
 
 
 def _marginals(space: Space, posterior: Posterior) -> list[list[float]]:
-    """Of each parameter, the probability of each of `BINS` parts of its range; what lies beyond counts at its ends."""
+    """For each parameter, the probability of each of `BINS` parts of its range; values beyond count at the ends."""
     unit = np.clip(space.normalise(posterior.samples), 0.0, 1.0 - 1e-9)
     return [
         _rounded(np.bincount((BINS * column).astype(int), weights=posterior.weights, minlength=BINS), 5)

@@ -1,1 +1,1 @@
-"""Methods compared in worlds that nobody chose: worlds, tables of true rollouts, sessions, summary."""
+"""Compares methods in drawn worlds: worlds, tables of true rollouts, sessions, summary."""

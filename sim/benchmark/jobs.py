@@ -1,4 +1,4 @@
-"""One method in one world with one seed, from names and values alone: what is handed to a worker."""
+"""The job for a worker: one method in one world with one seed, described only by names and values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from sim.tasks import get_task
 
 UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
 LIMITS = (ORACLE, BEST_ACTION)
-"""What no method can know: which E, or which action, is best in the world."""
+"""Upper bounds with knowledge that no method has: the best E, or the best action, in the world."""
 
 COMPARED = (*METHODS, *LIMITS)
 
@@ -36,7 +36,7 @@ LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-histor
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Everything that a result follows from; it can be sent to another machine with the same checkpoints."""
+    """Everything that determines a result; it can be sent to another machine with the same checkpoints."""
 
     task: str
     checkpoint: str  # name or folder
@@ -49,13 +49,13 @@ class Job:
 
     @property
     def answers(self) -> str:
-        """Digest of what the world answers: of its table, or of what it is simulated from."""
+        """Digest of the world's answers: of its table, or of the inputs of its simulation."""
         return world_digest(get_task(self.task), self.world) if self.table is None else self.table.digest
 
 
 @dataclass(frozen=True)
 class Row:
-    """What the policy earns that a session ends with, and those it would have ended with before."""
+    """The reward of a session's final policy, and of its best policy after each iteration."""
 
     task: str
     set: str
@@ -65,10 +65,10 @@ class Row:
     reward: float
     ci95: tuple[float, float]
     real_trials: int
-    simulations: int  # true rollouts of Phase 1 that the method rests on
+    simulations: int  # true rollouts of Phase 1 that the method needs
     wall_s: float
     curve: tuple[tuple[int, float], ...]  # (real trials, reward) after each iteration
-    shown: float | None  # of UDR and the oracle: the reward in other trials, which choose the worlds with a gap
+    shown: float | None  # only UDR and oracle: the reward in other trials, which select the worlds with a gap
 
 
 def run_job(job: Job, trials: Place | None = None) -> Row:
@@ -84,7 +84,7 @@ def run_job(job: Job, trials: Place | None = None) -> Row:
     each = conditions.particles * task.adaptation.trials_per_iteration
 
     def final(act: Commands, policies: int = 1) -> Judged:
-        """By fresh rollouts, shared by so many policies, where they are asked for."""
+        """Judge by fresh rollouts, divided among `policies`, if they are requested."""
         if not conditions.fresh:
             return judge(task, act, place, conditions, job.seed)
         few = replace(conditions, judged=max(2, conditions.fresh // policies))
@@ -130,7 +130,7 @@ def _row(
 
 
 def _mean(judged: Sequence[Judged]) -> Judged:
-    """Of policies that were judged on the same contexts: of the interval, too, which is so on the safe side."""
+    """The mean of policies judged on the same contexts. The mean of their intervals is on the safe side."""
     n = len(judged)
     low, high = (sum(j.ci95[k] for j in judged) / n for k in range(2))
     return Judged(sum(j.reward for j in judged) / n, (low, high))

@@ -1,6 +1,6 @@
-"""Where sessions of a benchmark happen: a world that is simulated, or its table.
+"""The places of benchmark sessions: a simulated world, or its table.
 
-A third place, the whole lab with arm and camera, keeps the same contract (`adaptsim_cli.wiring.lab_place`).
+A third place, the whole lab with arm and camera, has the same contract (`adaptsim_cli.wiring.lab_place`).
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
 SMOOTHED = 4
-"""Rollouts of a table that stand together for what an action earns, where the best one is looked for."""
+"""Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What trials show."""
+    """The observable results of trials."""
 
     observations: Array  # (N, size) normalised, with the camera's noise
     rewards: Array  # (N,)
     ends: tuple[Array | None, ...]  # N end states of successes, (k,) each
-    contexts: Array  # (N, c) as they were measured
+    contexts: Array  # (N, c) as measured
 
 
 class Place(Protocol):
-    """One world. Contexts (N, c) and commanded actions (N, a) in units; chance comes from the generator alone."""
+    """One world. Contexts (N, c) and commanded actions (N, a) are in units; all randomness comes from the generator."""
 
     @property
     def executable(self) -> Executable | None:
-        """Which actions can be tried; None: all."""
+        """The test for executable actions; None: all are."""
         ...
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """Trials."""
+        """Run trials."""
         ...
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
@@ -54,13 +54,13 @@ class Place(Protocol):
         ...
 
     def best_actions(self, contexts: Array) -> Array:
-        """(N, a) the best there are, by what `play` would show: the limit of any method."""
+        """(N, a) the best actions by the data of `play`: an upper bound for any method."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A `Place` where each trial is a true rollout. For tasks with exact answers, which cost next to nothing."""
+    """A `Place` with a true rollout for each trial, for tasks with exact, nearly free answers."""
 
     solver: Solver
     world: World
@@ -78,7 +78,7 @@ class Simulated:
         return self._scores(self._rolled(contexts, actions, rng), contexts)
 
     def best_actions(self, contexts: Array) -> Array:
-        """Those of the exact policy for the world's own parameters."""
+        """The actions of the exact policy for the world's own parameters."""
         truth = self.world.parameters[None, None]
         return self.solver.policies(truth, np.random.default_rng(0))[0].actions(contexts)
 
@@ -94,14 +94,14 @@ class Simulated:
 
 @dataclass(frozen=True, eq=False)
 class Tabled:
-    """A `Place` that answers with the rollout of a table whose executed action lies nearest, in fractions of ranges."""
+    """A `Place` that answers with the rollout of a table with the nearest executed action, in fractions of ranges."""
 
     task: Task
     table: WorldTable
     executable: Executable | None = None
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`: from the half of the table that answers trials."""
+        """See `Place`: from the half of the table for trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
         found = results[rows]
@@ -109,12 +109,12 @@ class Tabled:
         return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `Place`: from the half of the table that scores."""
+        """See `Place`: from the half of the table for scores."""
         known, results = self._for_scores
         return results[self._nearest(known, self._executed(actions, rng))].rewards(self.task, contexts)
 
     def best_actions(self, contexts: Array) -> Array:
-        """Of the table's own actions, each worth the mean over its nearest ones."""
+        """The best of the table's own actions, each valued by the mean over its nearest ones."""
         known, results = self._for_trials
         unit = self.task.action.normalise(known)
         together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]

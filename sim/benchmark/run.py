@@ -1,4 +1,4 @@
-"""All jobs of a benchmark on an executor. Each result is a file of its own, so a killed run goes on."""
+"""Runs all jobs of a benchmark on an executor. Each result is a file of its own, so an interrupted run can continue."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from sim.storage.files import read_toml, whole_file, write_toml
 
 PLAN = "benchmark.toml"
 IN_FLIGHT = 64
-"""Jobs handed to the executor at a time."""
+"""Jobs in the executor's queue at a time."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """The folder of a benchmark: `benchmark.toml` says under which conditions its rows were made."""
+    """The folder of a benchmark; `benchmark.toml` states the conditions of its rows."""
 
     folder: Path
 
     def agree(self, plan: dict[str, Any]) -> None:
-        """Write the conditions down. Raises DatasetError where the folder holds results of others."""
+        """Store the conditions. Raises DatasetError if the folder holds results with other conditions."""
         path = self.folder / PLAN
         if not path.exists():
             write_toml(path, plan)
@@ -40,7 +40,7 @@ class Results:
             )
 
     def row(self, job: Job) -> Row | None:
-        """What is stored of a job; None where nothing is, or it cannot be read, so that it is run again."""
+        """The stored row of a job; None if there is none or it is unreadable, so that the job runs again."""
         try:
             stored = json.loads(self._path(job).read_text(encoding="utf-8"))
             if stored.keys() != {field.name for field in fields(Row)}:
@@ -66,9 +66,9 @@ def run_jobs(
     progress: Progress,
     run: Callable[[Job], Row] = run_job,
 ) -> list[Row]:
-    """The rows of all jobs, in their order; those that are stored are not run again. `run` can be sent to a worker.
+    """The rows of all jobs, in order; stored ones are not run again. `run` can be sent to a worker.
 
-    Raises what a job raises, RolloutError where a worker died, ClusterUnavailable.
+    Raises the errors of a job, RolloutError if a worker died, ClusterUnavailable.
     """
     rows = {i: row for i, job in enumerate(jobs) if (row := results.row(job)) is not None}
     missing = iter([i for i in range(len(jobs)) if i not in rows])
@@ -95,5 +95,5 @@ def run_jobs(
 
 
 def _failed(future: Future[Row]) -> bool:
-    """They come last, so that what has succeeded beside them is kept."""
+    """Sort key: failed ones come last, so that the results of the others are stored."""
     return future.cancelled() or future.exception() is not None

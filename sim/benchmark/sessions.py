@@ -1,7 +1,7 @@
-"""Whole sessions of a method in one world, and what they are measured against.
+"""Whole sessions of a method in one world, and the references for comparison.
 
-Every method meets the same contexts, errors of execution and noise of observation: all chance of a trial follows from
-(seed, iteration, particle) and nothing else.
+Every method gets the same contexts, action errors and observation noise: all randomness of a trial depends only on
+(seed, iteration, particle).
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from sim.tasks.task import Task
 from sim.types import Space
 
 UDR_POLICIES = 8
-"""Behind what UDR earns: over Omega many actions earn alike, and in one world they differ as success and failure."""
+"""Number of policies behind UDR's reward: over Omega many actions earn the same, but in one world they differ as much
+as success and failure.
+"""
 
 SCREENING, FINAL = 16, 6
-"""Trials by which the oracle leaves `FINAL` of its policies; these get as many as a score rests on."""
+"""Trials per policy in the oracle's first round, which leaves `FINAL` policies; these get as many trials as a score."""
 
 Commands = Callable[[Array], Array]
 """Contexts (N, c) -> actions (N, a)."""
@@ -35,16 +37,16 @@ Commands = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What all methods have in common."""
+    """The common conditions of all methods."""
 
-    budget: int  # real trials of a session; whole iterations of it are used
+    budget: int  # real trials of a session, rounded down to whole iterations
     particles: int = 2
     judged: int = 64  # rollouts behind each reward
     fresh: int = 0  # true rollouts behind the final one, and trials that are true ones; 0: all is looked up in tables
-    candidates: int = 96  # E, evenly over Omega, that the oracle chooses from
+    candidates: int = 96  # candidate E of the oracle, spread evenly over Omega
 
     def iterations(self, task: Task) -> int:
-        """Raises OutOfRange where the budget is less than one iteration."""
+        """The number of iterations. Raises OutOfRange if the budget is less than one iteration."""
         each = self.particles * task.adaptation.trials_per_iteration
         if self.budget < each:
             raise OutOfRange(
@@ -56,14 +58,14 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """What one policy earns."""
+    """The reward of one policy."""
 
     reward: float
-    ci95: tuple[float, float]  # of the mean over the rollouts
+    ci95: tuple[float, float]  # of the mean over rollouts
 
 
 class _Chance(IntEnum):
-    """What a stream of random numbers is for."""
+    """The purpose of a stream of random numbers."""
 
     CONTEXT = 0
     TRIAL = 1
@@ -78,7 +80,7 @@ class _Chance(IntEnum):
 def run_session(
     solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
 ) -> list[SolvedPolicy]:
-    """The policies that the session would go with after each iteration; `contexts` are all the task's if not given."""
+    """The final policies of the session if it ended after each iteration; `contexts` default to all of the task."""
     task, history, chosen = solver.task, list[Iteration](), list[SolvedPolicy]()
     among = task.context if contexts is None else contexts
     trained: dict[bytes, SolvedPolicy] = {}
@@ -104,7 +106,7 @@ def run_session(
 
 
 def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed: int) -> Judged:
-    """What these commands earn on average over contexts, by rollouts that no session has seen."""
+    """The mean reward of these commands over contexts, by rollouts that no session uses."""
     contexts = task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
     rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
@@ -113,12 +115,12 @@ def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed:
 
 
 def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
-    """Several for all of Omega; what UDR earns is the mean over them."""
+    """Several policies for all of Omega; UDR's reward is their mean."""
     return udr.udr_policies(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
 
 
 def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
-    """The best of many E, chosen by trials in the world, in two rounds; and what it earned in the second."""
+    """The best of many E, chosen by trials in the world in two rounds, and its reward in the second."""
     task = solver.task
     grid = cover(task.parameters, conditions.candidates, np.random.default_rng(0))
     policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
@@ -130,14 +132,14 @@ def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: in
 
 
 def shown(task: Task, act: Commands, place: Place, n: int, seed: int) -> float:
-    """Mean reward over `n` trials as sessions have them: for choices, never for scores."""
+    """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
     return float(place.play(contexts, act(contexts), rng).rewards.mean())
 
 
 def _worthwhile(task: Task, n: int) -> int:
-    """`n` rollouts, or two where one is like another."""
+    """`n` rollouts, or two if all rollouts are the same."""
     return n if len(task.context) or np.any(task.action_noise) else 2
 
 
@@ -153,7 +155,7 @@ def _once(
 def _trials(
     task: Task, policy: SolvedPolicy, place: Place, among: Space, which: tuple[int, int, int]
 ) -> tuple[Trial, ...]:
-    """Those of one particle in one iteration; `which`: seed, iteration, particle."""
+    """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
     seed, *where = which
     contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
     actions = np.stack([policy(context) for context in contexts])

@@ -1,7 +1,7 @@
-"""What rows say of methods: means with intervals, paired differences, the share of the gap closed, the worst world.
+"""Summarises rows by method: means with intervals, paired differences, share of the gap closed, worst world.
 
-Everything is per set of worlds. Worlds are the units: a method's reward in a world is its mean over the seeds, and
-intervals are bootstraps over worlds (over seeds where there is one world).
+Everything is per set of worlds. Worlds are the units: a method's reward in a world is its mean over seeds, and
+intervals are bootstraps over worlds (over seeds if there is only one world).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from hw.types import Array
 from sim.benchmark.jobs import ORACLE, UDR, Row
 
 LEAST_GAP = 0.1
-"""Where oracle and UDR lie closer than this, by what trials showed of them, there is nothing to adapt for."""
+"""A world with a smaller difference between oracle and UDR, by the trials for choices, has no gap."""
 
 WORSE_BY = 0.1
-"""A method that earns so much less than UDR in a world has done harm there."""
+"""A method that earns this much less than UDR in a world does harm there."""
 
 RESAMPLED = 2000
 
@@ -35,9 +35,9 @@ class MethodSummary:
     ci95: Interval
     above_udr: float | None  # mean paired difference to UDR
     above_udr_ci95: Interval | None
-    gap_closed: float | None  # share of the gap that it closes, over the worlds with one
+    gap_closed: float | None  # share of the gap closed, over the worlds with a gap
     gap_closed_ci95: Interval | None
-    worse_worlds: int | None  # how many worlds it earns less than UDR in, by `WORSE_BY`
+    worse_worlds: int | None  # number of worlds in which it earns less than UDR by `WORSE_BY`
     worst_world: str | None
     worst_difference: float | None  # its difference to UDR there
     trials: tuple[int, ...]  # real trials after each iteration
@@ -53,12 +53,12 @@ class SetSummary:
     worlds: int
     seeds: int
     with_gap: tuple[str, ...] | None  # worlds with a gap between UDR and the oracle
-    methods: tuple[MethodSummary, ...]  # one each, in the order of the rows
+    methods: tuple[MethodSummary, ...]  # in the order of the rows
 
 
 @dataclass(frozen=True, eq=False)
 class _Earned:
-    """Rewards of one method: (worlds, seeds) at the end, (worlds, seeds, iterations) on the way."""
+    """Rewards of one method: final (worlds, seeds), and after each iteration (worlds, seeds, iterations)."""
 
     final: Array
     curve: Array
@@ -67,7 +67,7 @@ class _Earned:
 
 
 def summarise(rows: Sequence[Row]) -> tuple[SetSummary, ...]:
-    """Of rows where every method of a set has every world and seed."""
+    """The summaries of rows in which every method of a set has every world and seed."""
     return tuple(
         _of_set(name, [row for row in rows if row.set == name]) for name in dict.fromkeys(row.set for row in rows)
     )
@@ -97,7 +97,7 @@ def _earned(at: dict[tuple[str, str, int], Row], method: str, worlds: Sequence[s
 
 
 def _with_gap(earned: dict[str, _Earned]) -> Array | None:
-    """(worlds,) whether there is one, by what trials showed: what scores rest on has no say."""
+    """(worlds,) whether a world has a gap, by the trials for choices; the rollouts of scores do not decide."""
     udr, oracle = (earned[name].shown if name in earned else None for name in (UDR, ORACLE))
     if udr is None or oracle is None:
         return None
@@ -135,7 +135,7 @@ def _of_method(method: str, earned: dict[str, _Earned], worlds: Sequence[str], g
 
 
 def _share(difference: Array, room: Array) -> tuple[float | None, Interval | None]:
-    """Share of the gap closed, pooled over the worlds (W, S); None where fresh rollouts leave no gap."""
+    """Share of the gap closed, pooled over worlds and seeds (W, S); None if fresh rollouts show no gap."""
     if room.sum() <= 0.0:
         return None, None
     drawn = _resampled(difference.shape)
@@ -145,7 +145,7 @@ def _share(difference: Array, room: Array) -> tuple[float | None, Interval | Non
 
 
 def _resampled(shape: tuple[int, ...]) -> NDArray[np.int64]:
-    """(RESAMPLED, n) worlds, or seeds where there is one world: the same draws for every method."""
+    """(RESAMPLED, n) draws of worlds, or of seeds if there is only one world; the same for every method."""
     n = shape[0] if shape[0] > 1 else shape[1]
     return np.random.default_rng(0).integers(n, size=(RESAMPLED, n))
 

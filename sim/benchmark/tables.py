@@ -1,11 +1,11 @@
-"""World tables: true rollouts of a world, run once, so that sessions in it are looked up and not simulated.
+"""World tables: true rollouts of a world, run once, so that sessions look up trials instead of simulating them.
 
-What a world answers depends on the executed action alone, since contexts differ by `Task.relocate`. So a table is a
-set of executed actions with what each did: half of them fill the action space, half are what policies of E command, at
-drawn contexts, with offsets and with the error of execution. Rows with even numbers are for sessions and for choices,
-those with odd numbers for scores: no score rests on a rollout that chose anything.
+The answer of a world depends only on the executed action, because contexts differ only by `Task.relocate`. So a table
+is a set of executed actions with their results. Half of the actions fill the action space; half are commands of
+policies of E at drawn contexts, with offsets and action error. Rows with even numbers are for sessions and choices,
+rows with odd numbers for scores, so no score uses a rollout that influenced a choice.
 
-A table is a folder with `table.toml` (which world, scene and policies) and shards with digests. A killed run goes on.
+A table is a folder with `table.toml` (world, scene, policies) and shards with digests. An interrupted run can continue.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from sim.storage.files import write_toml
 from sim.tasks.task import Task
 
 ROLLOUTS = 320
-"""Rollouts of a world: with 40 drawn worlds of each seed and the named ones, less than an hour of two cores a task."""
+"""Rollouts per world: for 40 drawn worlds of each seed and the named ones, less than an hour of two cores per task."""
 
 SHARD = 64
 
 POLICIES = 32
-"""E, evenly over Omega, whose policies command half of the actions."""
+"""Number of E, spread evenly over Omega; their policies command half of the actions."""
 
 OFFSET = 0.08
-"""Standard deviation of the offsets of these actions, in fractions of the ranges; every second one has none."""
+"""Standard deviation of the offsets of these actions, in fractions of the ranges; every second action has no offset."""
 
 MANIFEST = "table.toml"
 FORMAT = 1
@@ -73,10 +73,10 @@ def build_table(
     executor: Executor,
     progress: Progress,
 ) -> WorldTable:
-    """Simulate what is missing of the table in `folder`, and return the whole.
+    """Simulate the missing rows of the table in `folder`, and return the whole table.
 
-    `policies_of` is the digest of the checkpoint whose `solver` it is, `scene` the task's `scene_key`. Raises
-    DatasetError where the folder holds a table of something else, RolloutError, ClusterUnavailable.
+    `policies_of` is the digest of the checkpoint of `solver`, `scene` the task's `scene_key`. Raises DatasetError if
+    the folder holds another table, RolloutError, ClusterUnavailable.
     """
     task = solver.task
     plan = {
@@ -106,7 +106,7 @@ def build_table(
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:
-    """The finished table of `world` in `folder`. Raises DatasetError where there is none, or of something else."""
+    """The finished table of `world` in `folder`. Raises DatasetError if there is none, or it is another table."""
     again = f"make it with `adaptsim world-tables --task {task.name} --targets {world.name}`"
     manifest = _manifest(folder)
     if manifest is None or not manifest["digest"]:
@@ -147,7 +147,7 @@ def table_requests(solver: Solver, world: World, size: int) -> Requests:
 
 
 def world_digest(task: Task, world: World) -> str:
-    """Sixteen hexadecimal digits of all that decides a directly driven rollout in a world."""
+    """Sixteen hexadecimal digits: a digest of everything that determines a directly driven rollout in a world."""
     values = world.parameters.tobytes() + world.nuisance.tobytes()
     return hashlib.sha256(as_toml(task, world).encode() + values).hexdigest()[:16]
 
@@ -158,7 +158,7 @@ def _shards(folder: Path, requests: Requests) -> Iterator[tuple[Path, Requests]]
 
 
 def _read(folder: Path, world: World, size: int) -> WorldTable:
-    """All shards, each against its own digest."""
+    """Read all shards, and verify each digest."""
     actions, parts, total = [], [], hashlib.sha256()
     for start in range(0, size, SHARD):
         path = folder / f"shard-{start // SHARD:04d}.npz"

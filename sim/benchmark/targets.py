@@ -1,9 +1,9 @@
-"""Which worlds a benchmark means by a name.
+"""The worlds of a benchmark by name.
 
-`develop` and `drawn` are forty worlds each, as `sim.lab.drawn` draws them, none thrown away. Methods are developed on
-`develop`; `drawn` is for what is reported. `named` are the worlds that ship: they were selected (by how the policies of
-one checkpoint fail there, or by the paper). `mujoco` are those that ship with a physics that training has never seen.
-Any other name is one of these, or a file.
+`develop` and `drawn` are forty worlds each, drawn by `sim.lab.drawn`, none discarded. Methods are developed on
+`develop`; `drawn` is for reported results. `named` are the shipped worlds, which were selected (because the policies of
+one checkpoint fail there, or by the paper). `mujoco` are the shipped worlds with a physics that training does not use.
+Any other name is that of a world or a file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NAMED, MUJOCO = "named", "mujoco"
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A world, and the set it belongs to: results of different sets are never pooled."""
+    """A world and its set; results of different sets are never pooled."""
 
     set: str
     world: World
@@ -44,7 +44,7 @@ SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
     NAMED: shipped_worlds,
     MUJOCO: lambda task: shipped_worlds(task, "mujoco"),
 }
-"""Every set of worlds by its name: the only place that lists them."""
+"""Every set of worlds by its name; the only list of them."""
 
 
 def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:

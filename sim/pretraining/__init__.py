@@ -1,1 +1,1 @@
-"""Pretraining: from a task to a checkpoint, and what that checkpoint is worth."""
+"""Pretraining: from a task to a checkpoint, and its evaluation."""

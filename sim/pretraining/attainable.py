@@ -1,10 +1,10 @@
-"""The paper's adaptation policy with a threshold that can be reached, and whether it has learnt anything at all.
+"""The paper's adaptation policy with an attainable threshold, and a gate that tests whether it has learnt anything.
 
-With the paper's threshold hardly any parameters earn a reward in pushing: where the reward is nearly always zero, what
-is learnt is a drift. Here the threshold is what the best E reaches nearly everywhere in Omega, and all transitions are
-replayed, not the last 10,000. The episodes take place in the checkpoint's own simulator: the emulator, or the exact
-task. The gate tells whether the policy moves by what it sees: it must earn more than staying, and more than the drift
-that is left of it when it does not look. The paper's own variant stays as it is, under its own name.
+With the paper's threshold almost no parameters earn a reward in pushing, and from rewards that are nearly always zero
+the policy learns only a drift. Here the threshold is the reward that the best E reaches almost everywhere in Omega, and
+all transitions are replayed, not only the last 10,000. The episodes run in the checkpoint's own simulator: the
+emulator, or the exact task. The gate tests whether the policy uses its observations: it must earn more than staying,
+and more than its own mean drift. The paper's own variant stays unchanged under its own name.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ from sim.rollouts.run import Roll, run_many
 from sim.solvers.solver import Solver
 
 WITHIN_REACH = 0.1
-"""In this share of Omega even the best E may stay below the threshold."""
+"""Share of Omega in which even the best E may stay below the threshold."""
 
 UPDATES = 10_000
 """Gradient steps on all transitions."""
 
 GATE_TARGETS = 96
-"""Unseen targets in Omega on which the gate rests, one particle each; fewer where less was learnt from."""
+"""Unseen targets in Omega for the gate, one particle each; fewer after a shorter training."""
 
 RENEWED = ("format", "task", "object", "fingerprint", "sha256", "interface")
-"""Of a card: what is written anew when a copy is saved."""
+"""Entries of a card that are written again when a copy is saved."""
 
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Mean expected rewards in unseen targets after a whole session, from the same starts."""
+    """The gate's result: mean expected rewards in unseen targets after a whole session, from the same starts."""
 
     policy: float
     stay: float
     drift: float  # always the policy's own mean direction
-    above_low: float  # lower end of the 95 % interval of policy - the better of the two, paired by target
+    above_low: float  # lower end of the 95 % interval of (policy - the better of the other two), paired by target
     passed: bool
 
 
 def repair(checkpoint: Checkpoint, out: Path, seed: int, steps: int, progress: Progress) -> tuple[Path, Gate]:
-    """A copy of the checkpoint in `out` that holds the policy, its card saying how it learnt and whether it did.
+    """Copy the checkpoint to `out` with the trained policy; the card states its training and the gate's result.
 
-    `steps` adaptation steps (the paper: 10,000). Raises CheckpointError where the checkpoint cannot answer without
+    `steps` adaptation steps (the paper: 10,000). Raises CheckpointError if the checkpoint cannot answer without
     simulating.
     """
     solver, task = checkpoint.solver, checkpoint.solver.task
@@ -85,7 +85,9 @@ def repair(checkpoint: Checkpoint, out: Path, seed: int, steps: int, progress: P
 
 
 def attainable_threshold(checkpoint: Checkpoint) -> float:
-    """What the best E reaches in all of Omega but `WITHIN_REACH`; at most the paper's. Raises CheckpointError."""
+    """The reward that the best E reaches in all of Omega except a share of `WITHIN_REACH`; at most the paper's
+    threshold. Raises CheckpointError.
+    """
     task, ahead = checkpoint.solver.task, checkpoint.prospects
     if ahead is None:
         raise CheckpointError(
@@ -131,7 +133,7 @@ def _ended(
     choose: Callable[[Array, Visit], NDArray[np.int_]],
     seed: int,
 ) -> Array:
-    """(count,) expected rewards where the particles end after a whole session."""
+    """(count,) expected rewards of the particles' final places after a whole session."""
     task, rng, means = solver.task, np.random.default_rng(seed), starts
     for _ in range(task.adaptation.horizon):
         seen = visit(solver, roll, means, targets, rng, EpisodeSettings())

@@ -13,7 +13,7 @@ from sim.solvers.emulator.network import Emulator
 
 @dataclass(frozen=True, eq=False)
 class EmulatedRolls:
-    """A `Roll`: each request is answered by one member of the ensemble, with the error that it is known to have."""
+    """A `Roll`: one member of the ensemble answers each request, with its known residual error."""
 
     emulator: Emulator
     rng: np.random.Generator
@@ -28,5 +28,5 @@ class EmulatedRolls:
             observation=at_context,
             end_state=np.where(succeeded[:, None], drawn.end_state, np.nan),
             succeeded=succeeded,
-            outcome=np.full(len(requests), OUTCOMES.index(Outcome.SETTLED), dtype=np.int8),  # nobody asks
+            outcome=np.full(len(requests), OUTCOMES.index(Outcome.SETTLED), dtype=np.int8),  # not used
         )

@@ -1,4 +1,4 @@
-"""Meta-episodes: what distributions of parameters show and earn in simulated targets, many at once."""
+"""Meta-episodes: trials and rewards of parameter distributions in simulated targets, many at once."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from sim.tasks.task import Task
 
 @dataclass(frozen=True)
 class EpisodeSettings:
-    """How a step of an episode is computed."""
+    """The resolution of a step of an episode."""
 
     solver: SolverSettings = field(default_factory=lambda: SolverSettings(scenarios=8))
-    contexts: int = 8  # that a reward is averaged over
-    draws: int = 8  # of action error and nuisance, likewise
+    contexts: int = 8  # for the average of a reward
+    draws: int = 8  # of action error and nuisance, for the same average
 
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """What B distributions showed and earned in their targets."""
+    """Observations and rewards of B distributions in their targets."""
 
     observations: Array  # (B, T * size) with camera noise: true rollouts of the target
     trial_rewards: Array  # (B, T) of those rollouts
-    rewards: Array  # (B,) expected, of the solver
+    rewards: Array  # (B,) expected by the solver
 
 
 def visit(
@@ -45,8 +45,8 @@ def visit(
 ) -> Visit:
     """Train the task policies of `means` (B, p), run each `trials_per_iteration` times in its target (B, p).
 
-    The trajectories are true rollouts. The reward is the solver's: it is an expectation over contexts, nuisance
-    and action error, which would take hundreds of rollouts; the evaluation compares it with true rollouts.
+    The trajectories are true rollouts. The reward is the solver's expectation over contexts, nuisance and action error,
+    which would need hundreds of rollouts; the evaluation compares it with true rollouts.
     """
     task = solver.task
     policies = solver.policies(means[:, None, :], rng, settings=settings.solver)
@@ -76,7 +76,7 @@ class Episodes:
     directions: Array  # (E, P, H, p) in {-1, 0, 1}
 
     def transitions(self, task: Task, memory: MemoryName, threshold: float | None = None) -> Transitions:
-        """Every step of every particle, as a policy with this memory sees it, with the sparse reward."""
+        """Every step of every particle, in the view of a policy with this memory, with the sparse reward."""
         horizon = self.directions.shape[2]
         states = [encode(task, memory, self._seen(t)) for t in range(horizon + 1)]
 
@@ -102,14 +102,14 @@ def join_episodes(parts: Sequence[Episodes]) -> Episodes:
 
 
 def sparse(task: Task, rewards: Array, threshold: float | None = None) -> Array:
-    """Only rewards that reach the threshold, by default the task's, count (paper, eq. A1)."""
+    """The rewards that reach the threshold (default: the task's); all others become 0 (paper, eq. A1)."""
     return np.where(rewards >= (task.adaptation.threshold if threshold is None else threshold), rewards, 0.0)
 
 
 def simulated_trials(
     task: Task, policy: Callable[[Array], Array], target: Array, roll: Roll, n: int, rng: np.random.Generator
 ) -> tuple[Trial, ...]:
-    """`n` trials of a policy in a simulated target (p,), as a session would see them."""
+    """`n` trials of a policy in a simulated target (p,), in a session's form."""
     contexts = task.context.sample(rng, n)
     actions = np.stack([policy(c) for c in contexts])
     results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))

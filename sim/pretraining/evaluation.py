@@ -1,4 +1,4 @@
-"""Phase 1, judged: sessions on unseen targets, every final reward by true rollouts."""
+"""Evaluation of Phase 1: sessions on unseen targets, with every final reward by true rollouts."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from sim.solvers.solver import SolvedPolicy, Solver, policy_for
 from sim.tasks.task import Task
 
 LEAST_GAP = 0.1
-"""Targets where oracle and UDR lie closer than this say nothing about adaptation."""
+"""Targets with a smaller difference between oracle and UDR say nothing about adaptation."""
 
 PROPOSED, SCREENING = 4, 8
-"""Policies among which true rollouts choose the oracle, and rollouts of each."""
+"""Number of policies among which true rollouts choose the oracle, and rollouts of each."""
 
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """How many targets are judged, and how finely."""
+    """The number of targets and the resolution of the evaluation."""
 
     targets: int = 40
     kind: Targets = "paper"
     particles: int = 2
     iterations: int = 5
     rollouts: int = 8  # true ones behind each final reward
-    oracle: int = 128  # parameter vectors in Omega that the oracle may choose from
+    oracle: int = 128  # candidate parameter vectors of the oracle in Omega
 
 
 @dataclass(frozen=True)
 class MethodScore:
-    """A method after each iteration: the policy that the session would go with then, by true rollouts."""
+    """The score of a method after each iteration: of its final policy at that point, by true rollouts."""
 
     name: str
     reward: tuple[float, ...]  # mean over the targets
-    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 where there is none
+    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 if there is none
     gap_closed_ci95: tuple[tuple[float, float], ...]  # bootstrap over targets
     above_udr_ci95: tuple[float, float]  # of the mean difference to UDR after the last iteration, all targets
 
@@ -55,27 +55,27 @@ class EvaluationReport:
 
     kind: Targets
     targets: int
-    trials: int  # a session
+    trials: int  # per session
     rollouts: int  # behind each reward
     udr: float  # mean over several of its policies
     oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
     targets_with_gap: int  # oracle - udr at least LEAST_GAP
     methods: tuple[MethodScore, ...]
-    pairs: int  # of (policy, target), behind the next two
+    pairs: int  # of (policy, target), behind the next two figures
     emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
     emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSession:
-    """What was tried, and the policies that were trained for it."""
+    """A simulated session: its history and its trained policies."""
 
     task: Task
     history: list[Iteration] = field(default_factory=list)
     policies: dict[bytes, SolvedPolicy] = field(default_factory=dict)  # by the samples of their particle
 
     def choice(self, iterations: int) -> SolvedPolicy:
-        """The policy that the session would go with after so many iterations."""
+        """The final policy if the session ended after `iterations` iterations."""
         return self.policies[choose_best(self.task, self.history[:iterations]).particle.samples.tobytes()]
 
 
@@ -87,7 +87,7 @@ def run_session(
     settings: EvaluationSettings,
     rng: np.random.Generator,
 ) -> SimulatedSession:
-    """A whole session of `method` in a simulated target (p,), as on the real one."""
+    """A whole session of `method` in a simulated target (p,), as on a real one."""
     task = solver.task
     session = SimulatedSession(task)
     particles = method.start(settings.particles, rng)
@@ -136,7 +136,7 @@ def evaluate(
 def _oracle(
     solver: Solver, candidates: tuple[SolvedPolicy, ...], target: Array, roll: Roll, rng: np.random.Generator
 ) -> SolvedPolicy:
-    """The best policy of parameters in Omega: the solver, knowing the target, proposes some, true rollouts choose."""
+    """The best policy of parameters in Omega: the solver knows the target and proposes some; true rollouts choose."""
     contexts = solver.task.context.sample(rng, 4)
     actions = np.stack([policy.actions(contexts) for policy in candidates])
     rewards = solver.expected_rewards(np.tile(target, (len(candidates), 1)), contexts, actions, rng)
@@ -151,7 +151,7 @@ def _judge(
 ) -> tuple[Array, Array]:
     """True mean rewards and the solver's, (len(policies),) each, on the same contexts, errors and nuisance.
 
-    A policy that comes more than once is judged once; all are simulated together, so that no worker waits.
+    A repeated policy is judged once; all are simulated together, so that no worker waits.
     """
     task = solver.task
     contexts = task.context.sample(rng, n)

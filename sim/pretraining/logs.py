@@ -1,4 +1,4 @@
-"""Curves of a training, for whoever wants to watch."""
+"""Logs the curves of a training."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Log = Callable[[str, float, int], None]
 
 
 def silent(name: str, value: float, step: int) -> None:
-    """Nobody watches."""
+    """A log that stores nothing."""
 
 
 @contextmanager
 def tensorboard(folder: Path) -> Iterator[Log]:
-    """Write event files into `folder` that TensorBoard opens: `tensorboard --logdir FOLDER`."""
+    """Write event files for TensorBoard into `folder`: `tensorboard --logdir FOLDER`."""
     with SummaryWriter(logdir=str(folder)) as writer:
         yield writer.add_scalar

@@ -1,4 +1,4 @@
-"""Phase 1, the adaptation policy: double Q-learning over episodes of adapting to random targets."""
+"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ BATCH = 64
 EPSILON_FIRST, EPSILON_LAST = 1.0, 0.1
 
 Targets = Literal["paper", "wide"]
-"""Where the targets of training lie: in Omega, as in the paper, or also in the margin around it."""
+"""The region of the training targets: Omega, as in the paper, or also the margin around it."""
 
 TARGETS: tuple[Targets, ...] = get_args(Targets)
 
 
 @dataclass(frozen=True)
 class MetaSettings:
-    """How long the adaptation policy learns."""
+    """The length of the adaptation policy's training."""
 
-    steps: int = 10_000  # K, adaptation steps over all episodes; rounded up to whole episodes
+    steps: int = 10_000  # K, adaptation steps over all episodes, rounded up to whole episodes
     parallel: int = 64  # particles at once
-    particles: int = 2  # of an episode: they adapt to the same target, as in a session
-    updates: int = 1  # gradient steps an adaptation step
+    particles: int = 2  # per episode; they adapt to the same target, as in a session
+    updates: int = 1  # gradient steps per adaptation step
     targets: Targets = "paper"
 
     def rounds(self, horizon: int) -> int:
-        """Rounds of `parallel` adaptation steps; whole episodes."""
+        """Number of rounds of `parallel` adaptation steps, for whole episodes."""
         return horizon * -(-self.steps // (self.parallel * horizon))
 
 
 @dataclass(frozen=True, eq=False)
 class MetaCurve:
-    """How training went, one entry a round of all parallel particles."""
+    """The training curve, one entry per round of all parallel particles."""
 
     reward: Array  # (n,) mean expected reward of the distributions visited, not sparse
     epsilon: Array  # (n,)
@@ -53,7 +53,7 @@ class MetaCurve:
 
 
 def sample_targets(task: Task, kind: Targets, n: int, rng: np.random.Generator) -> Array:
-    """(n, p) random targets. Drawn at random, so none is ever one of a benchmark's."""
+    """(n, p) random targets, never those of a benchmark."""
     return (task.parameters if kind == "paper" else task.margin).sample(rng, n)
 
 
@@ -66,7 +66,7 @@ def train_adaptation(
     log: Log = silent,
     threshold: float | None = None,
 ) -> tuple[QNetwork, MetaCurve, Episodes]:
-    """The paper's adaptation policy after `steps` adaptation steps, and all that it went through.
+    """The paper's adaptation policy after `steps` adaptation steps, with its episodes.
 
     Rewards count from `threshold` on, by default the paper's. It sees one iteration at a time (memory "iteration").
     The same seed gives the same network.
@@ -102,9 +102,9 @@ def learn_from(
     progress: Callable[[int, int], None] | None = None,
     threshold: float | None = None,
 ) -> QNetwork:
-    """An adaptation policy with `memory`, learnt from episodes that another one went through, without a simulation.
+    """An adaptation policy with `memory`, learnt from another policy's episodes, without simulation.
 
-    Q-learning does not ask whose choices it learns from. The same seed gives the same network.
+    Q-learning can learn from the choices of another policy. The same seed gives the same network.
     """
     rng = np.random.default_rng(seed)
     learner = _learner(task, memory, int(rng.integers(2**31)))
@@ -128,7 +128,7 @@ def _epsilons(rounds: int) -> Array:
 
 
 class _Recorder:
-    """Episodes that are under way, all at the same step."""
+    """Running episodes, all at the same step."""
 
     def __init__(self, solver: Solver, roll: Roll, settings: MetaSettings, rng: np.random.Generator) -> None:
         self._solver, self._roll, self._rng = solver, roll, rng
@@ -143,12 +143,12 @@ class _Recorder:
         return visit(self._solver, self._roll, self._means[-1], self._targets, self._rng, EpisodeSettings())
 
     def state(self) -> Array:
-        """(B, inputs) what the paper's policy sees."""
+        """(B, inputs) the state for the paper's policy."""
         task, seen = self._solver.task, self._visits[-1].observations
         return np.concatenate([task.parameters.normalise(self._means[-1]), seen], axis=-1)
 
     def step(self, directions: NDArray[np.int_]) -> Array:
-        """Move the means and visit the new ones -> their expected rewards (B,)."""
+        """Move the means, visit the new ones, and return their expected rewards (B,)."""
         task = self._solver.task
         self._directions.append(directions.astype(np.float64))
         self._means.append(task.parameters.step(self._means[-1], directions, task.adaptation.delta))

@@ -1,12 +1,12 @@
-"""Phase 1: dataset, emulator, prospects, and where asked for policies and evaluation. Each stage resumes after a kill.
+"""Phase 1: dataset, emulator, prospects, and optionally policies and evaluation. An interrupted stage can be resumed.
 
-A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to be kept.
+A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to store.
 
-The folder holds `plan.toml` (what is being made), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/`
-(those of the episodes and of the evaluation, never simulated twice), `policy.safetensors` and the
-`episodes.safetensors` that it went through, `policy-history.safetensors` and `policy-state.safetensors` (learnt from
-the same episodes), `prospects.safetensors` (what E are worth wherever the truth may lie), the report of each stage,
-`timings.toml` (wall time of each), `logs/` for TensorBoard, and `checkpoint/`. What exists is not made again.
+The folder holds `plan.toml` (the settings), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/` (of
+episodes and evaluation, never simulated twice), `policy.safetensors` with its `episodes.safetensors`,
+`policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes), `prospects.safetensors`
+(rewards of E for many possible truths), the report of each stage, `timings.toml` (wall times), `logs/` for TensorBoard,
+and `checkpoint/`. Existing parts are not made again.
 """
 
 from __future__ import annotations
@@ -58,20 +58,20 @@ FURTHER: tuple[MemoryName, ...] = ("history", "state")
 
 NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 BELIEF, RANDOM = "adaptsim-belief", "random"
-"""What the evaluation compares, by the names of `sim.adaptation.methods.METHODS`."""
+"""The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 COMPARED = len(NETWORKS) + 2
 
 STAGES = ("dataset", "emulator", "prospects", "adaptation policy", "further policies", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
-"""Stands in for the first two stages."""
+"""The file that replaces the first two stages with NAF."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """The stages that not every checkpoint needs. A folder that was made without them can be given them later."""
+    """The optional stages. They can be added to a folder later."""
 
-    policies: bool = True  # the paper's adaptation policy and the further ones; NAF's checkpoints always have them
-    evaluation: bool = True  # sessions of what there is, on unseen targets
+    policies: bool = True  # the paper's adaptation policy and further ones; NAF's checkpoints always have them
+    evaluation: bool = True  # sessions of the available methods, on unseen targets
 
 
 EVERYTHING = Wanted()
@@ -79,12 +79,12 @@ EVERYTHING = Wanted()
 
 @dataclass(frozen=True)
 class PretrainBudget:
-    """How much of everything. The defaults are the full strength; `small` is for a first look."""
+    """The size of each stage. The defaults are full strength; `small` is for a first look."""
 
-    rollouts: int = 16_384  # of the dataset, evenly over the space
-    denser: int = 8_192  # and where the outcome is uncertain
-    naf_scale: float = 1.0  # of the paper's rollout budgets, with the solver naf
-    further_updates: int = 20_000  # gradient steps of the policies that learn from the episodes of the first
+    rollouts: int = 16_384  # of the dataset, spread evenly over the space
+    denser: int = 8_192  # further ones where the outcome is uncertain
+    naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
+    further_updates: int = 20_000  # gradient steps of the policies that learn from the first one's episodes
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
     prospects: ProspectSettings = field(default_factory=ProspectSettings)
@@ -92,7 +92,7 @@ class PretrainBudget:
 
     @classmethod
     def small(cls) -> PretrainBudget:
-        """For a first look: about 13,000 rollouts, ten minutes on two cores where one takes 0.1 s."""
+        """For a first look: about 13,000 rollouts, ten minutes on two cores at 0.1 s per rollout."""
         return cls(
             rollouts=4096,
             denser=2048,
@@ -102,11 +102,13 @@ class PretrainBudget:
         )
 
     def on_targets(self, kind: Targets) -> PretrainBudget:
-        """The same, trained and judged on this kind of targets."""
+        """The same budget, trained and judged on this kind of targets."""
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
     def uncached(self, task: Task, wanted: Wanted = EVERYTHING) -> int:
-        """Rollouts of training and evaluation that nothing counts; of the evaluation at most, since policies recur."""
+        """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
+        repeat.
+        """
         trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
         rounds = self.meta.rounds(horizon)
         session = self.evaluation.particles * self.evaluation.iterations * trials
@@ -118,14 +120,14 @@ class PretrainBudget:
 
 @dataclass(frozen=True, eq=False)
 class _Means:
-    """What the adaptation policy is trained and judged with."""
+    """The parts for training and judging the adaptation policy."""
 
     task: Task
     new_solver: Callable[[], Solver]
-    """One that remembers no policy: a stage must not depend on whether another ran before it in this process."""
-    emulator: Emulator | None  # to be stored in the checkpoint
+    """Makes a solver without stored policies, so that a stage does not depend on earlier stages in this process."""
+    emulator: Emulator | None  # for the checkpoint
     roll: Roll
-    simulated: Callable[[], int]  # how many rollouts there have been
+    simulated: Callable[[], int]  # number of rollouts so far
     facts: dict[str, Any]  # for the card
 
 
@@ -141,8 +143,8 @@ def pretrain(
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
-    Without `wanted` stages it holds what belief needs, which `adaptsim` then stands for.
-    Raises DatasetError when the folder holds another plan. Stop it at any time; the same call goes on.
+    Without the `wanted` stages it has only the parts for inference, and its `adaptsim` is `adaptsim-belief`. Raises
+    DatasetError if the folder holds another plan. It may be stopped at any time; the same call continues.
     """
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
@@ -154,7 +156,7 @@ def pretrain(
         means = _by_naf(task, folder, budget, draws[0], executor)
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
-    # With NAF there are none: without an emulator they would cost a simulation each.
+    # None with NAF: without an emulator each entry would cost a simulation.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     networks: dict[MemoryName, QNetwork] = {}
     facts: dict[str, Any] = {"seed": seed, "method": BELIEF if ahead else NETWORKS["iteration"]}
@@ -186,7 +188,7 @@ def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executo
 
 
 def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
-    """The paper's solver, on true rollouts alone."""
+    """The paper's solver, on true rollouts only."""
     roll = CachedRollouts(task, folder / "rollouts", executor)
     rules, path = rules_of(task, budget.naf_scale), folder / "naf.toml"
 
@@ -247,7 +249,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """A TOML file of the folder. Raises DatasetError."""
+    """Read a TOML file of the folder. Raises DatasetError."""
     try:
         return read_toml(path)
     except (FileNotFoundError, Unreadable) as error:
@@ -304,7 +306,7 @@ def _evaluation(
     *,
     anew: bool,
 ) -> dict[str, Any]:
-    """`anew`: judge again where there are policies that came after the evaluation."""
+    """The stored or new evaluation; `anew` repeats it if policies were added after it."""
     path, task = folder / "evaluation.toml", means.task
     if not path.exists() or (anew and networks and not _has_policies(read_report(path))):
         methods: dict[str, Method] = {
@@ -326,7 +328,7 @@ def _has_policies(evaluation: Mapping[str, Any]) -> bool:
 
 
 def best_method(evaluation: Mapping[str, Any]) -> str:
-    """The AdaptSim that earned most at the end of the sessions of the evaluation; of equals, the first."""
+    """The AdaptSim variant with the highest final reward in the evaluation; the first of equal ones."""
     scores = [score for score in evaluation["methods"] if score["name"] != RANDOM]
     last: dict[str, float] = {score["name"]: float(score["reward"][-1]) for score in scores}
     return max(last, key=lambda name: last[name])

@@ -1,4 +1,4 @@
-"""How the adaptation policy learns: double Q-learning from a replay of meta-episodes.
+"""Double Q-learning of the adaptation policy, from a replay of meta-episodes.
 
 The target takes the online argmax and the target network's value, averaged over the branches (Tavakoli et al. 2018).
 """
@@ -19,7 +19,7 @@ from sim.solvers.threads import one_thread
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """Steps of meta-episodes, one a row."""
+    """Steps of meta-episodes, one per row."""
 
     state: Array  # (N, inputs)
     directions: NDArray[np.int_]  # (N, branches)
@@ -43,7 +43,7 @@ class ReplayBuffer:
         return self._size
 
     def add(self, steps: Transitions) -> None:
-        """The oldest make room."""
+        """Add steps; the oldest ones are dropped."""
         rows = (self._next + np.arange(len(steps.reward))) % self._capacity
         for column, values in zip(
             self._columns, (steps.state, steps.directions + 1, steps.reward, steps.next_state), strict=True
@@ -53,7 +53,7 @@ class ReplayBuffer:
         self._size = min(self._size + len(rows), self._capacity)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """`n` of them with repetition: state, choice (0 to 2 a branch), reward, next state."""
+        """`n` transitions with replacement: state, choice (0 to 2 per branch), reward, next state."""
         rows = torch.from_numpy(rng.integers(self._size, size=n))
         state, choice, reward, following = (column[rows] for column in self._columns)
         return state, choice, reward, following
@@ -89,7 +89,7 @@ class DoubleQLearner:
 def branching_target(online: QNetwork, target: QNetwork, reward: Tensor, following: Tensor, discount: float) -> Tensor:
     """(B,) reward + discount * mean over branches of target(s', argmax online(s')).
 
-    No state is terminal: an episode ends because the session is over, which the state does not show.
+    No state is terminal: an episode ends with the session, which the state does not show.
     """
     with torch.no_grad():
         best = online(following).argmax(dim=-1, keepdim=True)

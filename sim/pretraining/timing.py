@@ -1,4 +1,4 @@
-"""How long the stages of a pretraining took, one that was killed and went on included."""
+"""Wall times of the stages of a pretraining, across interruptions."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from sim.storage.files import read_toml, write_toml
 TIMINGS = "timings.toml"
 
 EVERY_S = 5.0
-"""Between two writings of the file: the most that a kill can lose."""
+"""Time between two writes of the file: the most that an interruption can lose."""
 
 
 class Stopwatch:
-    """Final. Progress of stages, passed on; the time since the call before counts for the stage that is reported."""
+    """Passes on the progress of stages; the time since the last call counts for the reported stage.
+
+    Not for subclassing.
+    """
 
     def __init__(
         self,
@@ -40,7 +43,7 @@ class Stopwatch:
 
 
 def wall_times_s(folder: Path) -> dict[str, float]:
-    """Seconds by the name of the stage; empty where nothing was measured. Raises DatasetError on a damaged file."""
+    """Seconds by name of the stage; empty if nothing was measured. Raises DatasetError on a damaged file."""
     path = folder / TIMINGS
     if not path.exists():
         return {}

@@ -1,1 +1,1 @@
-"""Ray casting of triangle meshes on the CPU, and what a depth sensor makes of it."""
+"""Ray casting of triangle meshes on the CPU, and a model of the depth sensor."""

@@ -1,4 +1,4 @@
-"""One ray-casting scene per body: rays are moved into the body's frame, so nothing is ever rebuilt."""
+"""One ray-casting scene per body: rays are transformed into the body's frame, so no scene is ever rebuilt."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from sim.types import Visual
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What those m of a bundle of rays met that met anything."""
+    """The hits of m rays of a bundle."""
 
-    index: NDArray[np.intp]  # (m,) which rays, rising
+    index: NDArray[np.intp]  # (m,) indices of the rays, rising
     t: Array32  # (m,) along the rays: depth in metres where directions have z = 1
     triangle: NDArray[np.uint32]  # (m,) of the body
     albedo: Array32  # (m, 3) linear RGB
 
 
 class Body:
-    """The visuals that share one frame, ready for rays."""
+    """The visuals of one frame, ready for ray casting."""
 
     def __init__(self, visuals: Sequence[Visual]) -> None:
-        """`visuals` all belong to one body; at least one triangle in all."""
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered side by side
+        """`visuals` all belong to one body and have at least one triangle."""
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered in parallel
         vertices, triangles = _merged([(v.vertices_m, v.triangles) for v in visuals])
         self._scene.add_triangles(
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices, dtype=np.float32)),

@@ -1,4 +1,4 @@
-"""The colour image: samples spread over exposure and pixel, averaged in linear light."""
+"""Renders the colour image: samples over exposure and pixel, averaged in linear light."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays,
 from sim.render.rectangles import Rectangle, coarser, union, within
 
 JITTER_PX = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
-"""Where in its pixel each of the samples looks: time and space are sampled together, edges come out smooth."""
+"""Place of each sample within its pixel: time and space are sampled together, for smooth edges."""
 SAMPLES = len(JITTER_PX)
 _SHADOWED = SAMPLES // 2
 """The sample for which shadows are looked for, at every so many pixels:"""
@@ -39,7 +39,7 @@ class _Scene:
 
     t: tuple[Array32, ...]  # (h, w) depth of each sample, inf where nothing is
     rgb: tuple[NDArray[np.floating], ...]  # (h, w, 3) linear
-    lit: NDArray[np.bool_]  # (h, w) turned towards the key light, in the sample for shadows
+    lit: NDArray[np.bool_]  # (h, w) facing the key light, in the sample for shadows
     dark: Array32  # of the whole image, every `_STRIDE`-th pixel: the key light is taken away, 0 or 1
 
     def copy(self, box: Rectangle) -> _Scene:
@@ -59,7 +59,7 @@ class _Scene:
 
 
 class ColourView:
-    """The colour camera before the still part of the scene.
+    """The colour camera and the static part of the scene.
 
     Bodies that hold still during an exposure are painted first, and stay painted as long as nothing else does.
     """
@@ -179,6 +179,6 @@ class ColourView:
 
 
 def _with_feet(corners_m: Array) -> Array:
-    """Corners of a body and of its shadow on the table: all that it can darken lies between them."""
+    """Corners of a body and of its shadow on the table; everything that it can darken lies between them."""
     height = np.maximum(corners_m[:, 2:], 0)
     return np.concatenate([corners_m, corners_m - height * (shading.KEY_LIGHT / shading.KEY_LIGHT[2])])

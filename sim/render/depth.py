@@ -1,4 +1,4 @@
-"""The depth image at one instant, with what the sensor model needs to know of the surfaces."""
+"""Renders the depth image at one instant, with the surface properties for the sensor model."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim.render.rays import Array32, field_of_view, pixel_rays
 
 
 class DepthView:
-    """The depth camera before the still part of the scene."""
+    """The depth camera and the static part of the scene."""
 
     def __init__(self, camera: Intrinsics, X_BD: Array, world: Body) -> None:
         self._camera, self._X_BD = camera, X_BD
@@ -31,7 +31,7 @@ class DepthView:
         self._layers: Latest[Layer] = Latest()
 
     def render(self, moving: Sequence[tuple[Body, Array]]) -> tuple[Array32, Array32, Array32]:
-        """Depth (inf where nothing is), cosine of incidence and grey albedo, each (H, W); poses are (4, 4)."""
+        """Depth (inf: no hit), cosine of incidence and grey albedo, each (H, W); poses are (4, 4)."""
         z, cosine, albedo = self._z.copy(), self._cosine.copy(), self._albedo.copy()
         for body, X_BO in moving:
             layer = self._layers.get(body, X_BO.tobytes(), partial(self._seen, body, X_BO))

@@ -1,4 +1,4 @@
-"""The infrared image: the depth camera lights the scene itself and sees how much comes back."""
+"""Renders the infrared image: the depth camera lights the scene itself and measures the returned light."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim.render.rectangles import is_empty
 
 
 class InfraredView:
-    """The depth camera's own picture of bodies before the still part of the scene, at one instant."""
+    """The depth camera's own picture of bodies and the static part of the scene, at one instant."""
 
     def __init__(self, camera: Intrinsics, X_BD: Array, world: Body) -> None:
         self._camera, self._X_BD = camera, X_BD
@@ -26,7 +26,7 @@ class InfraredView:
         self._still = [self._cast(world, X_BD, rays) for rays in self._rays]
 
     def render(self, moving: Sequence[tuple[Body, Array]]) -> Array32:
-        """(H, W) returned light, 1 from a white surface face on at 1 m; poses (4, 4) in the base frame."""
+        """(H, W) returned light, 1 for a white surface facing the camera at 1 m; poses (4, 4) in the base frame."""
         total: Array32 = np.zeros((self._camera.height, self._camera.width), dtype=np.float32)
         boxes = [self._rectangle(body, X_BO) for body, X_BO in moving]
         for rays, (still_z, still_light) in zip(self._rays, self._still, strict=True):

@@ -1,4 +1,4 @@
-"""What one body shows of itself in one picture: painted over what lies behind it."""
+"""The visible part of one body in one picture, painted over the background."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ Known = TypeVar("Known")
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """The pixels that show a body, and what they show."""
+    """The pixels that show a body, with their values."""
 
     rows: NDArray[np.intp]  # (m,) in the whole image
     columns: NDArray[np.intp]  # (m,)
     t: Array32  # (m,) depth
-    values: tuple[NDArray[Any], ...]  # (m, ...) each: one for each picture that is painted
+    values: tuple[NDArray[Any], ...]  # (m, ...) each, one per picture
 
     def paint(self, t: Array32, pictures: Sequence[NDArray[Any]], corner: tuple[int, int] = (0, 0)) -> None:
-        """Where the layer is nearer than `t` (h, w), it takes over there and in the `pictures` (h, w, ...).
+        """Where the layer is nearer than `t` (h, w), replace `t` and the values of `pictures` (h, w, ...).
 
-        These lie in one piece of memory each; `corner` is the row and column of the image where they begin.
+        Each picture is contiguous in memory; `corner` is the row and column of the image at which it begins.
         """
         flat = t.reshape(-1)
         at = (self.rows - corner[0]) * t.shape[1] + self.columns - corner[1]
@@ -38,7 +38,7 @@ class Layer:
 
 
 class Latest(Generic[Known]):
-    """Remembers of each thing what was made of it last: bodies at rest are not looked at again."""
+    """Caches the last result per key, so that bodies at rest are not rendered again."""
 
     def __init__(self) -> None:
         self._known: dict[Hashable, tuple[Hashable, Known]] = {}

@@ -7,13 +7,13 @@ import numpy as np
 from hw.types import Array
 
 STILL = 5e-6
-"""Metres, and radians within a fifth of a metre: a three-hundredth of a pixel of the lab's camera."""
+"""Tolerance in m, and in rad over 0.2 m: 1/300 of a pixel of the lab's camera."""
 
 
 def held_still(X: Array) -> Array:
-    """Poses (S, 4, 4) over time -> the same, where nothing moves by `STILL` since a pose that pose again.
+    """Poses (S, 4, 4) over time -> the same, but a pose within `STILL` of an earlier one becomes that one.
 
-    A body at rest quivers by nanometres; a renderer looks only once at one that does not.
+    A body at rest moves by nanometres; a renderer needs only one picture of a body that does not move.
     """
     held = X.copy()
     for i in range(1, len(held)):
@@ -30,7 +30,8 @@ def holds_still(X: Array) -> bool:
 def within_exposure(X: Array, fractions: Array) -> Array:
     """Poses (S, 4, 4) at the middles of S equal slices of an exposure -> (K, 4, 4) at `fractions` (K,) in [0, 1].
 
-    Linear in between (rotations made proper again); held beyond the first and last slice. One that holds still does so.
+    Linear interpolation (rotations are orthonormalised), held beyond the first and last slice. One that holds still
+    does so.
     """
     if holds_still(X):
         X = X[:1]

@@ -1,4 +1,4 @@
-"""The rays of a camera with lens distortion, and where points fall in its image."""
+"""The rays of a camera with lens distortion, and the projection of points into its image."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Array32 = NDArray[np.float32]
 
 _NODES = 32
 NEAR_M = 0.02
-_FOV_MARGIN = 1.05  # beyond the corners of the image the distortion polynomial is not trusted
+_FOV_MARGIN = 1.05  # the distortion polynomial is not trusted beyond the corners of the image
 
 
 def pixel_rays(camera: Intrinsics) -> Array32:
-    """(H, W, 3) directions with z = 1 through the pixel centres, lens distortion undone (within 2e-3 px).
+    """(H, W, 3) undistorted directions with z = 1 through the pixel centres (within 2e-3 px).
 
-    Undone to the end at the nodes of a Chebyshev grid, and interpolated from there by its polynomial.
+    Undistorted to convergence at the nodes of a Chebyshev grid, and interpolated by its polynomial.
     """
     to_row, row_nodes = _chebyshev(camera.height)
     to_column, column_nodes = _chebyshev(camera.width)
@@ -33,7 +33,7 @@ def pixel_rays(camera: Intrinsics) -> Array32:
 
 
 def _chebyshev(size: int) -> tuple[Array, Array]:
-    """Weights (size, k) from values at the k nodes (k,) of a range of pixels to its pixels."""
+    """Weights (size, k) from the k nodes (k,) of a range of pixels to its pixels."""
     middle, half = (size - 1) / 2, size / 2
     unit = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
     at_nodes = np.polynomial.chebyshev.chebvander(unit, _NODES - 1)
@@ -50,7 +50,7 @@ def shift_rays(rays: Array32, du: float, dv: float) -> Array32:
 
 
 def field_of_view(rays: Array32) -> tuple[Array, Array]:
-    """Lowest and highest x, y of `rays` (H, W, 3), with a little margin."""
+    """Lowest and highest x, y of `rays` (H, W, 3), with a small margin."""
     xy = rays[..., :2].astype(np.float64)
     return xy.min(axis=(0, 1)) * _FOV_MARGIN, xy.max(axis=(0, 1)) * _FOV_MARGIN
 
@@ -67,8 +67,8 @@ def image_rectangle(
 ) -> tuple[slice, slice]:
     """Rows and columns that hold the projection of `points_m` (N, 3), given in the camera frame.
 
-    `fov` is what `field_of_view` says of the camera. A point behind or next to the camera widens the
-    rectangle to the whole image.
+    `fov` is the `field_of_view` of the camera. A point behind or beside the camera extends the rectangle to the whole
+    image.
     """
     everything = (slice(0, camera.height), slice(0, camera.width))
     z = points_m[:, 2]

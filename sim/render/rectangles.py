@@ -14,7 +14,7 @@ def is_empty(box: Rectangle) -> bool:
 
 
 def union(boxes: Sequence[Rectangle]) -> Rectangle | None:
-    """The smallest rectangle around all that are not empty; None when all are."""
+    """The smallest rectangle around all non-empty ones; None if all are empty."""
     full = [box for box in boxes if not is_empty(box)]
     if not full:
         return None
@@ -35,6 +35,6 @@ def within(box: Rectangle, region: Rectangle) -> Rectangle:
 
 
 def coarser(box: Rectangle, step: int) -> Rectangle:
-    """`box` in an image of which only every `step`-th row and column is kept."""
+    """`box` in an image reduced to every `step`-th row and column."""
     rows, columns = box
     return slice(rows.start // step, -(-rows.stop // step)), slice(columns.start // step, -(-columns.stop // step))

@@ -1,4 +1,4 @@
-"""Colour and depth images of moving bodies before a still scene."""
+"""Colour and depth images of moving bodies in a static scene."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ FLOOR_M = -0.75
 class Renderer:
     """A fixed RGB-D camera that sees `visuals`.
 
-    What belongs to the body "world" never moves and is rendered once; other bodies are cast in the part of
-    the image that they can cover. Equal input gives equal images, in any process.
+    Visuals of the body "world" never move and are rendered once. Other bodies are cast only in the part of the image
+    that they can cover. Equal input gives equal images in any process.
     """
 
     def __init__(self, model: CameraModel, X_BC: Array, visuals: Sequence[Visual]) -> None:
-        """`X_BC` (4, 4) is where the colour camera really stands in the base frame."""
+        """`X_BC` (4, 4) is the true pose of the colour camera in the base frame."""
         names = [name for name in dict.fromkeys(visual.body for visual in visuals) if name != WORLD]
         self._bodies = {name: Body([v for v in visuals if v.body == name]) for name in names}
         self._world = Body([*(v for v in visuals if v.body == WORLD), _floor()])
@@ -42,10 +42,11 @@ class Renderer:
     def render(
         self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
     ) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
-        """`poses` (S, 4, 4) in the base frame of every moving body, at the middles of S equal slices of the exposure.
+        """Render with `poses` (S, 4, 4) of every moving body in the base frame, at the middles of S equal slices of the
+        exposure.
 
-        -> colour (Hc, Wc, 3) RGB with motion blur, depth (Hd, Wd) in mm at the middle of the exposure.
-        Without `noise` both are exact but for rounding. Raises ValueError when a body lacks its pose.
+        Returns colour (Hc, Wc, 3) RGB with motion blur, and depth (Hd, Wd) in mm at the middle of the exposure. Without
+        `noise` both are exact up to rounding. Raises ValueError if the pose of a body is missing.
         """
         spread = (np.arange(SAMPLES) + 0.5) / SAMPLES
         given = self._given(poses)
@@ -56,7 +57,7 @@ class Renderer:
     def render_infrared(
         self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
     ) -> NDArray[np.uint16]:
-        """The depth camera's own picture (Hd, Wd) at the middle of the exposure; `poses` as `render` takes them."""
+        """The depth camera's own picture (Hd, Wd) at the middle of the exposure; `poses` as for `render`."""
         given = [(body, within_exposure(X, np.array([0.5]))[0]) for body, X in self._given(poses)]
         return sense_infrared(self._infrared.render(given), noise, rng)
 

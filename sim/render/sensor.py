@@ -1,4 +1,4 @@
-"""What a time-of-flight RGB-D camera makes of a perfect picture.
+"""Sensor model of a time-of-flight RGB-D camera, applied to a perfect picture.
 
 Order of magnitude from the maker's data sheet (systematic error under 11 mm + 0.1 % of the distance, random error
 up to 17 mm) and from measurements on matte surfaces at 1 m (1 to 2 mm).
@@ -18,27 +18,27 @@ from scipy.special import ndtri
 from sim.render.rays import Array32
 
 NEAR_M, FAR_M = 0.35, 3.86
-"""Range of the narrow field of view, unbinned; nothing is reported outside."""
+"""Range (m) of the narrow field of view, unbinned; no readings outside."""
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """How one camera deviates from a perfect one. Lengths in metres; every depth term is already scaled."""
+    """The deviations of one camera from a perfect one. Lengths in m; every depth term is already scaled."""
 
-    depth_std_m: float = 0.0015  # at 1 m on white, face on; grows with distance squared and on dark surfaces
-    depth_bias_m: float = 0.0015  # the same everywhere
+    depth_std_m: float = 0.0015  # at 1 m on white at normal incidence; grows with distance squared and on dark surfaces
+    depth_bias_m: float = 0.0015  # constant
     depth_gain: float = 1.001  # proportional to the distance
-    ripple_m: float = 0.0005  # slow wave over the image, the left-over of the lens and phase correction
-    edge_step_m: float = 0.012  # neighbours that lie farther than this off a plane make an edge
-    edge_hole_share: float = 0.45  # of the pixels at an edge that report nothing
-    edge_flying_share: float = 0.35  # of them that report something between the two surfaces
+    ripple_m: float = 0.0005  # slow wave over the image, the residual of lens and phase correction
+    edge_step_m: float = 0.012  # neighbours farther than this off a plane form an edge
+    edge_hole_share: float = 0.45  # of the pixels at an edge: no reading
+    edge_flying_share: float = 0.35  # of the pixels at an edge: a reading between the two surfaces
     colour_std: float = 1.6  # grey levels of 255
     lens_blur_px: float = 0.0  # standard deviation of the colour lens's point spread
-    jpeg_quality: int | None = None  # of the colour stream; None: it comes uncompressed
+    jpeg_quality: int | None = None  # of the colour stream; None: uncompressed
 
     @classmethod
     def draw(cls, rng: np.random.Generator, depth_noise_scale: float = 1.0) -> Self:
-        """One camera out of many: bias, gain and ripple are its own and stay; scale 0 is a perfect sensor."""
+        """Draw one camera: bias, gain and ripple are individual and constant; scale 0 is a perfect sensor."""
         s = depth_noise_scale
         bias, gain, ripple = rng.uniform(-1, 1, 3)
         return cls(
@@ -55,7 +55,7 @@ class SensorNoise:
 def sense_depth(
     depth_m: Array32, cosine: Array32, albedo: Array32, noise: SensorNoise | None, rng: np.random.Generator
 ) -> NDArray[np.uint16]:
-    """(H, W) true depth (inf: nothing), cosine of incidence and grey albedo -> depth in mm, 0 = no reading."""
+    """(H, W) true depth (inf: no hit), cosine of incidence and grey albedo -> depth in mm, 0 = no reading."""
     missing = ~((depth_m > NEAR_M) & (depth_m < FAR_M))
     z = np.where(missing, np.float32(0), depth_m)
     if noise is None:
@@ -82,7 +82,7 @@ def _wave(height: int, width: int) -> Array32:
 def _edges(
     clean: Array32, z: Array32, missing: NDArray[np.bool_], noise: SensorNoise, rng: np.random.Generator
 ) -> tuple[Array32, NDArray[np.bool_]]:
-    """Holes and flying pixels where neighbouring surfaces lie far apart."""
+    """Add holes and flying pixels at edges between surfaces."""
     kernel = np.ones((3, 3), np.uint8)
     far, near = cv2.dilate(clean, kernel), cv2.erode(clean, kernel)
     rows, columns = np.nonzero((np.abs(far + near - 2 * clean) > noise.edge_step_m) & ~missing)
@@ -99,7 +99,7 @@ def _edges(
 
 
 def sense_colour(colour: NDArray[np.uint8], noise: SensorNoise | None, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """(H, W, 3) perfect picture -> the same with brightness noise a pixel and colour noise a 2 x 2 block."""
+    """(H, W, 3) perfect picture -> the same with brightness noise per pixel and colour noise per 2 x 2 block."""
     if noise is None:
         return colour
     if noise.lens_blur_px > 0:
@@ -132,7 +132,7 @@ def _normal(rng: np.random.Generator, shape: tuple[int, ...], std: float) -> Arr
 
 
 def _compressed(colour: NDArray[np.uint8], noise: SensorNoise) -> NDArray[np.uint8]:
-    """What is left after JPEG; OpenCV takes the channels for BGR, so they are turned on the way in and out."""
+    """The picture after JPEG compression; channels are swapped before and after, because OpenCV expects BGR."""
     if noise.jpeg_quality is None:
         return colour
     data = cv2.imencode(".jpg", colour[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, noise.jpeg_quality))[1]
@@ -140,12 +140,12 @@ def _compressed(colour: NDArray[np.uint8], noise: SensorNoise) -> NDArray[np.uin
 
 
 INFRARED_FULL = 1000.0
-"""Grey level of a white surface, face on, 1 m away: the camera lights the scene itself."""
+"""Grey level of a white surface at 1 m, facing the camera, which lights the scene itself."""
 INFRARED_FLOOR, INFRARED_SHOT = 3.0, 0.6
 
 
 def sense_infrared(light: Array32, noise: SensorNoise | None, rng: np.random.Generator) -> NDArray[np.uint16]:
-    """(H, W) returned light, 1 from a white surface face on at 1 m -> grey levels with read and shot noise."""
+    """(H, W) returned light, 1 for a white surface facing the camera at 1 m -> grey levels with read and shot noise."""
     grey = INFRARED_FULL * light
     if noise is not None:
         std = np.sqrt(INFRARED_FLOOR**2 + INFRARED_SHOT**2 * np.maximum(grey, 0))

@@ -1,4 +1,4 @@
-"""Light: two distant lamps, a soft sky, Lambert's cosine, and a table top that is not a flat colour."""
+"""Lighting: two distant lamps, a soft sky, Lambert's cosine, and a wooden table top."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ KEY_LIGHT = _unit(0.45, -0.50, 1.05)
 FILL_LIGHT = _unit(0.55, 0.75, 0.60)
 KEY_POWER, FILL_POWER, SKY_POWER, FLOOR_POWER = 0.62, 0.16, 0.40, 0.14
 SHADOW_SHARE = 0.52
-"""What a full shadow of the key light takes away."""
+"""The light removed by a full shadow of the key light."""
 BACKGROUND_RGB = np.array([0.20, 0.21, 0.23], dtype=np.float32)
-"""What rays meet that leave the scene, linear."""
+"""Background colour of rays that leave the scene, linear."""
 
 
 def light(normal: Array32) -> Array32:
@@ -40,7 +40,7 @@ def lit_by_key(normal: Array32) -> NDArray[np.bool_]:
 
 
 def grain(points_m: Array32) -> Array32:
-    """(n, 1) brightness of a wooden top at points (n, 3) of the base frame, about 1: long fibres along Y."""
+    """(n, 1) brightness of a wooden top, about 1, at points (n, 3) of the base frame: long fibres along Y."""
     x, y = points_m[:, 0], points_m[:, 1]
     bend = 0.010 * np.sin(7.0 * y + 1.3) + 0.004 * np.sin(19.0 * y + 31.0 * x)
     rings = np.sin(2 * np.pi * (x + bend) / 0.047) + 0.6 * np.sin(2 * np.pi * (x + 1.7 * bend) / 0.0193 + 1.1)

@@ -12,9 +12,9 @@ _ON_PLANE_M = 1e-4
 
 
 def paint(texture: Texture, points_m: Array, albedo: Array32) -> Array32:
-    """`albedo` (n, 3) of surface points (n, 3) in the body's frame -> the same with the picture where it is.
+    """`albedo` (n, 3) of surface points (n, 3) in the body's frame -> the same with the picture painted on.
 
-    Bilinear between the centres of the texels, so that edges keep their place to a fraction of a texel.
+    Bilinear between texel centres, so that edges keep their place to a fraction of a texel.
     """
     R, origin = texture.X_OP[:3, :3], texture.X_OP[:3, 3]
     place = (points_m - origin) @ R

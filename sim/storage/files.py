@@ -1,4 +1,4 @@
-"""Writing files so that a reader sees the whole file or none."""
+"""Writes files so that a reader sees the whole file or none."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ import tomli_w
 from hw.bounded import read_table
 
 TEMPORARY = ".*.writing*"
-"""The pattern of the names under which files and folders are written before they get their own."""
+"""The pattern of temporary names of files and folders."""
 
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, replace: bool = True) -> Iterator[Path]:
-    """A temporary path beside `path`: synced to disk and renamed to it at the end, removed on an error.
+    """A temporary path beside `path`: synced to the disk and renamed to `path` at the end, removed on an error.
 
-    Raises OSError; FileExistsError where `path` exists and must not be replaced.
+    Raises OSError; FileExistsError if `path` exists and must not be replaced.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     suffix = f".writing{path.suffix}"
@@ -40,13 +40,13 @@ def whole_file(path: Path, *, replace: bool = True) -> Iterator[Path]:
 
 
 def write_toml(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a TOML file that is there whole or not at all. Raises OSError."""
+    """Write a TOML file, whole or not at all. Raises OSError."""
     with whole_file(path) as temporary:
         temporary.write_text(tomli_w.dumps(content), encoding="utf-8")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """A table in which a figure may be not a number. Raises FileNotFoundError, `hw.bounded.Unreadable`."""
+    """Read a table; numbers may be nan. Raises FileNotFoundError, `hw.bounded.Unreadable`."""
     return read_table(path, finite=False)
 
 
@@ -57,18 +57,18 @@ def sha256(path: Path) -> str:
 
 
 def publish(temporary: Path, path: Path) -> None:
-    """Give a file or folder whose content is on the disk its name, in one step that a power cut cannot divide."""
+    """Rename a flushed file or folder to its final name, in one step that a power cut cannot divide."""
     os.rename(temporary, path)  # noqa: PTH104 - the atomic step, named as the system call that it is
     flush_folder(path.parent)
 
 
 def publish_new(temporary: Path, path: Path) -> None:
-    """As `publish`, but never in the place of something. Raises FileExistsError, whoever came first."""
+    """As `publish`, but never replaces anything. Raises FileExistsError, even if another process was first."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
     try:
         if temporary.is_dir():
-            os.rename(temporary, path)  # noqa: PTH104 - fails on a folder that holds something
+            os.rename(temporary, path)  # noqa: PTH104 - fails on a non-empty folder
         else:
             _link(temporary, path)
     except OSError as error:
@@ -79,7 +79,7 @@ def publish_new(temporary: Path, path: Path) -> None:
 
 
 def _link(temporary: Path, path: Path) -> None:
-    """A second name is given only where there is none; a file system without second names gets a rename."""
+    """Hard-link, which fails if the name exists; on a file system without hard links, rename."""
     try:
         os.link(temporary, path)
     except OSError as error:
@@ -89,13 +89,13 @@ def _link(temporary: Path, path: Path) -> None:
 
 
 def flush_file(path: Path) -> None:
-    """Returns when the content of `path` is on the disk."""
+    """Returns once the content of `path` is on the disk."""
     with path.open("rb+") as file:
         os.fsync(file.fileno())
 
 
 def flush_folder(path: Path) -> None:
-    """Returns when the names in `path` are on the disk: a rename is there only once its folder is."""
+    """Returns once the names in `path` are on the disk, because a rename is durable only after that."""
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

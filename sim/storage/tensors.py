@@ -19,13 +19,13 @@ Tensors = Mapping[str, NDArray[Any]]
 
 
 def save_tensors(path: Path, tensors: Tensors) -> None:
-    """Write a safetensors file that is there whole or not at all. Raises OSError."""
+    """Write a safetensors file, whole or not at all. Raises OSError."""
     with whole_file(path) as temporary:
         save_file({name: np.asarray(t, order="C") for name, t in tensors.items()}, temporary)
 
 
 def load_tensors(path: Path) -> dict[str, NDArray[Any]]:
-    """The tensors of a file that someone else may have written. Raises CheckpointError."""
+    """The tensors of a file from any source. Raises CheckpointError."""
     try:
         require_tensors(path)
         return dict(load_file(path))

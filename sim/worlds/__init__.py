@@ -1,1 +1,1 @@
-"""The worlds that ship with the lab, one folder a task."""
+"""The worlds that ship with the lab, one folder per task."""

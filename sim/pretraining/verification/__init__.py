@@ -1,1 +1,1 @@
-"""What a finished pretraining is worth, from its folder and true rollouts."""
+"""Verification of a finished pretraining, from its folder and true rollouts."""

@@ -1,4 +1,4 @@
-"""What the emulator has wrong, on rollouts that neither its training nor its calibration has seen."""
+"""Errors of the emulator on rollouts that neither its training nor its calibration used."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ BINS = 10
 
 @dataclass(frozen=True, eq=False)
 class Reliability:
-    """Held-out rollouts by the probability of success that the emulator gave them, in bins of a tenth."""
+    """Held-out rollouts by the emulator's probability of success, in bins of a tenth."""
 
-    predicted: Array  # (BINS,) mean probability; not a number in an empty bin, nor are the next three
+    predicted: Array  # (BINS,) mean probability; nan in an empty bin, like the next three
     observed: Array  # (BINS,) share that succeeded
     low: Array  # (BINS,) of its 95 % interval
     high: Array  # (BINS,)
@@ -36,7 +36,7 @@ class Errors:
     """Errors on some of the held-out rollouts."""
 
     rollouts: int
-    base_rate: float  # what guessing the commoner outcome gets right
+    base_rate: float  # accuracy of guessing the commoner outcome
     accuracy: float
     brier: float
     position_median: float  # of the last observed position, in state units (m)
@@ -48,8 +48,8 @@ class HeldOut:
     """The emulator on its held-out rollouts."""
 
     trained_on: int
-    everywhere: Errors  # over the margin, where the dataset was drawn
-    inside: Errors | None  # those of them inside Omega; None where there are none
+    everywhere: Errors  # over the margin, as the dataset
+    inside: Errors | None  # only those inside Omega; None if there are none
     calibration_error: float  # expected, ten bins, everywhere
     reliability: Reliability
     position_errors: Array  # (n,) in state units, everywhere
@@ -60,8 +60,7 @@ def held_out(
 ) -> HeldOut:
     """Judge the emulator again on the rollouts behind its report `stored`.
 
-    Raises DatasetError when the figures are not those of the report: emulator, dataset and report then do not belong
-    together.
+    Raises DatasetError if the figures differ from the report: then emulator, dataset and report do not belong together.
     """
     task, (_, rows, _) = emulator.task, split(dataset, np.random.default_rng(seed), settings)
     requests, true = select_rows(task, dataset, rows)

@@ -1,8 +1,7 @@
-"""Does what a checkpoint's card says still hold? A few fresh rollouts against the held-out figures of pretraining.
+"""Tests whether a checkpoint's card still holds: a few fresh rollouts against the held-out figures of pretraining.
 
 The draws are new, so nothing is compared digit by digit: a figure holds unless it is worse than the card's by more than
-`SIGMAS` standard errors of the two together. What is asked is the simulator, the emulator and the policies of this
-machine and version.
+`SIGMAS` joint standard errors. This tests simulator, emulator and policies on this machine and version.
 """
 
 from __future__ import annotations
@@ -29,16 +28,16 @@ from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
 
 SIGMAS = 3.0
-"""One figure in 700 is called worse by chance."""
+"""By chance, one figure in 700 counts as worse."""
 
 ROUNDING = 1e-3
-"""What another processor may change: never an offence."""
+"""A change that another processor may cause; it never counts."""
 
 PER_TARGET = 2
-"""Rollouts of a policy in one target, where they cost something: many targets tell more than many rollouts."""
+"""Rollouts of a policy per target if they are expensive: many targets are more informative than many rollouts."""
 
 EXACT_TARGETS, ASKED_A_TARGET = 64, 3
-"""Where rollouts cost nothing: the most targets, and how many rollouts somebody has to ask for to get one more."""
+"""If rollouts are nearly free: the most targets, and the number of requested rollouts per target."""
 
 AT_ONCE = 16
 """Rollouts between two reports of progress."""
@@ -48,12 +47,12 @@ Better = Literal["more", "less", "neither"]
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of the card beside what was found now."""
+    """One figure of the card beside the present one."""
 
     name: str
     card: float
     found: float
-    tolerance: float  # by which it may be worse
+    tolerance: float  # largest acceptable deterioration
     better: Better
 
     @property
@@ -65,11 +64,11 @@ class Figure:
 
 
 def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
-    """Those figures of the card that about `rollouts` true rollouts can tell.
+    """The figures of the card that about `rollouts` true rollouts can test.
 
-    Where rollouts cost nothing, whole sessions are run, in more targets the more rollouts are asked for.
-    Empty where the checkpoint holds neither an emulator nor exact policies: then there is nothing to ask before a
-    session trains its policies.
+    If rollouts are nearly free, whole sessions are run; more requested rollouts give more targets. Empty if the
+    checkpoint has neither an emulator nor exact policies, because then there is nothing to test before a session trains
+    its policies.
     """
     solver, rng = checkpoint.solver, np.random.default_rng(seed)
     task, card = solver.task, checkpoint.card
@@ -89,7 +88,7 @@ def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int,
 def _emulator(
     emulator: Emulator, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
-    """Held-out errors of the emulator on `count` draws over the margin, as its report has them."""
+    """Held-out errors of the emulator on `count` draws over the margin, as in its report."""
     requests = draw_requests(emulator.task, count, rng)
     errors = held_out_errors(emulator, requests, roll(requests))
     figures: dict[str, tuple[Better, Callable[[Array], float]]] = {
@@ -111,7 +110,7 @@ def _emulator(
 def _policies(
     solver: Solver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
-    """Rewards in `count` random targets: of the policy for all of Omega, and what the emulator has of them wrong."""
+    """Rewards of the policy for all of Omega in `count` random targets, and the emulator's errors about them."""
     task, stored = solver.task, card.get("evaluation", {})
     targets = sample_targets(task, _settings(card).kind, count, rng)
     udr = udr_policies(solver, rng)
@@ -144,7 +143,7 @@ def _exact_targets(rollouts: int) -> int:
 def _sessions(
     checkpoint: Checkpoint, roll: Roll, count: int, rng: np.random.Generator, progress: Progress
 ) -> list[Figure]:
-    """Whole sessions in `count` fresh targets, for a task whose rollouts cost next to nothing."""
+    """Whole sessions in `count` fresh targets, for a task with nearly free rollouts."""
     solver, card = checkpoint.solver, checkpoint.card
     task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
     name = checkpoint.method  # the best of those that the card judges
@@ -173,7 +172,7 @@ def _earned(task: Task, policy: SolvedPolicy, target: Array, roll: Roll, rng: np
 
 
 def _settings(card: Mapping[str, Any]) -> EvaluationSettings:
-    """The sessions that the card speaks of."""
+    """The settings of the card's sessions."""
     planned = card.get("budget", {}).get("evaluation", {})
     known = {name: planned[name] for name in ("kind", "particles", "iterations") if name in planned}
     return EvaluationSettings(**known)
@@ -188,7 +187,7 @@ def _figure(
     statistic: Callable[[Array], float],
     rng: np.random.Generator,
 ) -> Figure:
-    """`behind`: how many values the card's figure rests on; their spread is taken to be that of `values` (n,)."""
+    """`behind` is the number of values behind the card's figure; their spread is assumed to be that of `values`."""
     drawn = values[rng.integers(len(values), size=(1000, len(values)))]
     error = float(np.std([statistic(row) for row in drawn]))
     both = error * float(np.sqrt(1.0 + len(values) / behind))

@@ -1,7 +1,7 @@
-"""Task policies from the emulator against policies found by true rollouts alone, both run in the simulator.
+"""Compares task policies from the emulator with policies found by true rollouts only, both run in the simulator.
 
-Both kinds are made for the same environments E in Omega and run in the same targets E_s, on the same contexts, action
-errors and nuisance. The same rewards tell how well the emulator orders the policies of all E in one target.
+Both kinds are trained for the same environments E in Omega and run in the same targets E_s, with the same contexts,
+action errors and nuisance. The same rewards show how well the emulator ranks the policies of all E in one target.
 """
 
 from __future__ import annotations
@@ -19,44 +19,44 @@ from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 CONTEXTS = 16
-"""Contexts, and draws at each, behind a reward that the emulator expects."""
+"""Contexts, and draws at each, behind an expected reward of the emulator."""
 
 
 @dataclass(frozen=True)
 class PairSettings:
-    """How many environments, and how finely. The defaults take some 1,700 rollouts."""
+    """The number of environments and the resolution. The defaults take about 1,700 rollouts."""
 
     environments: int = 13
-    targets: int = 4  # the first of the environments: with each E that makes 52 pairs
-    actions: int = 48  # tried in each environment by the policies that true rollouts make
+    targets: int = 4  # the first of the environments; with each E this gives 52 pairs
+    actions: int = 48  # tried in each environment, for the policies by true rollouts
     rollouts: int = 10  # of each policy in each target
 
     @property
     def simulations(self) -> int:
-        """Rollouts that this takes."""
+        """Number of rollouts needed."""
         return self.environments * (self.actions + 2 * self.targets * self.rollouts)
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """What n policies of each kind earned in t targets, in r rollouts each: true rewards."""
+    """True rewards of n policies of each kind in t targets, with r rollouts each."""
 
     emulated: Array  # (n, t, r) of the policies from the emulator
     drake: Array  # (n, t, r) of those from true rollouts
-    expected: Array  # (n, t) what the emulator expects of its policies
+    expected: Array  # (n, t) rewards of its policies expected by the emulator
     regret: Estimate  # drake - emulated, all pairs, bootstrap over E
-    own_regret: Estimate  # the same where a policy runs in the parameters that it was made for
+    own_regret: Estimate  # the same for policies in their own parameters
     ranks: RankCorrelation
-    actions: int  # rollouts that made each policy of `drake`
+    actions: int  # rollouts to find each policy of `drake`
 
     @property
     def count(self) -> int:
-        """Of (policy, target)."""
+        """Number of pairs (policy, target)."""
         return int(self.expected.size)
 
 
 def compare_policies(solver: Solver, roll: Roll, settings: PairSettings, rng: np.random.Generator) -> Pairs:
-    """Make both kinds of policies, run them in every target."""
+    """Train both kinds of policies, and run them in every target."""
     task, n = solver.task, settings.environments
     environments = cover(task.parameters, n, rng)
     learnt = solver.policies(environments[:, None, :], rng)
@@ -90,11 +90,11 @@ class SearchedPolicy:
 
     task: Task
     tried: Array  # (A, a) in units
-    rollouts: Rollouts  # of each, at the reference context
+    rollouts: Rollouts  # one per action, at the reference context
     weights: Array  # (A, A) of neighbours; rows sum to 1
 
     def actions(self, contexts: Array) -> Array:
-        """(G, c) -> (G, a). Contexts differ by `Task.relocate` alone, so every rollout is scored at each of them."""
+        """(G, c) -> (G, a). Contexts differ only by `Task.relocate`, so every rollout is scored at each of them."""
         rewards = [self.rollouts.rewards(self.task, np.tile(c, (len(self.tried), 1))) for c in contexts]
         return np.asarray(self.tried[np.argmax(np.stack(rewards) @ self.weights.T, axis=1)])
 
@@ -102,10 +102,10 @@ class SearchedPolicy:
 def search_policies(
     task: Task, environments: Array, roll: Roll, actions: int, rng: np.random.Generator
 ) -> tuple[SearchedPolicy, ...]:
-    """One policy an environment (n, p), from one rollout of each of `actions` Sobol points of the action space.
+    """One policy per environment (n, p), from one rollout of each of `actions` Sobol points of the action space.
 
-    Action errors and nuisance are the same in all environments. A reward is averaged over the neighbours closer than
-    about the spacing of the points, which stands for the chance that a single rollout leaves in.
+    Action errors and nuisance are the same in all environments. A reward is averaged over neighbours closer than about
+    the spacing of the points, which replaces repeated rollouts.
     """
     a = len(task.action)
     unit = sobol(actions, a, rng)

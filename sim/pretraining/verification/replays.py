@@ -1,7 +1,7 @@
-"""Episodes of the training, replayed: does what they were paid, and what was done in them, hold in the simulator?
+"""Replays training episodes in the simulator: are their rewards and decisions true?
 
-Every distribution that an episode visited gets its task policy once more, which runs in the episode's target by true
-rollouts; the emulator answers the same requests.
+Every visited distribution gets its task policy again, which runs in the episode's target by true rollouts; the emulator
+answers the same requests.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 AT_ONCE = 64
-"""Distributions whose task policies are held at a time."""
+"""Number of distributions with task policies in memory at a time."""
 
 
 @dataclass(frozen=True)
 class Return:
-    """Discounted return of an episode of one particle, as training paid it and by true rollouts."""
+    """Discounted return of an episode of one particle, in training and by true rollouts."""
 
     what: str
     episodes: int
     paid: float
     true: float
-    difference: Estimate  # paid - true, bootstrap over targets
+    difference: Estimate  # in training - true, bootstrap over targets
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Greedy directions of one adaptation policy on true trajectories, against others of the same states."""
+    """Agreement of one adaptation policy's greedy directions: on true trajectories and on others of the same states."""
 
     memory: MemoryName
     decisions: int
-    emulated: Estimate  # share of parameters moved alike on emulated trajectories of the same trials
-    repeated: Estimate  # on true trajectories of other trials: what chance leaves of it
+    emulated: Estimate  # share of parameters moved in the same way on emulated trajectories of the same trials
+    repeated: Estimate  # the same on true trajectories of other trials: the level of chance
     opposite: float  # share of parameters moved the other way on emulated trajectories
-    opposite_repeated: float  # and on true trajectories of other trials
+    opposite_repeated: float  # the same on true trajectories of other trials
 
 
 @dataclass(frozen=True)
 class Replays:
-    """What the replayed episodes say."""
+    """The results of the replays."""
 
-    episodes: int  # of one particle each
+    episodes: int  # number of episodes of one particle
     returns: tuple[Return, ...]
     agreements: tuple[Agreement, ...]  # empty for an exact task, which has no emulated trajectories
 
 
 def select_episodes(episodes: Episodes, count: int) -> Episodes:
-    """About `count` episodes of one particle, evenly over the training; all particles of a target go together."""
+    """About `count` episodes of one particle, spread evenly over the training; particles of a target stay together."""
     targets, particles = episodes.rewards.shape[:2]
     wanted = min(targets, -(-count // particles))
     rows = np.unique(np.linspace(0, targets - 1, wanted).round().astype(int))
@@ -76,7 +76,7 @@ def replay(
     roll: Roll,
     rng: np.random.Generator,
 ) -> Replays:
-    """Replay about `count` of the `episodes` by true rollouts: every visit, with as many trials as it had."""
+    """Replay about `count` of the `episodes` by true rollouts: every visit, with its number of trials."""
     task, some = solver.task, select_episodes(episodes, count)
     requests = _requests(solver, some, rng)
     noise = int(rng.integers(2**31))
@@ -113,7 +113,7 @@ def _requests(solver: Solver, episodes: Episodes, rng: np.random.Generator) -> R
 
 
 def _seen(task: Task, episodes: Episodes, requests: Requests, rollouts: Rollouts, noise: int) -> Episodes:
-    """The episodes with other trials; equal `noise` is the same noise of the camera."""
+    """The episodes with other trials; equal `noise` gives the same camera noise."""
     seen = task.observation.with_noise(rollouts.observation, np.random.default_rng(noise))
     return replace(
         episodes,
@@ -132,7 +132,7 @@ def _returns(task: Task, some: Episodes, true: Episodes, rng: np.random.Generato
 
 
 def _return(task: Task, what: str, paid: Array, true: Array, rng: np.random.Generator) -> Return:
-    """From rewards (E, P, H + 1) of every visit; the first is not a step's, so it does not count."""
+    """The return from rewards (E, P, H + 1) of every visit; the first belongs to no step and does not count."""
     discount = task.adaptation.discount ** np.arange(paid.shape[2] - 1)
     totals = [(rewards[:, :, 1:] * discount).sum(axis=-1) for rewards in (paid, true)]
     difference = clustered((totals[0] - totals[1]).mean(axis=1), rng)

@@ -1,4 +1,4 @@
-"""Intervals and correlations of the report on Phase 1. Pure; every draw comes from the caller's generator."""
+"""Intervals and correlations for the report on Phase 1. Pure; all draws come from the caller's generator."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hw.types import Array
 
 BOOTSTRAPS = 4000
 SIGNIFICANT = 0.05
-"""Where chance makes rewards that are all the same differ like this more often, there is nothing to rank."""
+"""If equal true rewards would differ like this with a higher probability, there is nothing to rank."""
 
 
 @dataclass(frozen=True)
@@ -26,29 +26,29 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class RankCorrelation:
-    """How well predictions order rewards that are known from a few rollouts only."""
+    """How well predictions rank rewards that are known from only a few rollouts."""
 
-    observed: Array  # (t,) of each target
-    ceiling: Array  # (t,) what a perfect predictor reaches on average
-    mean: float  # of the observed
-    perfect: Estimate  # the same mean for a perfect predictor: its average, and where it lies in 95 % of all cases
-    chance: float  # probability that rewards which are all the same in a target differ like this
+    observed: Array  # (t,) per target
+    ceiling: Array  # (t,) mean of a perfect predictor
+    mean: float  # of `observed`
+    perfect: Estimate  # the same mean for a perfect predictor: its average and 95 % interval
+    chance: float  # probability that equal true rewards in a target differ like this
 
     @property
     def ratio(self) -> float:
-        """Observed against the ceiling; not a number where the rewards differ too little to be ranked."""
+        """Observed mean over the ceiling; nan if the rewards differ too little to be ranked."""
         return self.mean / self.perfect.mean if self.chance < SIGNIFICANT else math.nan
 
 
 def clustered(values: Array, rng: np.random.Generator) -> Estimate:
-    """Mean of clusters' means (n,) with a bootstrap over the clusters."""
+    """Mean of cluster means (n,) with a bootstrap over clusters."""
     means = values[rng.integers(len(values), size=(BOOTSTRAPS, len(values)))].mean(axis=1)
     low, high = np.quantile(means, [0.025, 0.975])
     return Estimate(float(values.mean()), float(low), float(high))
 
 
 def wilson(successes: NDArray[np.int_], counts: NDArray[np.int_]) -> tuple[Array, Array]:
-    """(low, high) of the 95 % score intervals of shares (E. B. Wilson 1927); not a number where the count is 0."""
+    """(low, high) of the 95 % score intervals of shares (E. B. Wilson 1927); nan if the count is 0."""
     z = 1.959964
     n = np.where(counts > 0, counts, np.nan)
     share = successes / n
@@ -60,8 +60,8 @@ def wilson(successes: NDArray[np.int_], counts: NDArray[np.int_]) -> tuple[Array
 def rank_correlation(expected: Array, rewards: Array, rng: np.random.Generator) -> RankCorrelation:
     """Predictions (n, t) of n policies in t targets against rewards (n, t, r) of r rollouts each.
 
-    In each target rollout k of all policies met the same conditions. The ceiling comes from simulating a perfect
-    predictor: true rewards and noise with the spread that the rollouts show, ranked over n policies.
+    In each target, rollout k of all policies had the same conditions. The ceiling comes from simulating a perfect
+    predictor: true rewards and noise with the spread of the rollouts, ranked over n policies.
     """
     from scipy.stats import f  # noqa: PLC0415 - slow to import
 
@@ -82,7 +82,7 @@ def rank_correlation(expected: Array, rewards: Array, rng: np.random.Generator) 
 
 
 def reliability(rewards: Array) -> float:
-    """Share of the variance of mean rewards over n > 3 policies, given (n, r), that is not the noise of the r rollouts.
+    """Share of the variance of mean rewards over n > 3 policies, from (n, r), that is not noise of the r rollouts.
 
     As Cronbach's alpha, the mean of all split halves, but without its bias for few policies; 0 to 1.
     """
@@ -92,7 +92,7 @@ def reliability(rewards: Array) -> float:
 
 
 def _mean_squares(rewards: Array) -> tuple[float, float]:
-    """Between n policies and within them, of (n, r) rewards; what all have in common in a rollout does not count."""
+    """Mean squares between and within n policies, of (n, r) rewards, without the common effect of each rollout."""
     n, r = rewards.shape
     own = rewards.mean(axis=1)
     residual = rewards - own[:, None] - rewards.mean(axis=0) + rewards.mean()
@@ -100,7 +100,7 @@ def _mean_squares(rewards: Array) -> tuple[float, float]:
 
 
 def spearman(x: Array, y: Array) -> float:
-    """Rank correlation, ties in the middle; 0 where one of them is constant."""
+    """Rank correlation with mean ranks for ties; 0 if one of them is constant."""
     from scipy.stats import rankdata  # noqa: PLC0415 - slow to import
 
     ranks = rankdata(x), rankdata(y)
@@ -110,7 +110,7 @@ def spearman(x: Array, y: Array) -> float:
 
 
 def _perfect(reliable: float, n: int, rng: np.random.Generator) -> Array:
-    """(BOOTSTRAPS,) rank correlations over n of a predictor that knows the truth with the truth and its noise."""
+    """(BOOTSTRAPS,) rank correlations over n between the truth and the truth plus noise."""
     truth = rng.standard_normal((BOOTSTRAPS, n))
     noisy = math.sqrt(reliable) * truth + math.sqrt(1.0 - reliable) * rng.standard_normal((BOOTSTRAPS, n))
     ranks = [np.argsort(np.argsort(v, axis=1), axis=1) - (n - 1) / 2 for v in (truth, noisy)]

@@ -1,6 +1,6 @@
-"""What a finished pretraining is worth, from its folder and true rollouts: the numbers behind docs/phase1.md.
+"""Verifies a finished pretraining from its folder and true rollouts: the numbers of its report `phase1.md`.
 
-The rollouts are kept in the folder's `proof/`, so that a second run, or one that goes on after a kill, repeats none.
+The rollouts are stored in the folder's `proof/`, so that a second or resumed run repeats none.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
 AT_ONCE = 128
-"""Rollouts that are simulated and stored together: the most that a kill can cost."""
+"""Rollouts simulated and stored together: the most that an interruption costs."""
 
 STREAM = 1000
-"""Of the seed of the pretraining: far from those of its stages."""
+"""Offset to the pretraining's seed, far from those of its stages."""
 
 PARTS = ("policies in pairs", "episodes replayed")
 
@@ -50,7 +50,7 @@ S = TypeVar("S", MetaSettings, EmulatorSettings)
 
 @dataclass(frozen=True)
 class VerificationSettings:
-    """How much is simulated: by default some 3,600 rollouts."""
+    """The size of a verification: by default about 3,600 rollouts."""
 
     pairs: PairSettings = field(default_factory=PairSettings)
     episodes: int = 104  # of one particle each
@@ -62,10 +62,10 @@ class VerificationSettings:
 
 @dataclass(frozen=True)
 class StageCost:
-    """What a stage of the pretraining took."""
+    """The cost of a stage of the pretraining."""
 
     stage: str
-    simulations: int | None  # None: counted in a line for all stages
+    simulations: int | None  # None: counted for all stages together
     wall_s: float | None  # None: not measured
 
 
@@ -77,50 +77,50 @@ class Pretrained:
     folder: Path
     plan: Mapping[str, Any]
     card: Mapping[str, Any]
-    curve: Mapping[str, Any]  # policy.toml: how the adaptation policy learnt
+    curve: Mapping[str, Any]  # policy.toml: the training curve of the adaptation policy
     networks: Mapping[MemoryName, QNetwork]
     episodes: Episodes
-    solver: Solver | None  # None where neither an emulator nor exact answers exist
+    solver: Solver | None  # None without emulator and exact answers
     emulator: Emulator | None
     dataset: Dataset | None
 
     @property
     def evaluation(self) -> Mapping[str, Any]:
-        """What the card says of the methods on unseen targets."""
+        """The card's results of the methods on unseen targets."""
         found: Mapping[str, Any] = self.card["evaluation"]
         return found
 
     @property
     def by_naf(self) -> bool:
-        """Its task policies are NAF's, from true rollouts alone."""
+        """Whether its task policies are NAF's."""
         return bool(self.plan.get("solver") == "naf" and self.task.exact is None)
 
     @property
     def wide(self) -> bool:
-        """The targets of training lay beyond Omega too."""
+        """Whether the training targets also lay outside Omega."""
         return bool(self.plan["budget"]["meta"]["targets"] == "wide")
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """Everything that the report shows."""
+    """All data of the report."""
 
     pretrained: Pretrained
     held_out: HeldOut | None  # None without an emulator, as are the pairs
     pairs: Pairs | None
     replays: Replays | None
     stages: tuple[StageCost, ...]
-    rollouts: int  # behind the report
+    rollouts: int  # number of rollouts behind the report
 
 
 def is_finished(folder: Path) -> bool:
-    """Whether the folder holds all that `load_pretrained` wants."""
+    """Whether the folder holds everything for `load_pretrained`."""
     needed = (f"checkpoint/{CARD}", "episodes.safetensors", "evaluation.toml")
     return all((folder / name).exists() for name in needed)
 
 
 def load_pretrained(task: Task, folder: Path) -> Pretrained:
-    """Raises DatasetError where the pretraining in `folder` is not finished, or of another task or other ranges."""
+    """Read a pretraining. Raises DatasetError if it is unfinished, or for another task or other ranges."""
     again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
     if not is_finished(folder):
         raise DatasetError(f"{folder} holds no finished pretraining: {again}")
@@ -152,10 +152,10 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
 
 
 def verify(made: Pretrained, settings: VerificationSettings, executor: Executor, progress: Progress) -> Verification:
-    """Simulate what is missing and sum up. The same folder gives the same numbers."""
+    """Simulate the missing rollouts and summarise. The same folder gives the same numbers."""
     draws = np.random.SeedSequence(int(made.plan["seed"]), spawn_key=(STREAM,)).spawn(2)
     rngs = [np.random.default_rng(s) for s in draws]
-    judged = _held_out(made)  # first, because it refuses what does not belong together
+    judged = _held_out(made)  # first, because it rejects parts that do not belong together
     pairs = replays = None
     counts = (settings.pairs.simulations, _replayed(made, settings))
     rolls = [_roll(made, executor, partial(progress, part), n) for part, n in zip(PARTS, counts, strict=True)]
@@ -183,7 +183,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     counted = int(made.card["simulations"])
     evaluated = counted - drawn - episodes
     simulations = dict(zip(STAGES, (drawn, 0, 0, episodes, 0, max(0, evaluated), 0), strict=True))
-    if made.by_naf:  # which asks the simulator for every policy, in every stage
+    if made.by_naf:  # NAF simulates for every policy, in every stage
         together = StageCost("all stages, NAF's own rollouts included", counted, None)
         return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)
     return tuple(
@@ -208,13 +208,13 @@ def _replayed(made: Pretrained, settings: VerificationSettings) -> int:
 
 
 def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], None], total: int) -> Roll:
-    """True rollouts that are kept in the folder, a part at a time, and tell how far they are."""
+    """A source of true rollouts, stored in the folder part by part, with progress."""
     one: Roll = partial(run_many, made.task, executor=executor)
     kept: Roll = one if made.task.exact else CachedRollouts(made.task, made.folder / "proof", executor)
     return roll_in_parts(kept, AT_ONCE, total, progress)
 
 
 def _known(kind: type[S], planned: Mapping[str, Any]) -> S:
-    """Settings as they were planned, of those that this version has."""
+    """The planned settings, restricted to those of this version."""
     names = {f.name for f in fields(kind)}
     return kind(**{name: value for name, value in planned.items() if name in names})

@@ -55,7 +55,7 @@ class Part:
 
 WHOLE = (
     Part("pendulum", "named", seeds=3, budget=10, needs_tables=False),
-    Part("pushing", "named,drawn,mujoco", seeds=1, fresh=16),
+    Part("pushing", "named,drawn,mujoco", seeds=1),
     Part("scooping", "named,drawn,mujoco", seeds=1, fresh=8),
 )
 SHORT = (
@@ -145,13 +145,17 @@ def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
         [f"`{m}`", *(cell(earned.get((m, c), []), best[c], is_limit=m in LIMITS) for c in columns)] for m in methods
     ]
     conditions = Conditions(part.budget)
-    scored = f"by {part.fresh} others" if part.fresh else f"at {conditions.judged} contexts"
+    if part.fresh:
+        answered = f"Trials are true rollouts; {part.fresh} others score a final policy."
+    elif part.needs_tables:
+        answered = f"Trials and scores, at {conditions.judged} contexts, are looked up in tables of true rollouts."
+    else:
+        answered = f"Trials are true rollouts; others, at {conditions.judged} contexts, score a final policy."
     return [
         f"## {part.task.capitalize()}",
         "",
         f"Sessions of {part.budget} trials with {conditions.particles} particles, {part.seeds} of each method in "
-        f"each world; one training seed; tool driven directly. Trials are true rollouts; final policies are scored "
-        f"{scored}.",
+        f"each world; one training seed; tool driven directly. {answered}",
         "",
         *_table(head, body),
         "",

@@ -2,10 +2,11 @@
 
     adaptsim world-tables --task pushing --targets drawn
     python benchmarks/stopping.py --task pushing --targets drawn
+    python benchmarks/stopping.py --task scooping --targets drawn --fresh 8    trials and scores by true rollouts
 
 After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
 than .05 after all. "Hopeless" is right where no action of the world's table earns .3, and a session that ends under .2
-should have said it. What is earned comes from the half of the table that no trial sees.
+should have said it. What is earned comes from the half of the table that no trial sees, or from fresh rollouts.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.adaptsim import AdaptSim, create
 from sim.adaptation.outlook import WORTHWHILE, Outlook, outlook
 from sim.adaptation.reality import RealityPolicy
-from sim.benchmark.places import Tabled
+from sim.benchmark.places import Simulated, Tabled
 from sim.benchmark.sessions import Conditions, judge, run_session
 from sim.benchmark.tables import load_table
 from sim.benchmark.targets import targets_of
@@ -49,24 +50,27 @@ def main() -> None:
     parser.add_argument("--task", default="pushing")
     parser.add_argument("--targets", default="drawn", help="a set of worlds that has tables")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--fresh", type=int, default=0, help="true rollouts behind each score; 0: look all up")
     asked = parser.parse_args()
-    tell(played(asked.task, asked.targets, asked.seed))
+    tell(played(asked.task, asked.targets, asked.seed, asked.fresh))
 
 
-def played(name: str, targets: str, seed: int) -> Sequence[Session]:
+def played(name: str, targets: str, seed: int, fresh: int) -> Sequence[Session]:
     """One session in each world, told as it ends."""
-    task, conditions, found = get_task(name), Conditions(budget=20), []
+    task, found = get_task(name), []
+    conditions = Conditions(budget=20, judged=fresh) if fresh else Conditions(budget=20)
     checkpoint = load_checkpoint(task)
     method, e = create(task, checkpoint), checkpoint.prospects
     assert e is not None
     shown = policy_for(checkpoint.solver, e.candidates[:1])
     root, scene = tables_folder(config.load({"task": name})), scene_key(task)
     for target in targets_of(task, [targets]):
-        place = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
+        table = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
+        place = Simulated(checkpoint.solver, target.world) if fresh else table
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
         earned = tuple(judge(task, policy.actions, place, conditions, seed).reward for policy in own)
-        most = judge(task, place.best_actions, place, conditions, seed).reward
+        most = judge(task, table.best_actions, place, conditions, seed).reward
         found.append(Session(target.name, tuple(outlook(policy.reality, shown) for policy in own), earned, most))
         last = found[-1].said[-1]
         print(

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -50,6 +51,7 @@ class _Values(BaseModel):
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
+    realtime: Annotated[bool, Field(description="the simulated lab moves at the arm's own pace, to be watched")] = False
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="seed of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
@@ -71,6 +73,7 @@ class Config:
     checkpoint: str
     solver: str
     object: str
+    realtime: bool
     seed: int
     particles: int
     workers: int
@@ -195,8 +198,7 @@ def template() -> str:
     """A settings file with every setting as a comment: default and meaning."""
     lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
     for name, info in _Values.model_fields.items():
-        value = f'"{info.default}"' if isinstance(info.default, str) else info.default
-        lines += [f"# {info.description}", f"#{name} = {value}", ""]
+        lines += [f"# {info.description}", f"#{name} = {json.dumps(info.default)}", ""]
     return "\n".join(lines)
 
 

@@ -14,6 +14,7 @@ _World = Annotated[str | None, typer.Option("--world", help="World of the simula
 _Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 _Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
 _Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
+_Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
 _Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no motion is planned.")]
 
@@ -29,6 +30,7 @@ def calibrate(
     views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: _Yes = False,
+    realtime: _Realtime = False,
     as_json: _Json = False,
 ) -> None:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
@@ -43,7 +45,7 @@ def calibrate(
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import ground, settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
     request = conduct.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
     conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations, ground.open_sessions)
 

@@ -47,6 +47,9 @@ def rollout(
     ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
     out: Annotated[Path | None, typer.Option("--out", help="New folder for the record and the recording.")] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")
+    ] = False,
     view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
     view_port: Annotated[
         int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
@@ -77,7 +80,7 @@ def rollout(
     from sim.adaptation.method import Iteration
     from sim.tasks import get_task
 
-    resolved = load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
     if best != (session is not None):

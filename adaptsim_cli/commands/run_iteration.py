@@ -40,6 +40,9 @@ def run_iteration(
     own_calibration: Annotated[
         bool, typer.Option("--own-calibration", help="Go on with the calibration and touch-off of the session.")
     ] = False,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")
+    ] = False,
     view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
     view_port: Annotated[
         int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
@@ -61,6 +64,7 @@ def run_iteration(
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
+    flags["realtime"] = realtime or None
     resolved = settings.load(flags)
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)

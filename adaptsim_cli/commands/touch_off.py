@@ -12,6 +12,7 @@ _Task = Annotated[str | None, typer.Option("--task", help="Task with the tool: s
 _World = Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")]
 _Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 _Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
+_Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
 _Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name or number, as `touch-off list` shows it.")]
 
@@ -30,6 +31,7 @@ def touch_off(
         float, typer.Option("--handle-mm", min=2.0, max=70.0, help="Width of the handle between the fingers, mm.")
     ] = 12.0,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
+    realtime: _Realtime = False,
     as_json: _Json = False,
 ) -> None:
     """Find the table's height and the tool's pose in the hand by touching slowly. Do this before the first scoop.
@@ -45,7 +47,7 @@ def touch_off(
     from adaptsim_cli.wiring import ground, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
     request = conduct.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
     conduct.touch_off(resolved, request, wiring.open_touch_rig, wiring.touch_offs, ground.open_sessions)
 

@@ -18,9 +18,9 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None) -> Iter
     """The lab of the settings. No device is connected yet; on exit all are disconnected.
 
     Sessions, calibrations and touch-offs plan with the rig and nominal calibration of the lab. Then they ask it for
-    their devices.
-    There is no other way to a device. `drivers` are those of a real lab's devices; None: the makers'. Raises
-    WorldError, UnknownName; for a real lab UsageError (rig file, pedal neither named nor waived, no terminal).
+    their devices. There is no other way to a device. `drivers` are those of a real lab's devices; None: the
+    makers'. Raises WorldError, UnknownName; for a real lab UsageError (rig file, pedal neither named nor waived, no
+    terminal; realtime).
     """
     with ExitStack() as stack:
         yield _simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, stack)
@@ -30,10 +30,15 @@ def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
     from adaptsim_cli.devices.simulated import Simulated
     from sim.lab.world import load_world
 
-    return Simulated(task, load_world(config.world, task), config.seed, stack)
+    return Simulated(task, load_world(config.world, task), config.seed, stack, realtime=config.realtime)
 
 
 def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack) -> Lab:
+    if config.realtime:
+        raise UsageError(
+            f"--realtime slows the simulated lab down, and a real arm ({config.hw}) keeps its own pace. Leave it out, "
+            "also where the settings or ADAPTSIM_REALTIME say it"
+        )
     from adaptsim_cli.devices.drivers import makers_drivers
     from adaptsim_cli.devices.real import RealLab
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.config import SIMULATED
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.session.rig import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
+from hw.ports import Arm
 from hw.types import Array
 from hw.workcell import Workcell
 from sim.tasks.task import Task
@@ -32,10 +34,11 @@ def nominal_hand_eye(world: World, seed: int) -> HandEye:
 class Simulated:
     """`devices.lab.Lab`: one task in one world."""
 
-    def __init__(self, task: Task, world: World, seed: int, stack: ExitStack) -> None:
+    def __init__(self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool = False) -> None:
         self.rig, self.title = as_shipped("panda"), f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
+        self._realtime = realtime
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """None: no trial comes near the simulated camera."""
@@ -50,7 +53,7 @@ class Simulated:
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        return Rig(SIMULATED, self.title, lab.arm, lab.camera, lab.bench, hand_eye, days)
+        return Rig(SIMULATED, self.title, self._paced(lab.arm), lab.camera, lab.bench, hand_eye, days)
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`."""
@@ -58,7 +61,7 @@ class Simulated:
 
         lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
         self._stack.enter_context(lab)
-        return BoardDevices(lab.arm, lab.camera, lambda _: None, lab.hands)
+        return BoardDevices(self._paced(lab.arm), lab.camera, lambda _: None, lab.hands)
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`. The tool is the world's own."""
@@ -67,4 +70,8 @@ class Simulated:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        return TouchDevices(lab.arm, lab.hand, lab.offer_tool, lambda: None)
+        arm = PacedGuardedArm(lab.arm) if self._realtime else lab.arm
+        return TouchDevices(arm, lab.hand, lab.offer_tool, lambda: None)
+
+    def _paced(self, arm: Arm) -> Arm:
+        return PacedArm[Arm](arm) if self._realtime else arm

@@ -1,0 +1,92 @@
+"""The simulated lab at the arm's own pace: waits for the rest of each motion, and for nothing else."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cells import cell
+from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
+
+from adaptsim_cli import config
+from adaptsim_cli.app import run
+from adaptsim_cli.devices.opening import open_lab
+from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.simulated import Simulated
+from adaptsim_cli.errors import UsageError
+from hw.collision import Table
+from hw.errors import ArmFault
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.types import Contact, Execution, Guard, JointPath
+from sim.lab.world import load_world
+from sim.panda.moves import move_path
+from sim.tasks import get_task
+
+CELL = cell(tool=TOOL)
+PATH = move_path(Q_TOP_RAD, Q_TOP_RAD + 0.2 * np.eye(7)[0], CELL.arm.limits, 0.3)
+
+
+class SlowArm(FakeArm):
+    """It takes a while to compute a motion."""
+
+    computing_s, wall = 0.0, FakeClock()
+
+    def execute(self, path: JointPath) -> Execution:
+        self.wall.sleep(self.computing_s)
+        return super().execute(path)
+
+
+class FeelingArm(FakeGuardedArm):
+    """Its way to the table and back takes 2.5 s."""
+
+    def __init__(self) -> None:
+        self.clock = FakeClock()
+        super().__init__(FakeArm(Q_TOP_RAD, self.clock, CELL), Table(0.0))
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        self.clock.sleep(2.5)
+        return super().execute_until_contact(path, guard)
+
+
+@pytest.mark.parametrize(("computing_s", "taken_s"), [(0.0, PATH.duration_s), (0.3, PATH.duration_s), (99.0, 99.0)])
+def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s: float, taken_s: float) -> None:
+    inner = SlowArm(Q_TOP_RAD, FakeClock(5.0), CELL)
+    inner.wall, inner.computing_s = FakeClock(70.0), computing_s
+    with PacedArm(inner, inner.wall.now_s, inner.wall.sleep) as arm:
+        played = arm.execute(PATH)
+    assert played.t_start_s == 5.0  # on the arm's own clock
+    assert inner.wall.now_s() == pytest.approx(70.0 + taken_s)
+
+
+def test_a_motion_that_stops_takes_until_its_stop() -> None:
+    wall = FakeClock()
+    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")})
+    with PacedArm(inner, wall.now_s, wall.sleep) as arm, pytest.raises(ArmFault, match="reflex"):
+        arm.execute(PATH)
+    assert wall.now_s() == pytest.approx(PATH.duration_s / 2, abs=0.002)
+
+
+def test_a_touch_takes_its_way_there_and_back() -> None:
+    wall = FakeClock()
+    with PacedGuardedArm(FeelingArm(), wall.now_s, wall.sleep) as arm:
+        assert arm.execute_until_contact(down(), GUARD).t_s > 0.0
+    assert wall.now_s() == 2.5
+
+
+def test_only_who_asks_for_it_waits() -> None:
+    task = get_task("scooping")
+    with ExitStack() as stack:
+        labs = [Simulated(task, load_world("wd", task), 0, stack, realtime=asked) for asked in (False, True)]
+        arms = [lab.for_touch_off(CELL, TOOL).arm for lab in labs]
+    assert [isinstance(arm, PacedGuardedArm) for arm in arms] == [False, True]
+
+
+def test_a_real_arm_keeps_its_own_pace(capfd: pytest.CaptureFixture[str]) -> None:
+    real = replace(config.load().config, hw="fr3", realtime=True)
+    said = r"--realtime slows the simulated lab down, and a real arm \(fr3\)"
+    with pytest.raises(UsageError, match=said), open_lab(real, get_task("scooping")):
+        pass
+    assert run(["rollout", "--hw", "fr3", "--realtime"]) == 2
+    assert "--realtime" in capfd.readouterr().err

@@ -126,11 +126,11 @@ def _nudged(task: Task, world: World, context: Array, action: Array) -> ObjectTr
 def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
     """All figures, ready for JSON."""
     compared = {
-        "drake, and with the object 1 mm farther": (0, 1),
-        "drake, and under its other contact law": (0, 2),
-        "drake, and mujoco": (0, 3),
-        "drake's other law, and mujoco": (2, 3),
-        "mujoco, and with half the step": (3, 4),
+        "Drake, and with the object 1 mm farther": (0, 1),
+        "Drake, and under its other contact law": (0, 2),
+        "Drake, and MuJoCo": (0, 3),
+        "Drake's other law, and MuJoCo": (2, 3),
+        "MuJoCo, and with half the step": (3, 4),
         "half the step, and a quarter": (4, 5),
     }
     return {

@@ -212,6 +212,8 @@ def lit(picture: Array, effects: Effects, turn: int) -> Array:
 
 @dataclass(frozen=True)
 class Result:
+    """How well something was found and followed."""
+
     middle_mm: float
     worst_mm: float
     lost: float  # share of frames
@@ -227,7 +229,7 @@ class Result:
     def __str__(self) -> str:
         told = "; ".join(self.flags) or "-"
         if self.failed:
-            return f"BROKEN  {self.failed}"
+            return f"REFUSED {self.failed}"
         state, off = "BROKEN" if self.broken else "ok", f"{self.middle_mm:5.1f} {self.worst_mm:6.1f} mm"
         return f"{state:7s} {off}  lost {self.lost:4.0%}  found {self.found:.2f} sure {self.sure:.2f}  {told}"
 
@@ -243,13 +245,13 @@ def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
     try:
         found = find_piece(frames[0], room.model, room.X_BC, area)
     except ObjectNotFound as error:
-        return Result(0.0, 0.0, 1.0, 0.0, 0.0, (), f"not found: {str(error)[:60]}")
+        return Result(0.0, 0.0, 1.0, 0.0, 0.0, (), f"not found: {error}")
     try:
         track = track_piece(
             frames[1:], room.model, room.X_BC, found, TOOL, lambda _: AWAY, 1 / RATE_HZ, FRAMES / RATE_HZ
         )
     except TrackingFailed as error:
-        return Result(0.0, 0.0, 1.0, found.confidence, 0.0, (), f"not tracked: {str(error)[:60]}")
+        return Result(0.0, 0.0, 1.0, found.confidence, 0.0, (), f"not tracked: {error}")
     off_mm = 1e3 * np.linalg.norm(track.state[:, :2] - np.array(way[1:]), axis=1)
     flags = tuple(flag for flag in track.flags if not flag.startswith(ALWAYS))
     return Result(

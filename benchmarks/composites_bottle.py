@@ -17,6 +17,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from composites import Result
 
 from adaptsim_cli.devices.trackers import BOTTLE_AREA
 from hw.types import Array, CameraModel, Frame
@@ -33,7 +34,6 @@ WALL, MUG = (slice(170, 298), slice(60, 188)), (slice(330, 515), slice(132, 270)
 BODY = Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
 START_S, PUSHED_S, LAST_S, RATE_HZ = 0.1, 0.5, 0.9, 30.0
 WAY_M = np.array([0.25, 0.05])
-LIMIT_MM, MOST_LOST = 5.0, 0.2
 
 
 @dataclass(frozen=True)
@@ -133,28 +133,6 @@ def _tiled(patch: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Ar
     times = [-(-n // m) for n, m in zip(shape, mirrored.shape, strict=True)]
     moved = np.roll(mirrored, rng.integers(0, mirrored.shape[0], 2), axis=(0, 1))
     return np.asarray(np.tile(moved, times)[: shape[0], : shape[1]])
-
-
-@dataclass(frozen=True)
-class Result:
-    middle_mm: float
-    worst_mm: float
-    lost: float  # share of frames
-    found: float  # confidence of the detection
-    sure: float  # median confidence of the track
-    flags: tuple[str, ...]
-    failed: str = ""
-
-    @property
-    def broken(self) -> bool:
-        return bool(self.failed) or self.worst_mm > LIMIT_MM or self.lost > MOST_LOST
-
-    def __str__(self) -> str:
-        if self.failed:
-            return f"REFUSED {self.failed}"
-        state, off = "BROKEN" if self.broken else "ok", f"{self.middle_mm:5.1f} {self.worst_mm:6.1f} mm"
-        told = "; ".join(self.flags) or "-"
-        return f"{state:7s} {off}  lost {self.lost:4.0%}  found {self.found:.2f} sure {self.sure:.2f}  {told}"
 
 
 def judge(room: Room, effects: Effects, seed: int = 0) -> Result:

@@ -161,6 +161,7 @@ def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
         "",
         *paired(rows),
         "",
+        *([] if part.fresh else curves(rows)),
         f"    adaptsim {' '.join(part.command(FOLDER))}",
     ]
 
@@ -186,6 +187,27 @@ def paired(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         "",
         *_table(head, body),
     ]
+
+
+def curves(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What sessions of each method earn after each iteration, where trials and scores are of one kind."""
+    sets = dict.fromkeys(row["set"] for row in rows)
+    worlds = {s: {r["target"] for r in rows if r["set"] == s} for s in sets}
+    with_trials = [row for row in rows if len(row["curve"]) > 1]
+    after = [n for n, _ in with_trials[0]["curve"]] if with_trials else []
+    body = []
+    for method in dict.fromkeys(row["method"] for row in with_trials):
+        cells = []
+        for s in sets:
+            there = [r for r in with_trials if (r["method"], r["set"]) == (method, s)]
+            if {r["target"] for r in there} != worlds[s]:
+                cells.append("–")
+                continue
+            earned = np.array([[reward for _, reward in row["curve"]] for row in there]).mean(axis=0)
+            cells.append(", ".join(f"{reward:.3f}" for reward in earned))
+        body.append([f"`{method}`", *cells])
+    told = f"Mean reward after {', '.join(map(str, after[:-1]))} and {after[-1]} trials:" if after else ""
+    return [told, "", *_table(["method", *sets], body), ""] if body else []
 
 
 def _means(reward: Mapping[tuple[str, str, str, int], float], method: str, which: str) -> dict[str, float]:

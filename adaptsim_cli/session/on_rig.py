@@ -207,7 +207,7 @@ class RigPlan:
                         after = target.in_time(target.rig.camera.snapshot())
             except HardwareError as fault:
                 stopped = fault
-        return RigTrial(self.found, played, tuple(map(target.in_time, frames)), stopped, after)
+        return RigTrial(self.found, played, frames, stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` and record it.
@@ -235,21 +235,21 @@ class RigTrial:
 
     found: RigReady
     played: Execution | None  # None: the arm stopped during the motion
-    frames: tuple[Frame, ...]
+    frames: Sequence[Frame]  # on the camera's clock; those of the simulated lab may still be rendered
     stopped: HardwareError | None
     after: Frame | None  # with the arm at home again; only for a task that carries its object
 
     def files(self) -> Mapping[str, bytes]:
         """Recording, overlay, and the facts of a real rig."""
         target, before = self.found.target, self.found.frame
-        rig, played = target.rig, self.played
+        rig, played, frames = target.rig, self.played, tuple(map(target.in_time, self.frames))
         if played is None:
             none = np.zeros((0, 7))
-            played = Execution(self.frames[0].t_s if self.frames else before.t_s, np.zeros(0), none, none, 0.0)
+            played = Execution(frames[0].t_s if frames else before.t_s, np.zeros(0), none, none, 0.0)
         eye = rig.hand_eye
         mcap = recording.encode(
             before,
-            self.frames,
+            frames,
             rig.camera.model(),
             eye.X_BC,
             played,

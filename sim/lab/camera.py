@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
-from typing import Self
+from typing import Self, overload
 
 import numpy as np
 
@@ -20,6 +20,23 @@ from sim.render.poses import held_still
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure
 STILL_S = 0.3  # duration of a recording without any motion
+
+
+class _Film(Sequence[Frame]):
+    """Frames that are still rendered: who looks at one waits for it."""
+
+    def __init__(self, frames: Sequence[Future[Frame]]) -> None:
+        self._frames = frames
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Frame]: ...
+    def __getitem__(self, index: int | slice) -> Frame | Sequence[Frame]:
+        return _Film(self._frames[index]) if isinstance(index, slice) else self._frames[index].result()
 
 
 class LabCamera:
@@ -57,7 +74,7 @@ class LabCamera:
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:
-        """See `hw.ports.Camera`; the frames are rendered now."""
+        """See `hw.ports.Camera`; the frames are rendered from now on, while the lab goes on."""
         self._need_connection()
         room = self._room
         if room.recording_since_s is None:
@@ -70,8 +87,7 @@ class LabCamera:
                 room.faults_due.remove("camera_timeout")
                 raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
             numbers = [i for i in self._numbers(since_s) if not self._dropped(i)]
-            with ThreadPoolExecutor(os.cpu_count()) as pool:
-                return tuple(pool.map(self._frame, numbers, self._poses(numbers)))
+            return self._film(numbers)
         finally:
             room.recording_since_s, room.shots = None, []
 
@@ -96,9 +112,18 @@ class LabCamera:
         held = {name: held_still(X).reshape(len(numbers), SLICES, 4, 4) for name, X in poses.items()}
         return [{name: X[i] for name, X in held.items()} for i in range(len(numbers))]
 
-    def _frame(self, number: int, poses: Mapping[str, Array]) -> Frame:
-        colour, depth_mm = self._renderer.render(poses, self._noise, self._room.chance.frame_stream(number))
-        return Frame(self._stamped(self._time_s(number)), colour, depth_mm)
+    def _film(self, numbers: Sequence[int]) -> Sequence[Frame]:
+        renderer, noise, pool = self._renderer, self._noise, ThreadPoolExecutor(os.cpu_count())
+
+        def frame(t_s: float, poses: Mapping[str, Array], rng: np.random.Generator) -> Frame:
+            return Frame(t_s, *renderer.render(poses, noise, rng))
+
+        film = [
+            pool.submit(frame, self._stamped(self._time_s(i)), poses, self._room.chance.frame_stream(i))
+            for i, poses in zip(numbers, self._poses(numbers), strict=True)
+        ]
+        pool.shutdown(wait=False)
+        return _Film(film)
 
     def _stamped(self, t_s: float) -> float:
         """A time of the arm's clock on the camera's own clock."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -38,13 +39,13 @@ class _Scene:
     """All samples of (a part of) the image with some of the bodies in it."""
 
     t: tuple[Array32, ...]  # (h, w) depth of each sample, inf where nothing is
-    rgb: tuple[NDArray[np.floating], ...]  # (h, w, 3) linear
+    rgb: tuple[Array32, ...]  # (h, w, 3) linear
     lit: NDArray[np.bool_]  # (h, w) facing the key light, in the sample for shadows
     dark: Array32  # of the whole image, every `_STRIDE`-th pixel: the key light is taken away, 0 or 1
 
     def copy(self, box: Rectangle) -> _Scene:
         """To paint in."""
-        t, rgb = tuple(t[box].copy() for t in self.t), tuple(rgb[box].astype(np.float32) for rgb in self.rgb)
+        t, rgb = tuple(t[box].copy() for t in self.t), tuple(rgb[box].copy() for rgb in self.rgb)
         return _Scene(t, rgb, self.lit[box].copy(), self.dark.copy())
 
     def picture(self, box: Rectangle) -> NDArray[np.uint8]:
@@ -76,13 +77,15 @@ class ColourView:
         self._outlines: Latest[Outline] = Latest()
         self._layers: Latest[Layer] = Latest()
         self._at_rest: Latest[tuple[_Scene, NDArray[np.uint8]]] = Latest()
+        self._one_paints = Lock()
 
     def render(self, bodies: Posed) -> NDArray[np.uint8]:
         """(H, W, 3) RGB of bodies at `SAMPLES` poses each."""
         resting = [(body, X) for body, X in bodies if holds_still(X)]
         moving = [(body, X) for body, X in bodies if not holds_still(X)]
         key = tuple((body, X[0].tobytes()) for body, X in resting)
-        backdrop, image = self._at_rest.get("backdrop", key, partial(self._backdrop, resting))
+        with self._one_paints:
+            backdrop, image = self._at_rest.get("backdrop", key, partial(self._backdrop, resting))
         region = self._touched(moving)
         if region is None:
             return image
@@ -112,7 +115,7 @@ class ColourView:
         self._darken(scene, region, there, lit & changed)
         return scene
 
-    def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, NDArray[np.floating], NDArray[np.bool_]]:
+    def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, Array32, NDArray[np.bool_]]:
         """Depth (H, W), linear colour (H, W, 3), and what is turned towards the key light (H, W)."""
         flat, shape = rays.reshape(-1, 3), rays.shape[:2]
         hits = world.cast(self._X_BC, flat)
@@ -122,7 +125,7 @@ class ColourView:
         top = np.abs(points[:, 2]) < 2e-3
         radiance[top] *= shading.grain(points[top])
         t, lit = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.bool_)
-        rgb = np.tile(shading.BACKGROUND_RGB.astype(np.float16), (len(flat), 1))
+        rgb = np.tile(shading.BACKGROUND_RGB, (len(flat), 1))
         t[hits.index], rgb[hits.index] = hits.t, radiance
         lit[hits.index] = shading.lit_by_key(normal)[hits.triangle]
         return t.reshape(shape), rgb.reshape(*shape, 3), lit.reshape(shape)
@@ -140,7 +143,7 @@ class ColourView:
 
     def _outline(self, body: Body, X_BO: Array) -> Outline:
         """Where a body at poses (samples, 4, 4) can be seen during the exposure."""
-        X_CO = self._X_CB @ (X_BO[:1] if holds_still(X_BO) else X_BO)
+        X_CO = self._X_CB @ X_BO[: 1 if holds_still(X_BO) else None : SAMPLES - 1]  # first and last
         points_m = body.points_m @ np.swapaxes(X_CO[:, :3, :3], 1, 2) + X_CO[:, None, :3, 3]
         return outline(points_m, body.parts, self._camera, self._fov)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
-from scipy.stats import qmc
 
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
@@ -21,6 +20,8 @@ def scene_key(task: Task) -> str:
     A few rollouts represent the physics. Contact makes them sensitive to any change of mesh, mass, step or contact law,
     and their ends to any change of the final judgement.
     """
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and most commands ask for no key
+
     spaces = task.parameters, task.action, task.nuisance
     unit = qmc.Sobol(sum(map(len, spaces)), scramble=True, seed=0).random(_PROBES)
     parts = np.split(unit, np.cumsum([len(space) for space in spaces])[:-1], axis=1)

@@ -135,6 +135,7 @@ class BenchmarkOutput(Output):
     format: int = said("version of the results' files")
     task: str = said("which task")
     conditions: dict[str, Any] = said("trials of each session, and how policies were judged")
+    trials: str = said("where they come from: simulated (true rollouts), tables (looked up), lab (arm and camera)")
     checkpoints: Any = said("checkpoints of the methods")
     targets: list[str] = said("worlds")
     seeds: int = said("sessions a world and method")

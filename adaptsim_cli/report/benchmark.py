@@ -51,6 +51,7 @@ class Comparison:
     def as_json(self) -> dict[str, Any]:
         """The whole comparison, with one row per world, method and seed."""
         return {
+            "trials": "tables" if self.tabled else "simulated",
             **self.plan,
             "targets": list(self.targets),
             "seeds": self.seeds,

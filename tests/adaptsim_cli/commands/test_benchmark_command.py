@@ -55,6 +55,12 @@ def test_it_compares_writes_everything_down_and_goes_on(capsys, home):
     assert shared == [kept[r["target"], r["method"], r["seed"]] for r in shared]
 
 
+@pytest.mark.parametrize("flags", [[], ["--fresh", "4"]])
+def test_it_says_where_trials_come_from(capsys, flags):
+    assert run([*PENDULUM, "--methods", "random", *flags, "--json"]) == 0
+    assert json.loads(said(capsys)[0])["trials"] == "simulated"
+
+
 def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
     for flags, code, message in (
         (["--methods", "udr,magic"], 2, "--methods magic: choose all, or any of adaptsim"),
@@ -90,6 +96,7 @@ def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
     assert run(["benchmark", "--task", "pushing", *flags]) == 0
     found = json.loads(said(capsys)[0])
     assert [row["method"] for row in found["rows"]] == ["adaptsim", "best-action"]
+    assert found["trials"] == "tables"
     assert found["rows"][0]["real_trials"] == 4
     assert all(0.0 <= row["reward"] <= 1.0 for row in found["rows"])
     assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "32"]) == 8

@@ -40,7 +40,7 @@ def link_poses(q_rad: ArrayLike) -> Array:
         raise ValueError(f"joint positions have shape {q.shape}, expected (..., {JOINTS})")
     lead = q.shape[:-1]
     cos, sin = np.moveaxis(np.cos(q), -1, 0), np.moveaxis(np.sin(q), -1, 0)
-    poses = np.zeros((FLANGE + 1, 4, 4, *lead))  # all samples of an entry side by side
+    poses = np.zeros((FLANGE + 1, 4, 4, *lead))  # samples last: one matrix entry of all samples is contiguous
     poses[:, 3, 3] = 1.0
     for i in range(3):
         poses[0, i, i] = 1.0

@@ -18,9 +18,9 @@ LOW_M, HIGH_M = 0.015, 0.22
 _SMALLEST_M2 = 4e-4  # of the visible face; smaller parts are edges and noise
 _KERNEL = np.ones((3, 3), np.uint8)
 _GAP = np.ones((5, 5), np.uint8)
-"""Missing readings up to four pixels wide do not divide an object: dark, shiny and printed faces have many."""
+"""Gaps of up to four pixels without readings do not divide an object: dark, shiny and printed faces have many."""
 _ONE_FACE_M = 0.012
-"""Readings on both sides of such a gap belong to two objects where their depths differ by more."""
+"""If the depths on the two sides of such a gap differ by more, they belong to two objects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
     for label in range(1, count):
         left, top, w, h, size = (int(x) for x in stats[label])
         chosen = points[of_point == label]
-        if not len(chosen):  # missing readings alone
+        if not len(chosen):  # nothing but missing readings
             continue
         range_m = float(np.linalg.norm(np.median(chosen, axis=0) - scan.view.X_BV[:3, 3]))
         if size * (step * range_m / scan.view.focal_px) ** 2 < _SMALLEST_M2:
@@ -79,7 +79,7 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
 
 
 def _between(mask: NDArray[np.uint8], depth_m: Array32) -> NDArray[np.uint8]:
-    """(h, w) missing readings that lie between others of one face of `mask`."""
+    """(h, w) missing readings that lie between readings of one face of `mask`."""
     nearest = cv2.erode(np.where(mask > 0, depth_m, np.float32(np.inf)), _GAP)
     farthest = cv2.dilate(np.where(mask > 0, depth_m, np.float32(0.0)), _GAP)
     closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _GAP)

@@ -36,8 +36,8 @@ def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
 def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack) -> Lab:
     if config.realtime:
         raise UsageError(
-            f"--realtime slows the simulated lab down, and a real arm ({config.hw}) keeps its own pace. Leave it out, "
-            "also where the settings or ADAPTSIM_REALTIME say it"
+            f"--realtime slows the simulated lab down, but this is a real arm ({config.hw}). Leave out --realtime, and "
+            "remove it from the settings and from ADAPTSIM_REALTIME"
         )
     from adaptsim_cli.devices.drivers import makers_drivers
     from adaptsim_cli.devices.real import RealLab

@@ -1,4 +1,7 @@
-"""The simulated lab at the arm's own pace, for somebody who watches. By itself it moves as fast as it computes."""
+"""The simulated lab at the arm's real pace, to be watched.
+
+Without this, the lab moves as fast as it can be computed.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ Inner = TypeVar("Inner", bound=Arm)
 
 
 class PacedArm(AroundArm[Inner]):
-    """`hw.ports.Arm` of which every motion takes at least as long as its own clock says."""
+    """An `hw.ports.Arm` whose motions take at least as long on the wall clock as on the arm's own clock."""
 
     def __init__(
         self, arm: Inner, now_s: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep
@@ -39,7 +42,7 @@ class PacedArm(AroundArm[Inner]):
 
 
 class PacedGuardedArm(PacedArm[GuardedArm]):
-    """`hw.ports.GuardedArm` at its own pace."""
+    """`PacedArm` for an `hw.ports.GuardedArm`."""
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """See `hw.ports.GuardedArm`."""

@@ -235,7 +235,7 @@ class RigTrial:
 
     found: RigReady
     played: Execution | None  # None: the arm stopped during the motion
-    frames: Sequence[Frame]  # on the camera's clock; those of the simulated lab may still be rendered
+    frames: Sequence[Frame]  # on the camera's clock; those of the simulated lab may still be rendering
     stopped: HardwareError | None
     after: Frame | None  # with the arm at home again; only for a task that carries its object
 

@@ -103,7 +103,7 @@ class _Candidate:
 
 
 def _joined(candidates: list[_Candidate], body: Cylinder) -> list[_Candidate]:
-    """Parts of one bottle, between which readings are missing, as one candidate."""
+    """Join parts of one bottle, divided by missing readings, into one candidate."""
     joined: list[_Candidate] = []
     for part in candidates:
         same = next((i for i, other in enumerate(joined) if _same(other.best, part.best, body)), None)
@@ -115,7 +115,7 @@ def _joined(candidates: list[_Candidate], body: Cylinder) -> list[_Candidate]:
 
 
 def _same(one: Place | None, other: Place | None, body: Cylinder) -> bool:
-    """Whether two places are nearer to each other than two bottles can stand."""
+    """Whether two places are too near to each other for two bottles."""
     if one is None or other is None:
         return False
     return bool(np.linalg.norm(one.centre_m - other.centre_m) < body.radius_m)

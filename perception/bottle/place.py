@@ -17,7 +17,7 @@ from perception.scan import Raw, Scan
 ABOVE_M = 0.012
 """Readings lower than this (m) count as table."""
 ENOUGH_READ = 0.5
-"""Share of a face that has to give readings: a dark, shiny or printed one gives few."""
+"""Smallest share of a face with readings: a dark, shiny or printed face gives few."""
 _REACH_M = 0.13  # radius of the search around the expected place
 _TOP_M = 0.008  # readings this near to its full height are its top
 _FEWEST = 30
@@ -38,8 +38,8 @@ class Place:
 
     X_BO: Array  # (4, 4), Z along the axis
     in_picture: float  # share of it that lies inside the camera's image
-    read: float  # share of its face that gives readings
-    visible: float  # share of its face in the picture that is not hidden; less where under half of it is read
+    read: float  # share of its face with readings
+    visible: float  # share of its face in the picture that is not hidden; lowered if under half of it is read
     fit: float  # 0 ... 1, agreement of the readings there with it
 
     @property
@@ -59,7 +59,7 @@ class Place:
 
     @classmethod
     def better(cls, places: list[Self]) -> Self:
-        """The one that explains most."""
+        """The place with the highest confidence."""
         return max(places, key=lambda place: place.confidence)
 
 

@@ -66,17 +66,17 @@ class Checkpoint:
     emulator: Emulator | None  # None: the solver does not use one
     prospects: Prospects | None  # None with NAF, which cannot answer without simulating
     method: str  # the method that "adaptsim" meant
-    tensors: Tensors  # all that is stored
+    tensors: Tensors  # everything in the checkpoint's weights file
 
     @cached_property
     def networks(self) -> Mapping[MemoryName, QNetwork]:
-        """The paper's adaptation policies, by their memory of a session. Raises CheckpointError where one misfits."""
+        """The paper's adaptation policies, by their memory of a session. Raises CheckpointError if one does not fit."""
         found = {memory: self._network(memory, prefix) for memory, prefix in PREFIXES.items()}
         return {memory: network for memory, network in found.items() if network is not None}
 
     @cached_property
     def attainable(self) -> QNetwork | None:
-        """The paper's policy, trained with an attainable threshold. Raises CheckpointError where it misfits."""
+        """The paper's policy, trained with an attainable threshold. Raises CheckpointError if it does not fit."""
         return self._network("iteration", ATTAINABLE)
 
     def _network(self, memory: MemoryName, prefix: str) -> QNetwork | None:

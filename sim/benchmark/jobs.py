@@ -72,9 +72,10 @@ class Row:
 
 
 def run_job(job: Job, trials: Place | None = None) -> Row:
-    """The session and its judgement, in this process. `trials`: where it has its trials instead.
+    """Run the session and judge it, in this process. `trials` replaces the place in which its trials happen.
 
-    With `Conditions.fresh`, trials and the final score are true rollouts; the curve is the table's. Raises SimError.
+    With `Conditions.fresh`, the trials and the final score are true rollouts, but the curve comes from the table.
+    Raises SimError.
     """
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions

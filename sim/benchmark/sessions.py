@@ -42,7 +42,7 @@ class Conditions:
     budget: int  # real trials of a session, rounded down to whole iterations
     particles: int = 2
     judged: int = 64  # rollouts behind each reward
-    fresh: int = 0  # true rollouts behind the final one, and trials that are true ones; 0: all is looked up in tables
+    fresh: int = 0  # true rollouts behind the final reward; then the trials are true rollouts, too. 0: all from tables
     candidates: int = 96  # candidate E of the oracle, spread evenly over Omega
 
     def iterations(self, task: Task) -> int:

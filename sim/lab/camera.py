@@ -23,7 +23,7 @@ STILL_S = 0.3  # duration of a recording without any motion
 
 
 class _Film(Sequence[Frame]):
-    """Frames that are still rendered: who looks at one waits for it."""
+    """Frames that may still be rendering: reading one waits until it is ready."""
 
     def __init__(self, frames: Sequence[Future[Frame]]) -> None:
         self._frames = frames
@@ -40,7 +40,7 @@ class _Film(Sequence[Frame]):
 
 
 class LabCamera:
-    """A camera at `X_BC`, 30 FPS. The frames of a recording are rendered when it ends."""
+    """A camera at `X_BC`, 30 FPS. The frames of a recording are rendered once it has ended."""
 
     def __init__(self, room: Room, X_BC: Array) -> None:
         self._room, self._X_BC = room, X_BC
@@ -74,7 +74,7 @@ class LabCamera:
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:
-        """See `hw.ports.Camera`; the frames are rendered from now on, while the lab goes on."""
+        """See `hw.ports.Camera`. The frames are rendered in the background from here on, while the lab goes on."""
         self._need_connection()
         room = self._room
         if room.recording_since_s is None:

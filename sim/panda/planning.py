@@ -88,7 +88,7 @@ def trial_paths(
     gently: Ways | None = partial(_gently, q_home=home_rad, X_FT=X_FT, arm=true.arm) if carries else None
     freely: Ways = partial(_ways, q_home=home_rad, cell=true)
     best: tuple[float, Paths] | None = None
-    unsteady: list[tuple[float, JointPath]] = []  # no gentle way back: only where all others are like that
+    unsteady: list[tuple[float, JointPath]] = []  # without a gentle way back: used only if every path is like that
     refused: NotExecutable | None = None
     for ratio, task in task_paths(motion, X_FT, true, home_rad):
         if best is not None and ratio >= best[0]:
@@ -121,7 +121,7 @@ Paths = tuple[JointPath, JointPath, JointPath]
 
 
 def _with_ways(task: JointPath, ways: Ways, cell: Workcell, back: JointPath | None = None) -> Paths:
-    """Approach, task and retreat, which is `back` if that is given. Raises NotExecutable."""
+    """Approach, task and retreat (`back` if given). Raises NotExecutable."""
     away = _homeward(task.q_rad[0], ways, cell)
     return JointPath(away.t_s, away.q_rad[::-1]), task, back or _homeward(task.q_rad[-1], ways, cell)
 

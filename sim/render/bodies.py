@@ -42,11 +42,11 @@ class Body:
         first = np.cumsum([0, *counts])
         self._textures = [(first[i], first[i + 1], v.texture) for i, v in enumerate(visuals) if v.texture is not None]
         a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-        self._on_m, self._normal = a, _unit(np.cross(b - a, c - a))  # of each triangle a point and the normal
+        self._on_m, self._normal = a, _unit(np.cross(b - a, c - a))  # a point and the normal of each triangle
         parts = _connected(len(vertices), triangles)
         ends = np.cumsum([0, *map(len, parts)])
         self.points_m: Array = vertices[np.concatenate(parts)]  # (N, 3) of the surface, in the body's frame
-        self.parts = tuple(slice(a, b) for a, b in pairwise(ends))  # those that hang together
+        self.parts = tuple(slice(a, b) for a, b in pairwise(ends))  # the connected pieces
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
         self.corners_m: Array = corners.astype(np.float64)  # (8, 3) of the bounding box, in the body's frame
@@ -99,7 +99,7 @@ def _unit(normals: Array) -> Array:
 
 
 def _connected(count: int, triangles: NDArray[np.int32]) -> list[NDArray[np.intp]]:
-    """Vertices that hang together by triangles (T, 3)."""
+    """The vertices of each connected piece of a mesh with triangles (T, 3)."""
     label = np.arange(count)
     while True:
         before = label.copy()

@@ -24,10 +24,10 @@ from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays,
 from sim.render.rectangles import Rectangle, coarser, union, within
 
 JITTER_PX = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
-"""Place of each sample within its pixel: time and space are sampled together, for smooth edges."""
+"""Offset of each sample within its pixel. The samples differ in time and place, for smooth edges."""
 SAMPLES = len(JITTER_PX)
 _SHADOWED = SAMPLES // 2
-"""The sample for which shadows are looked for, at every so many pixels:"""
+"""Shadows are computed for this sample alone, at every `_STRIDE`-th pixel."""
 _STRIDE = 2
 
 Posed = Sequence[tuple[Body, Array]]
@@ -36,7 +36,7 @@ Posed = Sequence[tuple[Body, Array]]
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """All samples of (a part of) the image with some of the bodies in it."""
+    """All samples of the image, or of a rectangle of it, with some of the bodies painted."""
 
     t: tuple[Array32, ...]  # (h, w) depth of each sample, inf where nothing is
     rgb: tuple[Array32, ...]  # (h, w, 3) linear
@@ -44,12 +44,12 @@ class _Scene:
     dark: Array32  # of the whole image, every `_STRIDE`-th pixel: the key light is taken away, 0 or 1
 
     def copy(self, box: Rectangle) -> _Scene:
-        """To paint in."""
+        """The part inside `box`, to be painted on."""
         t, rgb = tuple(t[box].copy() for t in self.t), tuple(rgb[box].copy() for rgb in self.rgb)
         return _Scene(t, rgb, self.lit[box].copy(), self.dark.copy())
 
     def picture(self, box: Rectangle) -> NDArray[np.uint8]:
-        """(h, w, 3) sRGB of a scene that is cut at `box`."""
+        """(h, w, 3) sRGB of this scene, which covers `box` of the image."""
         total: Array32 = np.zeros(self.rgb[0].shape, dtype=np.float32)
         for rgb in self.rgb:
             total += rgb
@@ -62,7 +62,8 @@ class _Scene:
 class ColourView:
     """The colour camera and the static part of the scene.
 
-    Bodies that hold still during an exposure are painted first, and stay painted as long as nothing else does.
+    Bodies that hold still during an exposure are painted first. That picture is kept until the set of bodies at rest,
+    or one of their poses, changes.
     """
 
     def __init__(self, camera: Intrinsics, X_BC: Array, world: Body) -> None:
@@ -99,7 +100,7 @@ class ColourView:
         return scene, scene.picture(everything)
 
     def _painted(self, base: _Scene, there: Posed, coming: Posed, region: Rectangle) -> _Scene:
-        """`base`, which shows the bodies `there`, with those `coming`, in the `region` that these change."""
+        """`base`, which already shows the bodies `there`, cut to `region` and with the bodies `coming` painted on it."""
         scene = base.copy(region)
         corner = region[0].start, region[1].start
         for k in range(SAMPLES):
@@ -116,7 +117,7 @@ class ColourView:
         return scene
 
     def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, Array32, NDArray[np.bool_]]:
-        """Depth (H, W), linear colour (H, W, 3), and what is turned towards the key light (H, W)."""
+        """Depth (H, W), linear colour (H, W, 3), and the mask (H, W) of surfaces that face the key light."""
         flat, shape = rays.reshape(-1, 3), rays.shape[:2]
         hits = world.cast(self._X_BC, flat)
         points = self._points(flat[hits.index], hits.t)
@@ -131,7 +132,7 @@ class ColourView:
         return t.reshape(shape), rgb.reshape(*shape, 3), lit.reshape(shape)
 
     def _layer(self, body: Body, X_BO: Array, k: int) -> Layer:
-        """What sample k shows of a body at poses (samples, 4, 4)."""
+        """A body at poses (samples, 4, 4), in sample k."""
         seen = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
         X_OC = inverse(X_BO[k]) @ self._X_BC
         hits = body.cast(X_OC, self._rays[k][seen.rows, seen.columns])
@@ -142,13 +143,16 @@ class ColourView:
         return Layer(seen.rows[hits.index], seen.columns[hits.index], hits.t, values)
 
     def _outline(self, body: Body, X_BO: Array) -> Outline:
-        """Where a body at poses (samples, 4, 4) can be seen during the exposure."""
+        """The pixels that a body at poses (samples, 4, 4) can cover during the exposure."""
         X_CO = self._X_CB @ X_BO[: 1 if holds_still(X_BO) else None : SAMPLES - 1]  # first and last
         points_m = body.points_m @ np.swapaxes(X_CO[:, :3, :3], 1, 2) + X_CO[:, None, :3, 3]
         return outline(points_m, body.parts, self._camera, self._fov)
 
     def _touched(self, moving: Posed) -> Rectangle | None:
-        """Where bodies at poses (samples, 4, 4), or their shadows, can be seen: whole steps of the shadows."""
+        """The rectangle that bodies at poses (samples, 4, 4) and their shadows can change.
+
+        It begins at multiples of `_STRIDE`.
+        """
         around = union([self._shaded(body, X) for body, X in moving])
         if around is None:
             return None
@@ -156,13 +160,13 @@ class ColourView:
         return rows, columns
 
     def _shaded(self, body: Body, X_BO: Array) -> Rectangle:
-        """Where a body at poses (samples, 4, 4) or its shadow can be seen."""
+        """The rectangle that a body at poses (samples, 4, 4) and its shadow can cover."""
         corners = (body.corners_m @ np.swapaxes(X_BO[:, :3, :3], 1, 2) + X_BO[:, None, :3, 3]).reshape(-1, 3)
         points = _with_feet(corners) @ self._X_CB[:3, :3].T + self._X_CB[:3, 3]
         return image_rectangle(points, self._camera, self._fov)
 
     def _darken(self, scene: _Scene, region: Rectangle, bodies: Posed, lit: NDArray[np.bool_]) -> None:
-        """Mark in a scene of `region` what bodies at poses (samples, 4, 4) shade of those points that are lit."""
+        """Mark, in a scene of `region`, the lit points that bodies at poses (samples, 4, 4) put in shadow."""
         some = slice(None, None, _STRIDE)
         t, rays = scene.t[_SHADOWED][some, some], self._rays[_SHADOWED][region][some, some]
         dark = scene.dark[coarser(region, _STRIDE)]
@@ -182,6 +186,6 @@ class ColourView:
 
 
 def _with_feet(corners_m: Array) -> Array:
-    """Corners of a body and of its shadow on the table; everything that it can darken lies between them."""
+    """Corners of a body and of its shadow on the table. Everything that the body can darken lies between them."""
     height = np.maximum(corners_m[:, 2:], 0)
     return np.concatenate([corners_m, corners_m - height * (shading.KEY_LIGHT / shading.KEY_LIGHT[2])])

@@ -52,7 +52,9 @@ class DepthView:
 
 
 def cosines(hits: Hits, body: Body, X_OD: Array, along: Array32) -> Array32:
-    """(m,) of the angles between the rays `along` (n, 3), in a frame D, and what they hit."""
+    """(m,) cosines of the angles between the rays `along` (n, 3), in a frame D, and the normals of the triangles they
+    hit.
+    """
     normal = (body.normals(X_OD[:3, 3]) @ X_OD[:3, :3].astype(np.float32))[hits.triangle]
     hit = along[hits.index]
     return np.asarray(np.abs(np.einsum("ni,ni->n", normal, hit)) / np.linalg.norm(hit, axis=1), dtype=np.float32)

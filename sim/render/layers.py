@@ -44,7 +44,10 @@ class Latest(Generic[Known]):
         self._known: dict[Hashable, tuple[Hashable, Known]] = {}
 
     def get(self, what: Hashable, key: Hashable, make: Callable[[], Known]) -> Known:
-        """What `make` gives for `what` where `key` says all that matters, unless that was asked for last."""
+        """The last result for `what` if it had the same `key`; otherwise the result of `make`, which is kept.
+
+        `key` holds everything that the result depends on.
+        """
         known = self._known.get(what)
         if known is None or known[0] != key:
             known = key, make()

@@ -1,4 +1,4 @@
-"""Which pixels a body can cover: rays are sent through these only."""
+"""The pixels that a body can cover. Rays are cast through these only."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from hw.types import Array, Intrinsics
 from sim.render.rays import NEAR_M, image_rectangle, pixels
 
 _MARGIN_PX, _BENT_PX = 3.0, 140.0
-"""Around a hull: rays pass beside the middles of pixels, and the lens bends the edges. A Kinect bends one of this many
-pixels by 1 px, and one twice as long by four times as much (less, in fact)."""
+"""Margin around a hull: rays do not pass exactly through the pixel centres, and the lens bends straight edges.
+
+A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The pixels (n,), row by row."""
+    """Pixel coordinates (n,), row by row."""
 
     rows: NDArray[np.intp]
     columns: NDArray[np.intp]
 
 
 def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tuple[Array, Array]) -> Outline:
-    """Where a body may be seen of which each part lies in the convex hull of its points.
+    """The pixels that a body can cover, given that each of its parts lies in the convex hull of that part's points.
 
-    `points_m` (S, N, 3) are given in the camera's frame, at S moments that count together; `parts` are slices of N.
-    `fov` is what `field_of_view` says of the camera.
+    `points_m` (S, N, 3) are in the camera's frame, at S moments of one exposure; `parts` are slices of N. `fov` comes
+    from `field_of_view`.
     """
     around = image_rectangle(points_m.reshape(-1, 3), camera, fov)
     (top, bottom), (left, right) = ((side.start, side.stop) for side in around)
@@ -47,7 +49,7 @@ def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tu
 
 
 def _fill(mask: NDArray[np.uint8], corners: NDArray[np.int32], straight: bool) -> None:
-    """The hull of corners (n, 2), or the rectangle around it where that is not known to be straight."""
+    """Fill the hull of corners (n, 2) in the mask, or their bounding rectangle where the hull may not be `straight`."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     around = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
     hull = cv2.convexHull(corners) if straight else around

@@ -30,8 +30,8 @@ def holds_still(X: Array) -> bool:
 def within_exposure(X: Array, fractions: Array) -> Array:
     """Poses (S, 4, 4) at the middles of S equal slices of an exposure -> (K, 4, 4) at `fractions` (K,) in [0, 1].
 
-    Linear interpolation (rotations are orthonormalised), held beyond the first and last slice. One that holds still
-    does so.
+    Linear interpolation (rotations are orthonormalised), held beyond the first and last slice. A body that holds still
+    is not interpolated: its poses stay exactly equal.
     """
     if holds_still(X):
         X = X[:1]

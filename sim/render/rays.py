@@ -56,7 +56,7 @@ def field_of_view(rays: Array32) -> tuple[Array, Array]:
 
 
 def pixels(xy: Array, camera: Intrinsics) -> Array:
-    """Where rays (N, 2), which go through x, y at z = 1, fall in the image: (N, 2) column and row."""
+    """Column and row (N, 2) in the image of the rays through `xy` (N, 2) at z = 1."""
     ahead = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
     uv, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), camera.K, camera.distortion)
     return np.asarray(uv.reshape(-1, 2), dtype=np.float64)

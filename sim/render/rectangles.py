@@ -26,7 +26,7 @@ def union(boxes: Sequence[Rectangle]) -> Rectangle | None:
 
 
 def within(box: Rectangle, region: Rectangle) -> Rectangle:
-    """What of `box` lies in `region`, counted from its first corner."""
+    """The part of `box` inside `region`, in pixels from the first corner of `region`."""
     rows, columns = (
         slice(max(side.start - whole.start, 0), max(min(side.stop, whole.stop) - whole.start, 0))
         for side, whole in zip(box, region, strict=True)

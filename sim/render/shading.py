@@ -26,7 +26,7 @@ BACKGROUND_RGB = np.array([0.20, 0.21, 0.23], dtype=np.float32)
 
 
 def light(normal: Array32) -> Array32:
-    """(n, 1) what matte surfaces with unit normals (n, 3) in the base frame get, without shadows."""
+    """(n, 1) light on matte surfaces with unit normals (n, 3) in the base frame, without shadows."""
     key = KEY_POWER * np.maximum(normal @ KEY_LIGHT.astype(np.float32), 0)
     fill = FILL_POWER * np.maximum(normal @ FILL_LIGHT.astype(np.float32), 0)
     up = np.float32(0.5) * (normal[:, 2] + 1)

@@ -19,7 +19,7 @@ def sobol(n: int, dimensions: int, rng: np.random.Generator) -> Array:
     """
     if dimensions == 0:
         return np.zeros((n, 0))
-    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and what only lists or reads draws nothing
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and commands that only list or read need no draws
 
     engine = qmc.Sobol(dimensions, scramble=True, rng=rng)
     return np.asarray(engine.random_base2(max(0, math.ceil(math.log2(max(n, 1)))))[:n], dtype=np.float64)

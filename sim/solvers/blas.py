@@ -1,4 +1,4 @@
-"""How many threads numpy multiplies matrices with."""
+"""The number of threads with which numpy multiplies matrices."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from threadpoolctl import ThreadpoolController
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """For small matrices, where threads that wait for each other cost more than they save."""
+    """Multiply on one thread inside the `with` block: for small matrices, where waiting threads cost more than they
+    save.
+    """
     with _libraries().limit(limits=1, user_api="blas"):
         yield
 
 
 @lru_cache
 def _libraries() -> ThreadpoolController:
-    """Those that are loaded: numpy's is."""
+    """Controls of the BLAS libraries that are loaded by now, numpy's among them."""
     return ThreadpoolController()

@@ -1,4 +1,4 @@
-"""Arrays on disk: safetensors, so that nothing is ever unpickled."""
+"""Arrays on disk, as safetensors: nothing is ever unpickled."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from sim.tasks.task import Task
 from sim.types import Space
 
 ROWS = 512
-"""Inputs evaluated at once: what they go through stays in the processor's cache."""
+"""Inputs evaluated at once, few enough for the layers' outputs to stay in the processor's cache."""
 
 Array32 = NDArray[np.float32]
 

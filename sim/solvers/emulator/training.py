@@ -201,7 +201,7 @@ def _initial(members: int, widths: list[int], w: str, b: str, generator: torch.G
 
 
 def forward(tensors: dict[str, Tensor], depth: int, x: Tensor) -> Tensor:
-    """(M, N, f) -> (M, N, outputs), standardised, as `Emulator` does it: for gradients."""
+    """(M, N, f) -> (M, N, outputs), standardised: the computation of `Emulator` in torch, for gradients."""
     return _network(tensors, "w", "b", depth, x) + PRIOR_SCALE * _network(tensors, "pw", "pb", 1, x)
 
 
@@ -236,7 +236,7 @@ def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
 
 
 def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, rng: np.random.Generator) -> float:
-    """The distance of trajectories from the nearest prediction, 95th percentile, if the simulator does express them."""
+    """95th percentile of the distance to the nearest prediction, for trajectories that the simulator can express."""
     inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0

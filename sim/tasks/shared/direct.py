@@ -69,10 +69,13 @@ class Stepped:
 
     @classmethod
     def at_start(cls, course: Course, build: Callable[[MultibodyPlant, Frame], SceneBodies], dt_s: float) -> Stepped:
-        """The scene that `build` adds, where the course starts; with `dt_s` 0 an integrator has to be chosen for it."""
+        """The scene that `build` adds, at the start of the course.
+
+        With `dt_s` 0 the caller has to choose an integrator.
+        """
         robot = RobotDiagramBuilder(time_step=dt_s)  # a plain DiagramBuilder leaks some 150 KB a rollout in pydrake
         builder, plant, start = robot.builder(), robot.plant(), course.start
-        plant.SetUseSampledOutputPorts(False)  # nobody reads what they would keep
+        plant.SetUseSampledOutputPorts(False)  # nobody reads the ports that would be cached
         bodies = build(plant, add_carriage(plant, course.drive))
         keep_apart(robot.scene_graph(), bodies.apart)
         plant.Finalize()

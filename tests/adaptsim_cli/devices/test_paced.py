@@ -85,7 +85,7 @@ def test_only_who_asks_for_it_waits() -> None:
 
 def test_a_real_arm_keeps_its_own_pace(capfd: pytest.CaptureFixture[str]) -> None:
     real = replace(config.load().config, hw="fr3", realtime=True)
-    said = r"--realtime slows the simulated lab down, and a real arm \(fr3\)"
+    said = r"--realtime slows the simulated lab down, but this is a real arm \(fr3\)"
     with pytest.raises(UsageError, match=said), open_lab(real, get_task("scooping")):
         pass
     assert run(["rollout", "--hw", "fr3", "--realtime"]) == 2

@@ -59,7 +59,7 @@ def calibration(record: SavedCalibration) -> RenderableType:
     lines = [
         Text(""),
         Text.assemble(
-            (f"The camera stands at {X[0, 3]:.4f}, {X[1, 3]:.4f}, {X[2, 3]:.4f} m {where}", "bold"),
+            (f"The camera stands at {X[0, 3]:z.4f}, {X[1, 3]:z.4f}, {X[2, 3]:z.4f} m {where}", "bold"),
             f", known to {u.sigma_mm:.2f} mm and {u.sigma_deg:.3f}° (one standard deviation)",
         ),
         Text(f"At the worst corner of the work volume it is off by less than {u.worst_95_mm:.2f} mm (95 %)"),

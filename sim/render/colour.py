@@ -100,7 +100,7 @@ class ColourView:
         return scene, scene.picture(everything)
 
     def _painted(self, base: _Scene, there: Posed, coming: Posed, region: Rectangle) -> _Scene:
-        """`base`, which already shows the bodies `there`, cut to `region` and with the bodies `coming` painted on it."""
+        """`base`, which already shows the bodies `there`, cut to `region`, with the bodies `coming` painted on it."""
         scene = base.copy(region)
         corner = region[0].start, region[1].start
         for k in range(SAMPLES):

@@ -70,7 +70,7 @@ def plain(line: str) -> str:
 
 
 def missing(shown: tuple[str, ...], printed: str) -> list[str]:
-    """The lines of a guide that were not printed. A sentence may be broken at another place: a sign more makes it longer."""
+    """The lines of a guide that were not printed. A sentence may be broken elsewhere: numbers differ in length."""
     lines = [plain(line) for line in printed.splitlines()]
     text = " ".join(line for line in lines if line)
     wanted = [line for line in shown if line.strip(f" {ELLIPSIS}")]

@@ -1,16 +1,18 @@
-"""Find turns of phrase that have to be read twice, in documents and in the texts that the program prints.
+"""Find turns of phrase that have to be read twice: in documents, in the texts that the program prints, and in its code.
 
     python docs/check_words.py    exit code 1 if there is one; every line names the place and a better wording
 
-Documents are read without code blocks. Of the code, every text is read that is not a docstring: help, prompts,
-messages; and the templates of the report.
+Documents are read without code blocks. Of the code, every text is read (help, prompts, messages), every docstring and
+every comment; and the templates of the report.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import re
 import sys
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,6 +57,7 @@ PHRASES: tuple[tuple[str, str], ...] = (
 _PATTERNS = tuple((re.compile(rf"\b(?:{pattern})", re.IGNORECASE), better) for pattern, better in PHRASES)
 _FENCE = re.compile(r"^( *)(```|~~~).*?^\1\2[ ]*$", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_CODE = re.compile(r"`[^`]*`")
 _SPLIT = re.compile(r"(?<=[.!?])[)*\"”]*\s+")
 
 
@@ -86,16 +89,20 @@ def _blank(found: re.Match[str]) -> str:
 
 
 def texts(source: str) -> Iterator[tuple[int, str]]:
-    """(line, text) of every text of a module that is no docstring; of an f-string its fixed parts, joined."""
+    """(line, text) of every text, docstring (without `code`) and comment of a module; of an f-string its fixed parts."""
     tree = ast.parse(source)
-    skipped = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    parts: set[int] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
-            skipped |= {id(part) for part in node.values}
+            parts |= {id(part) for part in node.values}
             fixed = [p.value if isinstance(p, ast.Constant) else "…" for p in node.values]
             yield node.lineno, "".join(map(str, fixed))
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
-            yield node.lineno, node.value
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            yield node.lineno, _CODE.sub("…", node.value) if id(node) in docstrings else node.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string.removeprefix("#").strip()
 
 
 def documents() -> list[Path]:

@@ -5,7 +5,7 @@ HardwareError
 ├── ArmFault             during a motion: the arm has stopped
 │   └── StoppedByPedal   because the operator released the enabling pedal
 ├── NoContact            a guarded motion touched nothing: the arm is back at its start
-├── HandError            the hand did not do what was asked
+├── HandError            the hand did not carry out its command
 ├── CameraError          no frame, or not in time
 ├── BalanceError         the balance gives no stable mass
 └── DeviceUnavailable    a device is not there or not answering

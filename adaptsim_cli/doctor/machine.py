@@ -61,7 +61,7 @@ def priorities(user: Limits) -> Finding:
 
 
 def governor(governors: Sequence[str]) -> Finding:
-    """The frequency governors of all cores; empty if the machine has a fixed clock, or does not tell."""
+    """The frequency governors of all cores; empty if the machine has a fixed clock, or does not report them."""
     if not governors:
         return ok(GROUP, "clock frequency", "this machine has no frequency governor")
     slow = [name for name in governors if name != "performance"]

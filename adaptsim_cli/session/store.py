@@ -227,7 +227,7 @@ class SessionStore:
         self._mark(iteration, key, "restored", Note(at=at, text=reason))
 
     def amend(self, iteration: int, key: TrialKey, amendment: Amendment) -> None:
-        """Note that a completed trial counts with another outcome. Its record stays as it was written."""
+        """Note that a completed trial counts with another outcome. Its record is unchanged."""
         self._mark(iteration, key, "amended", amendment)
 
     def _mark(self, iteration: int, key: TrialKey, kind: str, note: Record) -> None:

@@ -8,4 +8,4 @@ from adaptsim_cli.errors import PreflightFailed
 
 
 class TouchOffFailed(PreflightFailed):
-    """The touch-off has no result; what was in use stays in use."""
+    """The touch-off has no result; the previous one stays in use."""

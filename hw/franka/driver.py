@@ -90,7 +90,7 @@ class Driver(Protocol):
         ...
 
     def carry(self, payload: Payload) -> None:
-        """What the hand holds from now on; an arm that is not Idle is told before its next motion. Never moves."""
+        """What the hand holds from now on; an arm that is not Idle receives it before its next motion. Never moves."""
         ...
 
 

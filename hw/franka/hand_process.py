@@ -101,7 +101,7 @@ class HandProcess:
             self._told(child.receive())
         except ChildGone as how:
             raise self._gone(how) from how
-        except BaseException as error:  # Ctrl-C: the hand's process is told and stops the hand
+        except BaseException as error:  # Ctrl-C: the hand's process is informed and stops the hand
             if not isinstance(error, HandError | DeviceUnavailable):
                 self._interrupted(child)
             raise

@@ -80,7 +80,9 @@ class Rhythm:
     states: int
     missed: int  # milliseconds of the arm's clock without one
     longest_gap_s: float  # on the computer's clock
-    interface: int | None  # version of the arm's server; None: the SDK does not tell, and has refused any but its own
+    interface: (
+        int | None
+    )  # version of the arm's server; None: the SDK does not report it, and has refused any but its own
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     """The one piece that lies with its centre in `area` (x_low, x_high, y_low, y_high), metres.
 
     `X_BC` (4, 4) is the colour camera in the base frame, whose plane z = 0 is the table top.
-    Raises ObjectNotFound, naming what was found instead, if there is none or more than one.
+    Raises ObjectNotFound, naming the objects that are there, if there is none or more than one.
     """
     view = view_of(model.colour, X_BC, area, HEIGHT_M, _MARGIN_M)
     rgb = frame.colour[view.rows, view.columns]

@@ -65,6 +65,6 @@ def test_a_long_sentence_is_found_in_cells_too_but_not_in_headings_or_code() -> 
     assert not list(words.long_sentences(words.prose(f"```text\n{long}\n```\n")))
 
 
-def test_docstrings_and_names_are_left_alone() -> None:
-    source = '"""Afresh."""\ntold = 1\nname = f"begin {told} afresh"\n'
-    assert list(words.texts(source)) == [(3, "begin … afresh")]
+def test_docstrings_and_comments_are_read_but_not_names() -> None:
+    source = '"""Afresh: `anew`."""\ntold = 1  # told\nname = f"begin {told} afresh"\n'
+    assert sorted(words.texts(source)) == [(1, "Afresh: …."), (2, "told"), (3, "begin … afresh")]

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import results
 from documents import ROOT
@@ -27,8 +28,10 @@ def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypa
         assert done.returncode == 0, done.stderr
     page = (tmp_path / "methods.md").read_text()
     assert "## Pendulum" in page
-    (line,) = [line for line in page.splitlines() if line.startswith("| `adaptsim` |")]
+    line, curve = [line for line in page.splitlines() if line.startswith("| `adaptsim` |")]
     assert all(0.5 < float(cell.strip(" *")) <= 1.0 for cell in line.split("|")[2:4])
+    assert len(curve.split(",")) == 3
+    assert "| `adaptsim` minus | named (2 worlds) |" in page
     assert "benchmark --task pendulum --targets wd,ood-1" in page
 
 
@@ -44,3 +47,19 @@ def test_columns_and_cells() -> None:
     assert results.cell([[0.2, 0.4], [1.0]], 0.65, is_limit=True) == "0.650"
     assert results.cell([[0.5], [0.5], [0.5]], 0.9, is_limit=False) == "0.500 (0.50 to 0.50)"
     assert results.cell([], 0.9, is_limit=False) == "–"
+
+
+def test_a_lead_is_paired_and_names_its_least_world() -> None:
+    told = results.lead(np.array([0.1, -0.2, 0.4]), ["wd", "ood-1", "ood-2"])
+    assert told.startswith("+0.100 (")
+    assert told.endswith("; -0.20 in ood-1")
+
+
+def test_only_whole_sets_are_compared() -> None:
+    def row(method: str, target: str, reward: float) -> dict[str, object]:
+        return {"method": method, "set": "drawn", "target": target, "seed": 0, "reward": reward, "curve": [[2, 0.0]]}
+
+    rows = [row("adaptsim", "a", 0.5), row("adaptsim", "b", 0.7), row("random", "a", 0.1), row("udr", "a", 0.4)]
+    lines = results.paired([*rows, row("udr", "b", 0.4)])
+    assert "| `random` | – |" in lines
+    assert any(line.startswith("| `udr` | +0.200 (") for line in lines)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -269,15 +269,20 @@ def spoilt(name: str, level: float) -> Effects:
     return Effects(jpeg=int(level)) if name == "jpeg" else Effects(**{name: level})  # type: ignore[arg-type]
 
 
+def tell(levels: Mapping[str, Sequence[float]], asked: Sequence[str], judged: Callable[[str, float], Result]) -> None:
+    """One line for each level of the effects that are asked for."""
+    for name in asked:
+        for level in levels[name]:
+            print(f"{name:9s} {level:6g}  {judged(name, level)}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--effect", nargs="*", choices=sorted(LEVELS), default=list(LEVELS))
     args = parser.parse_args()
     room = Room()
     print(f"noise of the pictures {room.noise:.2f} grey levels; plain: {judge(room, Effects())}")
-    for name in args.effect:
-        for level in LEVELS[name]:
-            print(f"{name:8s} {level:5g}  {judge(room, spoilt(name, level))}", flush=True)
+    tell(LEVELS, args.effect, lambda name, level: judge(room, spoilt(name, level)))
 
 
 if __name__ == "__main__":

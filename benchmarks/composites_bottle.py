@@ -17,7 +17,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from composites import Result
+from composites import Result, tell
 
 from adaptsim_cli.devices.trackers import BOTTLE_AREA
 from hw.types import Array, CameraModel, Frame
@@ -206,9 +206,7 @@ def main() -> None:
         grey = np.clip((depth.astype(float) - 500.0) / 1000.0 * 255.0, 0, 255).astype(np.uint8)
         cv2.imwrite(str(args.png), cv2.applyColorMap(grey, cv2.COLORMAP_TURBO))
     print(f"noise {room.noise_mm.std():.2f} mm, holes {room.holes.mean():.0%}; plain: {judge(room, Effects())}")
-    for name in args.effect:
-        for level in LEVELS[name]:
-            print(f"{name:9s} {level:6g}  {judge(room, spoilt(name, level))}", flush=True)
+    tell(LEVELS, args.effect, lambda name, level: judge(room, spoilt(name, level)))
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ def calibrate(
 
 
 def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
-    """Compare three views with the calibration in use. Raises CalibrationMissing if there is none."""
+    """Compare three views with the calibration in use. Raises CalibrationMissing without a calibration."""
     config, screen = resolved.config, Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)

@@ -18,7 +18,7 @@ Inner = TypeVar("Inner", bound=Arm)
 
 
 class PacedArm(AroundArm[Inner]):
-    """An `hw.ports.Arm` whose motions take at least as long on the wall clock as on the arm's own clock."""
+    """An `hw.ports.Arm`. Its motions take at least as long on the wall clock as on the arm's own clock."""
 
     def __init__(
         self, arm: Inner, now_s: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep

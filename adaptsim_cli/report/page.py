@@ -106,7 +106,7 @@ def write(
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
-    `judgement` is the simulator's judgement in hindsight, or the reason why there is none.
+    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing.
     """
     path = out if out is not None else store.folder / "report.html"
     durable.make_folder(path.absolute().parent)

@@ -128,7 +128,7 @@ def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> 
 
 
 def read(folder: Path) -> tuple[LogLine, ...]:
-    """The log of the session in `folder`, oldest line first; empty if there is none.
+    """The log of the session in `folder`, oldest line first; empty without a log.
 
     Truncated lines are skipped. Raises Unreadable for a file larger than any log can be, OSError.
     """

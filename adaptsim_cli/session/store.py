@@ -341,7 +341,7 @@ def names(root: Path) -> tuple[str, ...]:
 
 
 def newest(root: Path) -> str:
-    """The session that was begun last. Raises SessionError if there is none."""
+    """The session that was begun last. Raises SessionError if no session exists."""
     found = [name for name in names(root) if _facts_file(root / name).is_file()]
     if not found:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")

@@ -71,7 +71,7 @@ def make_folder(path: Path) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Make `folder` and test writing to it, before work begins whose result must be stored there.
+    """Make `folder` and test writing to it, before the work that stores its result there.
 
     Raises DiskFull, SessionError.
     """

@@ -220,7 +220,7 @@ def _runner(asked: Asked) -> Callable[[Job], Row]:
 
 
 def _require_lab(task: Task, targets: Sequence[Target]) -> None:
-    """Raises UsageError for a task without an arm, or a world whose physics the lab does not have."""
+    """Raises UsageError for a task without an arm, and for a world with physics that the lab does not have."""
     if task.hardware is None:
         raise UsageError(f"--lab: {task.name} has no motion for an arm, so the lab cannot run it; leave --lab out")
     if foreign := [target.name for target in targets if target.world.physics != "drake"]:

@@ -24,7 +24,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from franky_sim.franka_gripper_protocol import GripperCommandStatus
+from franky_sim.franka_gripper_server import FrankaGripperServer, _MotionState
 from franky_sim.franka_robot_server import FrankaRobotServer
+from franky_sim.franka_server import BaseCommand
 from franky_sim.mujoco_simulator import FrankaMujocoRobot
 from world import HELD, OBJECTS, START_RAD, TRUTH, Room
 
@@ -104,7 +107,7 @@ class Arm:
     def is_busy(self) -> bool:
         """Something moves: the arm, what it has pushed, or the fingers."""
         hand = self.server.gripper_server
-        return bool(self.server.current_motion_id or self.tail_ms or (hand and hand._motion_state.value != "idle"))
+        return bool(self.server.current_motion_id or self.tail_ms or (hand and hand.moves))
 
     def _obey(self) -> None:
         while not self.orders.empty() and not self.tail_ms:
@@ -154,6 +157,47 @@ class Arm:
         return {name: {"p": data.body(name).xpos.tolist(), "R": data.body(name).xmat.tolist()} for name in names}
 
 
+class Hand(FrankaGripperServer):
+    """franky-sim's hand, for two programs at once. A stop from either ends what the other had begun."""
+
+    def __init__(self, robot: FrankaMujocoRobot, host: str, first: Hand | None = None) -> None:
+        super().__init__(robot, host)
+        self._first = first
+        self._second = Hand(robot, host, self) if first is None else None
+
+    @property
+    def moves(self) -> bool:
+        """Whether a command of either program is being done."""
+        mine = self._motion_state is not _MotionState.IDLE
+        return mine or (self._second is not None and self._second.moves)
+
+    def init(self) -> None:
+        super().init()
+        assert self._second is not None
+        self._second._FrankaServer__server_socket = self._FrankaServer__server_socket
+
+    def process_commands(self) -> None:
+        super().process_commands()
+        if self._second is not None and self.tcp_connected:
+            self._second.process_commands()
+
+    def send_state(self) -> None:
+        super().send_state()
+        if self._second is not None:
+            self._second.send_state()
+
+    def stop(self, command_id: int, tcp_socket: socket.socket) -> None:
+        other = self._first or self._second
+        assert other is not None
+        pending = (other._pending_tcp_socket, other._pending_command_type, other._pending_command_id)
+        if None not in pending:
+            aborted = GripperCommandStatus.kAborted
+            BaseCommand.send_response(*pending, aborted, command_type_struct="H", status_type_struct="H")
+        other._motion_state = _MotionState.IDLE
+        other._pending_command_id = other._pending_tcp_socket = other._pending_command_type = None
+        super().stop(command_id, tcp_socket)
+
+
 class Server(FrankaRobotServer):
     """franky-sim's, with the torques that the room's contacts put on the joints, and patience."""
 
@@ -161,6 +205,10 @@ class Server(FrankaRobotServer):
         super().__init__(robot, [host])
         self._arm = arm
         self.reported_Nm = np.zeros(7)
+
+    def _bind_children(self, hostname: str) -> None:
+        self._FrankaRobotServer__gripper_server = Hand(self._arm.robot, hostname)
+        self.gripper_server.init()
 
     def start_motion(self, *mode: Any) -> None:
         super().start_motion(*mode)

@@ -22,8 +22,8 @@ import numpy as np
 from line import Line
 
 PROGRAM = Path(__file__).with_name("program.py")
-SILENCE_S = 900.0
-QUESTION = re.compile(r"(?:[^\n]*(?:to stop:|to go back:|to leave it:|does not count\?|as planned\)))\s*$")
+SILENCE_S = 600.0
+QUESTION = re.compile(r"(?:explains:|stops\):|does not count\?)\s*$")
 SPOT = re.compile(r"at x = ([-+.\d]+) m, y = ([-+.\d]+) m")
 PLACED_WITHIN_M = 0.002
 ENOUGH = 20  # views, where the program has nothing more to ask for
@@ -68,7 +68,7 @@ class Person:
         return ""
 
     def place(self, said: str) -> str:
-        x, y = map(float, SPOT.findall(said)[-1])
+        x, y = map(float, SPOT.findall(" ".join(said.split()))[-1])
         off = PLACED_WITHIN_M * self._rng.uniform(-1.0, 1.0, 2)
         self.arm.ask(do="put", what=self.object, xy=[x + off[0], y + off[1]], yaw=self._rng.uniform(-3.0, 3.0))
         time.sleep(0.5)
@@ -88,14 +88,15 @@ REPLIES: dict[str, str | Callable[[Person, str], str]] = {
     "n to leave this out": "n",
     "Type fr3 to confirm": "fr3",
     "Type recover to clear it": "recover",
+    "Enter to begin it": "",
     "Enter when it is empty": Person.empty,
-    "Enter to close, q to stop": Person.hand_over,
+    "Enter to close": Person.hand_over,
     "Enter when it lies there": Person.place,
     "Enter to set this trial up again": "",
     "Enter to repeat this trial": "",
     "to overrule the outcome": "",
     "Enter to accept": "",
-    "Enter to start, q to stop:": "",
+    "Enter to start": "",
 }
 
 
@@ -139,6 +140,7 @@ def run(folder: Path, arguments: list[str], person: Person, environment: dict[st
                 question = " ".join(new.split())[-LATELY:]
                 typed = person.answer(question, new)
                 answered = len(said)
+                _until_it_listens(screen)
                 os.write(screen, typed.encode() + b"\n")
         else:
             process.kill()
@@ -149,3 +151,10 @@ def run(folder: Path, arguments: list[str], person: Person, environment: dict[st
     os.close(screen)
     lines = [line for line in out.splitlines() if line.startswith("{")]
     return Ended(code, said, [json.loads(line) for line in lines])
+
+
+def _until_it_listens(screen: int) -> None:
+    """Wait until the program reads keys; it discards all that was typed before."""
+    until_s = time.monotonic() + SILENCE_S
+    while termios.tcgetattr(screen)[3] & termios.ICANON and time.monotonic() < until_s:
+        time.sleep(0.05)

@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 RIG = """\
 name = "foreign"
 without_pedal = true
-{hand}[arm]
+[arm]
 model = "fr3"
 address = "{host}"
 [person]
@@ -72,7 +72,7 @@ def parse() -> argparse.Namespace:
         "--again", action="store_true", help="calibrate once more, the arm visiting the views by itself"
     )
     parser.add_argument("--touch-off", action="store_true", help="touch off the spatula")
-    parser.add_argument("--particles", type=int, default=8)
+    parser.add_argument("--particles", type=int, default=2)
     return parser.parse_args()
 
 
@@ -88,9 +88,7 @@ class Lab:
 
     def open(self) -> None:
         """Print the board, switch on arm and camera."""
-        (self._out / "rig.toml").write_text(
-            RIG.format(host=self._host, hand="" if self._steps.touch_off else "without_hand = true\n")
-        )
+        (self._out / "rig.toml").write_text(RIG.format(host=self._host))
         (self._out / "adaptsim.toml").write_text(f"particles = {self._steps.particles}\n")
         if not self._board.exists():
             page = self._out / "page.png"

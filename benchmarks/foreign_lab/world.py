@@ -64,6 +64,7 @@ class Truth:
     tool_pitch_rad: float = 0.010
     tool_roll_rad: float = -0.004
     piece_friction: float = 0.31
+    piece_rolling_m: float = 0.0005  # the lever of its rolling resistance
     bottle_friction: float = 0.11
     patch_friction: float = 0.5
     patch_y_m: float = 0.03
@@ -294,8 +295,8 @@ class Room(MujocoSimulator):
         piece = ET.SubElement(world, "body", name="piece", pos=words(*FAR_AWAY["piece"], 0.02))
         ET.SubElement(piece, "freejoint", name="piece")
         ET.SubElement(
-            piece, "geom", touch, name="piece", type="ellipsoid", size=words(*PIECE_M), density="1000", priority="2",
-            rgba="0.78 0.22 0.10 1", friction=words(truth.piece_friction, 0.0005, 0.00005),
+            piece, "geom", touch | {"condim": "6"}, name="piece", type="ellipsoid", size=words(*PIECE_M), density="1000", priority="2",
+            rgba="0.78 0.22 0.10 1", friction=words(truth.piece_friction, 0.0005, truth.piece_rolling_m),
         )  # fmt: skip
         radius, half = BOTTLE_M
         bottle = ET.SubElement(world, "body", name="bottle", pos=words(*FAR_AWAY["bottle"], half))

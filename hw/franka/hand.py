@@ -108,6 +108,14 @@ class FrankaHand:
         if not self._read().is_grasped:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
 
+    def stop(self) -> None:
+        """End what another connection has the fingers do. Raises DeviceUnavailable."""
+        gripper = self._connected()
+        try:
+            gripper.stop()
+        except self._errors as error:
+            raise DeviceUnavailable(f"the hand at {self._host} does not take a stop ({error})") from error
+
     def _did(self, command: Callable[[], bool], why: str) -> None:
         try:
             done = command()

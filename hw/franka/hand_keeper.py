@@ -1,8 +1,8 @@
 """The process that watches over the hand: `python -m hw.franka.hand_keeper`, started by the program.
 
 A worker moves the fingers, because an SDK may block its process until they stand still. Meanwhile the keeper listens to
-the program. It stops the hand over its own connection (`Gripper.stop`) if the program asks for it, is silent for 60 ms,
-or has ended. A worker that goes on nevertheless is killed with its connection.
+the program. It stops the hand through a second worker with a connection of its own (`Gripper.stop`) if the program asks
+for it, is silent for 60 ms, or has ended. A worker that goes on nevertheless is killed with its connection.
 """
 
 from __future__ import annotations
@@ -16,16 +16,20 @@ from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from hw.child import Child, ChildGone
-from hw.franka.hand import SDKS
-from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State, Stopped
+from hw.errors import DeviceUnavailable
+from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State, Stop, Stopped
 from hw.listening import WORD_EVERY_S, Listener
 
 WORKER_S = 0.5
 """How long a stopped worker may take for its last answer."""
 OPEN_S = 30.0
 """The longest wait for a connection: libfranka is slow to give up on an address that does not answer."""
+SECOND_S = 10.0
+"""The longest wait for the second connection, once the hand has accepted the first."""
 READ_S = 3.0
 """The longest wait for a state."""
+STOP_S = 1.0
+"""The longest wait for the answer to a stop."""
 
 
 class Worker(Protocol):
@@ -121,28 +125,43 @@ def serve(program: Connection, listener: Listener) -> None:
 
 def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
     """Open the worker's connection to the hand, and a second one through which to stop it."""
+    worker, answer = _connected(request, OPEN_S)
+    if worker is None:
+        return None, answer
+    stopper, second = _connected(request, SECOND_S)
+    if stopper is None:
+        worker.kill()
+        why = second.text if isinstance(second, NotDone) else "it gave no state"
+        return None, NotDone(
+            f"the hand at {request.host} does not accept a second connection ({why}), and without one nothing could "
+            "stop it: end other programs that use it, or put without_hand = true into the rig file and close the hand "
+            "in Desk",
+            lost=True,
+        )
+    return Keeper(request, listener, worker, lambda: _stopped(stopper)), answer
+
+
+def _connected(request: Open, within_s: float) -> tuple[Child | None, Answer]:
+    """A worker with a connection of its own, and the hand's state; no worker if there is no connection."""
     worker = Child("hw.franka.hand_worker", str(os.getpid()))
     try:
         worker.send(request)
-        if not worker.answers(OPEN_S):
+        if worker.answers(within_s):
+            answer = _known(worker.receive())
+        else:
             worker.kill()
-            return None, NotDone(f"the hand at {request.host} does not answer within {OPEN_S:g} s", lost=True)
-        answer = _known(worker.receive())
+            answer = NotDone(f"the hand at {request.host} does not answer within {within_s:g} s", lost=True)
     except ChildGone as how:
-        return None, NotDone(f"the process that moves the hand was {how}", lost=True)
-    if not isinstance(answer, Done):
-        return None, answer
-    sdk = SDKS[request.model]()
-    try:
-        gripper = sdk.Gripper(request.host)
-    except (RuntimeError, getattr(sdk, "FrankaException", RuntimeError)) as error:
-        worker.kill()
-        return None, NotDone(
-            f"the hand at {request.host} refuses a second connection ({error}), without which nothing could stop it: "
-            "end other programs that use it",
-            lost=True,
-        )
-    return Keeper(request, listener, worker, gripper.stop), answer
+        answer = NotDone(f"the process that moves the hand was {how}", lost=True)
+    return (worker if isinstance(answer, Done) else None), answer
+
+
+def _stopped(stopper: Worker) -> None:
+    """Raises DeviceUnavailable or ChildGone if the hand did not accept the stop."""
+    stopper.send(Stop())
+    answer = _known(stopper.receive()) if stopper.answers(STOP_S) else NotDone(f"no answer within {STOP_S:g} s")
+    if isinstance(answer, NotDone):
+        raise DeviceUnavailable(answer.text)
 
 
 def _known(answer: Any) -> Answer:

@@ -40,8 +40,13 @@ class Grasp:
     force_N: float
 
 
+@dataclass(frozen=True)
+class Stop:
+    """End whatever another connection has the fingers do."""
+
+
 Command = Home | Move | Grasp
-Request = Open | State | Command
+Request = Open | State | Command | Stop
 
 
 @dataclass(frozen=True)

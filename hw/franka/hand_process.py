@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from hw.child import Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
-from hw.franka.hand_keeper import OPEN_S, READ_S
+from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S
 from hw.franka.hand_messages import Command, Done, Grasp, Home, Move, NotDone, Open, Request, State, Stopped
 from hw.listening import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 from hw.ports import Pedal
@@ -44,7 +44,7 @@ class HandProcess:
         """Raises DeviceUnavailable."""
         self._child = Child("hw.franka.hand_keeper", str(self._silence_s))
         try:
-            self._ask(Open(self._model, self._host), OPEN_S + READ_S)
+            self._ask(Open(self._model, self._host), OPEN_S + SECOND_S + READ_S)
         except BaseException:
             self.__exit__()
             raise

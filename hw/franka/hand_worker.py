@@ -1,4 +1,4 @@
-"""The process that moves the hand: `python -m hw.franka.hand_worker`, started by `hw.franka.hand_keeper`.
+"""A process with one connection to the hand: `python -m hw.franka.hand_worker`, started by `hw.franka.hand_keeper`.
 
 An SDK may hold Python's global lock until the fingers stand still, which can take minutes. Nothing else runs in this
 process, and the system ends it with its keeper.
@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 
 from hw.errors import DeviceUnavailable, HandError
 from hw.franka.hand import SDKS, FrankaHand
-from hw.franka.hand_messages import Answer, Done, Grasp, Home, Move, NotDone, Open, Request
+from hw.franka.hand_messages import Answer, Done, Grasp, Home, Move, NotDone, Open, Request, Stop
 from hw.listening import die_with_parent
 
 
@@ -34,6 +34,8 @@ def serve(keeper: Connection) -> None:
                     hand.move(request.width_m)
                 elif isinstance(request, Grasp):
                     hand.grasp(request.width_m, request.force_N)
+                elif isinstance(request, Stop):
+                    hand.stop()
                 answer = Done(hand.state())
             except HandError as error:
                 answer = NotDone(str(error))

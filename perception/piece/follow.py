@@ -10,6 +10,7 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, Frame
 from perception.geometry import View, transform
+from perception.piece import anew
 from perception.piece.chroma import chromaticity, matte
 from perception.piece.detection import PieceDetection
 from perception.piece.locate import Evidence, Place, appraise, locate
@@ -19,7 +20,7 @@ from perception.tool_mask import ToolMask
 _SEARCH_M = 0.014
 _PRIOR_STD_M = 0.010
 _GOOD_FIT, _LOST_FIT = 0.55, 0.35
-_BARELY_VISIBLE = 0.25
+_BARELY_VISIBLE, _CLEARLY_VISIBLE = 0.25, 0.6
 _ON_PIECE = 0.7  # a depth reading belongs to the piece if it covers at least this share of the pixel
 _SAME_COLOUR = 0.02
 
@@ -74,8 +75,14 @@ def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others
     spread_m = max(float(np.linalg.norm(guess - middle)) for guess in guesses)
     reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M + spread_m
     evidence = _evidence(rig, frame, X_BT, middle, reach_m, others)
-    if evidence is None:
-        return None
+    place = None if evidence is None else _near(rig, evidence, X_BT, guesses)
+    if place is not None and place.visible >= _BARELY_VISIBLE:
+        return place
+    return _anywhere(rig, frame, X_BT, others) or place
+
+
+def _near(rig: Rig, evidence: Evidence, X_BT: Array, guesses: Sequence[Array]) -> Place | None:
+    """The best place near the guesses; None if the picture contradicts all of them."""
     tries = [appraise(evidence, rig.proxy, _rotation(X_BT, guess), guess) for guess in guesses]
     tries.sort(key=lambda place: -place.fit)
     place = _refine(evidence, rig, X_BT, tries[0].centre_m)
@@ -83,6 +90,19 @@ def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others
         others_too = [_refine(evidence, rig, X_BT, other.centre_m) for other in tries[1:]]
         place = max([place, *others_too], key=lambda p: p.fit)
     return place if place.fit >= _LOST_FIT or place.visible < _BARELY_VISIBLE else None
+
+
+def _anywhere(rig: Rig, frame: Frame, X_BT: Array, others: tuple[Array, ...]) -> Place | None:
+    """A place that fits well, in the whole view."""
+    chroma = (rig.detection.piece_chroma, *others)
+    reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M
+    for start_m in anew.places(rig.view, rig.depth_view, frame, rig.proxy, chroma):
+        evidence = _evidence(rig, frame, X_BT, start_m, reach_m, others)
+        if evidence is not None:
+            place = _refine(evidence, rig, X_BT, start_m)
+            if place.fit >= _GOOD_FIT and place.visible >= _CLEARLY_VISIBLE:
+                return place
+    return None
 
 
 def _refine(evidence: Evidence, rig: Rig, X_BT: Array, start_m: Array) -> Place:

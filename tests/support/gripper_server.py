@@ -33,6 +33,7 @@ class GripperServer:
     deaf: bool = False
     slower: float = 1.0  # than commanded
     most_clients: int = 8
+    lets_wait: bool = False  # clients beyond that many, instead of hanging up
     width_m: float = 0.06
     is_grasped: bool = False
     stops_s: list[float] = field(default_factory=list)
@@ -66,7 +67,10 @@ class GripperServer:
             except OSError:
                 return
             if len(self._clients) >= self.most_clients:
-                client.close()
+                if self.lets_wait:
+                    self._clients.append(client)
+                else:
+                    client.close()
                 continue
             self._clients.append(client)
             threading.Thread(target=self._serve, args=(client, address[0]), daemon=True).start()

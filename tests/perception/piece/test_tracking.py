@@ -152,6 +152,22 @@ def test_a_piece_that_vanishes_is_bridged_with_no_confidence() -> None:
     assert found.outcome is Outcome.ON_TABLE
 
 
+@pytest.mark.parametrize("from_behind_the_tool", [False, True])
+def test_a_piece_that_falls_and_rolls_away_between_two_frames_is_found_again(from_behind_the_tool: bool) -> None:
+    """At 20 frames/s a piece falls from the blade to the table within one frame."""
+    tool = hiding_tool(0.09) if from_behind_the_tool else scoop_tool
+
+    def falls(t: float) -> Array:
+        lies = at(*START, HALF[2]) if from_behind_the_tool else scooped(t)
+        return lies if t < 0.55 else at(START[0] + 0.15 + 0.2 * (t - 0.55), START[1] - 0.12, HALF[2])
+
+    found = track(film(falls, tool), tool)
+    after = found.t_s > 0.55
+    assert after.sum() >= 4
+    assert errors_mm(found, falls)[after].max() < 2.5
+    assert found.outcome is Outcome.ON_TABLE
+
+
 def test_jpeg_costs_little() -> None:
     frames = []
     for frame in scoop():

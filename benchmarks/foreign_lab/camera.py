@@ -4,7 +4,8 @@
 
 At FOLDER/camera.sock: {"do": "model"}, {"do": "snapshot"}, {"do": "start"}, {"do": "stop"}, a JSON line each. A picture
 is answered as a JSON line with its stamp and the sizes of JPEG, depth and infrared data, which follow. Films are drawn
-after the motion, from the states that the arm's process has kept, each with the time at which it was so.
+after the motion, from the states that the arm's process has kept, each with the time at which it was so. Where object
+and tool truly were in each picture of a film is written to FOLDER/truth.jsonl, a line for each film.
 """
 
 from __future__ import annotations
@@ -53,6 +54,20 @@ class Pictures:
         jpeg, depth, grey = self._jpeg(bgr), self._depth_data(z), b"" if bright is None else self._grey(bright)
         head = {"t": t_s + TRUTH.camera_late_s, "jpeg": len(jpeg), "depth": len(depth), "infrared": len(grey)}
         return head, jpeg + depth + grey
+
+    def truth(self, states: list[list[Any]]) -> dict[str, Any]:
+        """The poses (4, 4) of objects and tool in the base frame in each state, with the stamps of their pictures."""
+        data, held = self._room.data, states[-1][1]
+        names = ("piece", "bottle", held)
+        told: dict[str, Any] = {"held": held, "t_s": [], **{name: [] for name in names}}
+        for t_s, _, qpos in states:
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._room.model, data)
+            told["t_s"].append(t_s + TRUTH.camera_late_s)
+            for name in names:
+                body = data.body(name)
+                told[name].append(np.column_stack([body.xmat.reshape(3, 3), body.xpos]).round(6).tolist())
+        return told
 
     def _draw(self, held: str, qpos: np.ndarray, infrared: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Colour (BGR), depth in m, and what the infrared camera sees, all without noise."""
@@ -132,7 +147,11 @@ def main(folder: str, board: str = "") -> None:
                 if order["do"] == "model":
                     file.write(json.dumps(model()).encode() + b"\n")
                 else:
-                    taken = [pictures.take(state, order.get("infrared", False)) for state in shots(order, arm, marks)]
+                    states = list(shots(order, arm, marks))
+                    taken = [pictures.take(state, order.get("infrared", False)) for state in states]
+                    if order["do"] == "stop":
+                        with (Path(folder) / "truth.jsonl").open("a") as told:
+                            told.write(json.dumps(pictures.truth(states)) + "\n")
                     file.write(json.dumps([head for head, _ in taken]).encode() + b"\n")
                     for _, data in taken:
                         file.write(data)

@@ -295,8 +295,9 @@ class Room(MujocoSimulator):
         piece = ET.SubElement(world, "body", name="piece", pos=words(*FAR_AWAY["piece"], 0.02))
         ET.SubElement(piece, "freejoint", name="piece")
         ET.SubElement(
-            piece, "geom", touch | {"condim": "6"}, name="piece", type="ellipsoid", size=words(*PIECE_M), density="1000", priority="2",
-            rgba="0.78 0.22 0.10 1", friction=words(truth.piece_friction, 0.0005, truth.piece_rolling_m),
+            piece, "geom", touch | {"condim": "6"}, name="piece", type="ellipsoid", size=words(*PIECE_M),
+            density="1000", priority="2", rgba="0.78 0.22 0.10 1",
+            friction=words(truth.piece_friction, 0.0005, truth.piece_rolling_m),
         )  # fmt: skip
         radius, half = BOTTLE_M
         bottle = ET.SubElement(world, "body", name="bottle", pos=words(*FAR_AWAY["bottle"], half))

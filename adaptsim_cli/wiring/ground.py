@@ -19,7 +19,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring.calibration import calibration_key, calibration_of, calibrations
 from adaptsim_cli.wiring.checkpoints import task_of
-from adaptsim_cli.wiring.touch_off import ZEROS_RAD, touch_off_of, touch_offs
+from adaptsim_cli.wiring.touch_off import ZEROS_RAD, correction_by, serving, touch_off_of
 from calib.errors import CalibrationError
 from calib.types import HandEye
 from hw.types import Array
@@ -49,7 +49,7 @@ def hash_of(X_BC: Array, X_FT: Array) -> str:
 def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> Ground:
     """The poses in use now. Raises the errors of `calibration_of`, `touch_off_of` and `mounted`."""
     eye, zeros_rad = calibration_of(config, places, lab.nominal)
-    return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, zeros_rad))
+    return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, task, zeros_rad))
 
 
 def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> Ground:
@@ -88,7 +88,7 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
 
 
 def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> Ground:
-    correction = None if touched is None else touched.correction()
+    correction = None if touched is None else correction_by(touched, lab.rig, task)
     there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
     return Ground(replace(eye, X_BC=there.correction.X_WB @ eye.X_BC), there, touched)
 
@@ -96,13 +96,15 @@ def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: Saved
 def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[Ground]:
     """Every calibration, with each touch-off made with its joint zeros and without any; newest first."""
     eyes: list[tuple[HandEye, Array]] = []
-    store, touching = calibrations(config, places), touch_offs(config, places)
+    store = calibrations(config, places)
     for path in reversed(store.numbered.all()):
         known = store.read(path)
         eyes.append((known.hand_eye(), known.offsets_rad()))
     if lab.nominal is not None:
         eyes.append((lab.nominal, np.zeros(7)))
-    touches = [touching.read(path) for path in reversed(touching.numbered.all())]
+    touches = [
+        touching.read(path) for touching in serving(config, places, task) for path in reversed(touching.numbered.all())
+    ]
     for eye, zeros_rad in eyes:
         for touched in (*touches, None):
             if touched is None or np.abs(zeros_rad - np.array(touched.joint_zeros_rad)).max() <= ZEROS_RAD:

@@ -107,7 +107,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     from adaptsim_cli.devices.rig_file.description import Model
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
     from adaptsim_cli.wiring.calibration import current_calibration
-    from adaptsim_cli.wiring.touch_off import touch_off_of
+    from adaptsim_cli.wiring.touch_off import correction_by, touch_off_of
     from hw.collision import camera_box
     from sim.tasks import get_task
 
@@ -120,9 +120,10 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     known = current_calibration(config, resolved.places)
     boxes = () if known is None else (camera_box(known.hand_eye().X_BC),)
     zeros_rad = np.zeros(7) if known is None else known.offsets_rad()
-    touched = touch_off_of(config, resolved.places, zeros_rad)
-    correction = None if touched is None else touched.correction()
-    return mounted(task, rig_of(config, tasks_with_tools()), zeros_rad, boxes, correction)
+    rig = rig_of(config, tasks_with_tools())
+    touched = touch_off_of(config, resolved.places, task, zeros_rad)
+    correction = None if touched is None else correction_by(touched, rig, task)
+    return mounted(task, rig, zeros_rad, boxes, correction)
 
 
 def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:

@@ -25,6 +25,7 @@ from adaptsim_cli.session.target import Target
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.wiring.checkpoints import checkpoint_of
 from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
+from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -104,7 +105,7 @@ def open_trials(
     with open_lab(config, task, drivers) as lab:
         ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
         if ground.touched is not None:  # the touch-off overrides the rig file
-            lab.note(f"Table and tool come from the touch-off of {ground.touched.created}.")
+            lab.note(origin(ground.touched, task))
         there = ground.there
         rig = lab.for_trials(there, ground.eye, config.calibration_days)
         yield OnRig(there.task, rig, tracker_of(there.task), there.planner())

@@ -10,9 +10,9 @@ import numpy as np
 
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.devices.drivers import Drivers
-from adaptsim_cli.devices.mounted import weighed, workcell
+from adaptsim_cli.devices.mounted import weighed, workcell, written
 from adaptsim_cli.devices.opening import open_lab
-from adaptsim_cli.devices.rig_file.description import TablePart
+from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
@@ -20,6 +20,8 @@ from adaptsim_cli.wiring.calibration import calibration_key, calibration_of
 from hw.collision import camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
+from sim.panda.correction import ToolCorrection
+from sim.tasks.task import Task
 
 ZEROS_RAD = 2e-4
 """Joint zeros that differ by more than this (rad) count as others: 0.13 mm at a tool 0.65 m from the shoulder."""
@@ -31,21 +33,53 @@ def touch_offs(config: Config, places: Places) -> TouchOffStore:
     return TouchOffStore(places.data / "touch-offs" / (key if config.is_simulated else f"{key}-{config.task}"))
 
 
-def touch_off_of(config: Config, places: Places, zeros_rad: Array) -> SavedTouchOff | None:
-    """The latest touch-off of this rig, None if there is none. `zeros_rad` (7,) are the present joint zeros.
+def serving(config: Config, places: Places, task: Task) -> tuple[TouchOffStore, ...]:
+    """The touch-offs that serve a task on this rig. A tool without corners has none of its own: for it count those of
+    all tools, which touched the same table.
+    """
+    own = touch_offs(config, places)
+    if config.is_simulated or task.require_hardware().touchable is not None:
+        return (own,)
+    found = sorted(own.folder.parent.glob(f"{calibration_key(config)}-*"))
+    return tuple(TouchOffStore(folder) for folder in found if folder.is_dir())
+
+
+def correction_by(touched: SavedTouchOff, rig: RigDescription, task: Task) -> ToolCorrection:
+    """The corrections of table and tool for a task; only that of the table if another tool was touched off."""
+    if touched.tool == tool_name(task):
+        return touched.correction()
+    return replace(written(rig, task.name), table=touched.correction().table)
+
+
+def origin(touched: SavedTouchOff, task: Task) -> str:
+    """The sentence for a person about what a touch-off gives to a task."""
+    if touched.tool == tool_name(task):
+        return f"Table and tool come from the touch-off of {touched.created}."
+    return f"The table comes from the touch-off of the {touched.tool}, {touched.created}; this tool from the rig file."
+
+
+def tool_name(task: Task) -> str:
+    """The name of a task's tool for a person."""
+    return f"{task.name} tool"
+
+
+def touch_off_of(config: Config, places: Places, task: Task, zeros_rad: Array) -> SavedTouchOff | None:
+    """The latest touch-off that serves `task` on this rig, None if there is none. `zeros_rad` (7,) are the present
+    joint zeros.
 
     Raises SessionError if it is unreadable, PreflightFailed if it was made with other joint zeros.
     """
-    known = touch_offs(config, places).current()
-    if known is None:
+    found = [known for store in serving(config, places, task) if (known := store.current()) is not None]
+    if not found:
         return None
+    known = max(found, key=lambda one: one.created)
     apart_rad = np.abs(zeros_rad - np.array(known.joint_zeros_rad))
     if apart_rad.max() > ZEROS_RAD:
         joint, apart_mrad = int(apart_rad.argmax()) + 1, 1e3 * float(apart_rad.max())
         raise PreflightFailed(
             f"the touch-off of {known.created} was made with another calibration: joint {joint} is {apart_mrad:.2f} "
             "mrad off what it was then, so the tool may be too high or in the table. Nothing has moved. Touch off "
-            f"again: adaptsim touch-off --task {config.task} --hw {config.hw}"
+            f"again: adaptsim touch-off --task {known.tool.split()[0]} --hw {config.hw}"
         )
     return known
 
@@ -79,7 +113,7 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Driver
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
-            tool_name=f"{task.name} tool",
+            tool_name=tool_name(task),
             arm=devices.arm,
             hand=devices.hand,
             grasp=grasp,

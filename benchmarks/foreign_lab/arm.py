@@ -124,6 +124,7 @@ class Arm:
             self.held = order["what"]
             self.room.hold(self.held)
             self.robot.set_hand_goal(order.get("width", GRIP_M[self.held]), 0.1, 70.0)
+            self.server.gripper_server._is_grasping = order.get("closed", False)
         elif what == "put":
             x_m, y_m = order["xy"]
             self.room.put(order["what"], x_m, y_m, order.get("yaw", 0.0))

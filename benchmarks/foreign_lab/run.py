@@ -44,6 +44,7 @@ com_F_m = [0.0, 0.0, 0.22]
 """
 BOARD_MM = "259.4"
 VIEWS = 22
+CLOSING_S = 2.0
 
 
 def main() -> None:
@@ -55,6 +56,8 @@ def main() -> None:
         lab.open()
         lab.prepare()
         for task in options.task:
+            if task == "scooping":  # a tool without corners cannot be touched off
+                lab.touch_off(task)
             for number in range(options.sessions):
                 lab.session(task, number + 1, options.iterations)
     finally:
@@ -71,7 +74,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "--again", action="store_true", help="calibrate once more, the arm visiting the views by itself"
     )
-    parser.add_argument("--touch-off", action="store_true", help="touch off the spatula")
     parser.add_argument("--particles", type=int, default=2)
     return parser.parse_args()
 
@@ -105,7 +107,7 @@ class Lab:
             process.wait()
 
     def prepare(self) -> None:
-        """Doctor, calibration by hand, once more by the arm itself, touch-off."""
+        """Doctor, calibration by hand, once more by the arm itself."""
         found = self._read()
         if "doctor" not in found:
             ended = self._run("scooping", ["doctor", "--hw", "fr3", "--json"])
@@ -123,14 +125,21 @@ class Lab:
         self._write(found)
         if found.get("calibration", found["guided"])["code"] != 0:
             raise SystemExit("no calibration: see transcript.txt")
-        if self._steps.touch_off and found.get("touch_off", {}).get("code") != 0:
-            ended = self._run("scooping", ["touch-off", "--task", "scooping", "--hw", "fr3", "--json"])
-            found["touch_off"] = self._judged(ended, compare.touch_off)
+
+    def touch_off(self, task: str) -> None:
+        """Touch off the task's tool, unless that is done; it stays in the hand."""
+        found, name = self._read(), f"touch_off_{task}"
+        if found.get(name, {}).get("code") != 0:
+            ended = self._run(task, ["touch-off", "--task", task, "--hw", "fr3", "--json"])
+            found[name] = self._judged(ended, compare.touch_off)
             self._write(found)
+        if found[name]["code"] != 0:
+            raise SystemExit(f"no touch-off of {task}: see transcript.txt")
 
     def session(self, task: str, number: int, iterations: int) -> None:
         name = f"{task}-{number}"
-        self.arm.ask(do="hold", what="spatula" if task == "scooping" else "pusher")
+        self.arm.ask(do="hold", what="spatula" if task == "scooping" else "pusher", closed=True)
+        time.sleep(CLOSING_S)
         for _ in range(iterations):
             found = self._read()
             done = found.setdefault("sessions", {}).setdefault(name, [])

@@ -23,7 +23,7 @@ from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import take_tool, touch_off
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
-from adaptsim_cli.touch_off.store import record
+from adaptsim_cli.touch_off.store import SavedTouchOff, record
 from adaptsim_cli.wiring.touch_off import touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
@@ -35,6 +35,7 @@ from sim.panda.feelers import touchable
 from sim.panda.inverse import inverse
 from sim.panda.touch_plan import table_probes, tool_probes
 from sim.panda.touching import Probe
+from sim.tasks import get_task
 from sim.tasks.scooping import HARDWARE
 
 TRUE = ToolCorrection(Table(-0.007, 0.004, -0.003), 0.003, -0.0025, 0.05, -0.012)
@@ -122,6 +123,10 @@ def resolved(tmp_path: Path) -> config.Resolved:
     return config.load({"task": "scooping", "world": "wd"}, {"ADAPTSIM_HOME": str(tmp_path)}, tmp_path)
 
 
+def latest(resolved: config.Resolved, zeros_rad: Array) -> SavedTouchOff | None:
+    return touch_off_of(resolved.config, resolved.places, get_task("scooping"), zeros_rad)
+
+
 def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
     out = screen()
     with on_lab(world()) as (rig, lab):
@@ -139,13 +144,18 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolv
 
     store = touch_offs(resolved.config, resolved.places)
     zeros_rad = np.array(saved.joint_zeros_rad)
-    assert touch_off_of(resolved.config, resolved.places, zeros_rad) is None
+    assert latest(resolved, zeros_rad) is None
     first, second = store.save(saved), store.save(saved)
     assert (first.name, second.name) == ("touch-off-0001", "touch-off-0002")
     assert store.current() == saved
-    assert touch_off_of(resolved.config, resolved.places, zeros_rad + 5e-5) == saved
+    assert latest(resolved, zeros_rad + 5e-5) == saved
     with pytest.raises(PreflightFailed, match=r"joint 2 is 1\.00 mrad off .*Touch off again"):
-        touch_off_of(resolved.config, resolved.places, zeros_rad + np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        touch_off_of(
+            resolved.config,
+            resolved.places,
+            get_task("scooping"),
+            zeros_rad + np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        )
     (second / "touch-off.json").write_text("{")
     with pytest.raises(SessionError, match=r"touch-off-0002.*remove it with its images.*touch-off restore"):
         store.current()

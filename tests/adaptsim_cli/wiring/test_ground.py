@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from real_lab import calibration
+from real_lab import ToyDevices, calibrated, calibration, own_place, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.app import run
@@ -16,9 +16,12 @@ from adaptsim_cli.config import Places, Resolved
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.records import Facts
+from adaptsim_cli.touch_off.store import EstimateRecord, SavedTouchOff
 from adaptsim_cli.wiring.calibration import calibrations
 from adaptsim_cli.wiring.ground import ground_of, own_ground
+from adaptsim_cli.wiring.touch_off import correction_by, origin, touch_off_of, touch_offs
 from calib.saved import SavedCalibration
+from hw.types import Array
 from sim.tasks import get_task
 
 WORLD = ["--task", "scooping", "--world", "ood-1", "--seed", "0"]
@@ -134,3 +137,43 @@ def test_a_place_just_below_zero_is_printed_without_a_sign(
     told = out(capfd)
     assert ", 0.0000, " in told
     assert "-0.0000" not in told
+
+
+def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The table of a real lab slopes by 0.3° and no pusher can touch it: tracks were off by 3.8 mm."""
+    write_rig(own_place(tmp_path, monkeypatch))
+    scooping, pushing = (config.load({"task": task, "hw": "panda"}) for task in ("scooping", "pushing"))
+    calibrated(pushing)
+    zeros_rad = calibrations(pushing.config, pushing.places).current().offsets_rad()
+    pusher = get_task("pushing")
+    assert touch_off_of(pushing.config, pushing.places, pusher, zeros_rad) is None
+    saved = touched(zeros_rad)
+    touch_offs(scooping.config, scooping.places).save(saved)
+
+    assert touch_off_of(pushing.config, pushing.places, pusher, zeros_rad) == saved
+    with open_lab(pushing.config, pusher, ToyDevices().drivers()) as lab:
+        correction = correction_by(saved, lab.rig, pusher)
+        ground = ground_of(pushing.config, pushing.places, pusher, lab)
+    assert (correction.table.slope_x, correction.table.slope_y) == (0.0045, -0.0028)
+    assert correction.height_m == correction.pitch_rad == 0.0, "the spatula's, not the pusher's"
+    assert ground.there.cell.table == correction.table
+    assert "The table comes from the touch-off of the scooping tool" in origin(saved, pusher)
+    assert touch_off_of(scooping.config, scooping.places, get_task("scooping"), zeros_rad) == saved
+
+
+def touched(zeros_rad: Array) -> SavedTouchOff:
+    """A touch-off of a spatula, 0.9 mm too high in the hand, on a table that slopes."""
+    value = {name: EstimateRecord(value=v, within=1e-4) for name, v in VALUES.items()}
+    return SavedTouchOff(
+        created="2026-01-01T00:00:00+00:00", hw="panda", arm="panda", rig="r", tool="scooping tool", source="a test",
+        table_origin_m=-0.0032, edge_over_table_m=1e-4, repeat_m=1e-5, misfit_m=1e-5, slip_m=0.0, pressed_N=15.0,
+        grasp_force_N=40.0, joint_zeros_rad=tuple(map(float, zeros_rad)), touches=(), versions={}, **value,
+    )  # fmt: skip
+
+
+VALUES = {
+    "table_height_m": -0.0001, "tilt_x": 0.0045, "tilt_y": -0.0028, "tool_height_m": 0.0009, "tool_forward_m": 0.0011,
+    "tool_pitch_rad": 0.010, "tool_roll_rad": -0.004,
+}  # fmt: skip

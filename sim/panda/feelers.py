@@ -52,8 +52,8 @@ def touchable(hardware: Touching) -> Touchable:
     """The touch-off of a tool. Raises UnknownName for a tool without feelers."""
     if hardware.touchable is None:
         raise UnknownName(
-            "the tool of this task has no corners to touch the table with: write its pose into [tools] of the rig file; "
-            "the table's height and slope are taken from the latest touch-off of another tool"
+            "the tool of this task has no corners to touch the table with: write its pose into [tools] of the rig "
+            "file; the table's height and slope are taken from the latest touch-off of another tool"
         )
     return hardware.touchable
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -165,7 +166,7 @@ def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_to
 
 def touched(zeros_rad: Array) -> SavedTouchOff:
     """A touch-off of a spatula, 0.9 mm too high in the hand, on a table that slopes."""
-    value = {name: EstimateRecord(value=v, within=1e-4) for name, v in VALUES.items()}
+    value: dict[str, Any] = {name: EstimateRecord(value=v, within=1e-4) for name, v in VALUES.items()}
     return SavedTouchOff(
         created="2026-01-01T00:00:00+00:00", hw="panda", arm="panda", rig="r", tool="scooping tool", source="a test",
         table_origin_m=-0.0032, edge_over_table_m=1e-4, repeat_m=1e-5, misfit_m=1e-5, slip_m=0.0, pressed_N=15.0,

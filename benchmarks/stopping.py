@@ -20,8 +20,8 @@ import numpy as np
 from adaptsim_cli import config
 from adaptsim_cli.wiring.benchmark import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.methods.adaptsim import AdaptSim, create
-from sim.adaptation.outlook import WORTHWHILE, Outlook, outlook
+from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
+from sim.adaptation.outlook import WORTHWHILE, Outlook
 from sim.adaptation.reality import RealityPolicy
 from sim.benchmark.places import Simulated, Tabled
 from sim.benchmark.sessions import Conditions, judge, run_session
@@ -71,7 +71,8 @@ def played(name: str, targets: str, seed: int, fresh: int) -> Sequence[Session]:
         own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
         earned = tuple(judge(task, policy.actions, place, conditions, seed).reward for policy in own)
         most = judge(task, table.best_actions, place, conditions, seed).reward
-        found.append(Session(target.name, tuple(outlook(policy.reality, shown) for policy in own), earned, most))
+        said = tuple(outlook_after(one.reality, shown, i, conditions.particles) for i, one in enumerate(own, 1))
+        found.append(Session(target.name, said, earned, most))
         last = found[-1].said[-1]
         print(
             f"{target.name:>12}: earned {', '.join(f'{r:.2f}' for r in earned)}; at the end expected "

@@ -31,6 +31,28 @@ def matte(rgb: NDArray[np.uint8], piece: Array, others: tuple[Array, ...]) -> Ar
     return np.clip(share, 0, 1, out=share)
 
 
+_SURE, _FEWEST = 0.9, 8
+_LIT = 80.0
+_DARKEST, _DARK = 0.2, 0.5
+"""Brightness, as a share of the piece's own in this picture, below which a pixel on the tool shows only the tool, and
+above which it may show the piece.
+"""
+
+
+def without_halo(share: Array32, rgb: NDArray[np.uint8], on_tool: NDArray[np.bool_]) -> Array32:
+    """`share` (h, w) without the rim that a piece gets on a black tool.
+
+    JPEG and demosaicing give dark pixels the colour of their bright neighbours; only their brightness tells them from
+    the piece. `on_tool` (h, w) are the pixels with the tool behind the piece. Elsewhere a dark pixel may be a shadow.
+    """
+    total = rgb.sum(axis=-1, dtype=np.float32)
+    sure = share > _SURE
+    if sure.sum() < _FEWEST:
+        return share
+    lit = (total / np.percentile(total[sure], _LIT) - _DARKEST) / (_DARK - _DARKEST)
+    return np.where(on_tool, np.minimum(share, np.clip(lit, 0, 1)), share).astype(np.float32)
+
+
 def typical(colour: Array32) -> tuple[Array, float]:
     """Median chromaticity (2,) of (n, 2) and the spread around it (one standard deviation, robustly)."""
     centre = np.median(colour, axis=0).astype(np.float64)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, Frame
 from perception.geometry import View, transform
 from perception.piece import anew
-from perception.piece.chroma import chromaticity, matte
+from perception.piece.chroma import chromaticity, matte, without_halo
 from perception.piece.detection import PieceDetection
 from perception.piece.locate import Evidence, Place, appraise, locate
 from perception.piece.proxy import Proxy
@@ -23,6 +24,7 @@ _GOOD_FIT, _LOST_FIT = 0.55, 0.35
 _BARELY_VISIBLE, _CLEARLY_VISIBLE = 0.25, 0.6
 _ON_PIECE = 0.7  # a depth reading belongs to the piece if it covers at least this share of the pixel
 _SAME_COLOUR = 0.02
+_RIM = np.ones((5, 5), np.uint8)  # the tool's edge may lie this near to its predicted place, in px
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others
     reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M + spread_m
     evidence = _evidence(rig, frame, X_BT, middle, reach_m, others)
     place = None if evidence is None else _near(rig, evidence, X_BT, guesses)
-    if place is not None and place.visible >= _BARELY_VISIBLE:
+    if place is not None and place.visible >= _BARELY_VISIBLE and place.fit >= _GOOD_FIT:
         return place
     return _anywhere(rig, frame, X_BT, others) or place
 
@@ -133,12 +135,14 @@ def _evidence(
     view, depth_view = rig.view.window(centre_m, reach_m), rig.depth_view.window(centre_m, reach_m)
     if view is None or depth_view is None:
         return None
-    share = matte(frame.colour[view.rows, view.columns], rig.detection.piece_chroma, others)
+    rgb = frame.colour[view.rows, view.columns]
+    tool_m = rig.tool.depth(X_BT, view, view.directions)
+    on_tool = cv2.dilate(np.isfinite(tool_m).reshape(rgb.shape[:2]).astype(np.uint8), _RIM) > 0
+    share = without_halo(matte(rgb, rig.detection.piece_chroma, others), rgb, on_tool)
     depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
     read = depth_m > 0
     depth_m, rays = depth_m[read] - rig.depth_offset_m, depth_view.directions[read]
     on_piece = view.sample(share, transform(depth_view.X_BV, rays * depth_m[:, None])) > _ON_PIECE
-    tool_m = rig.tool.depth(X_BT, view, view.directions)
     return Evidence(view, share.reshape(-1), tool_m, depth_view, rays[on_piece], depth_m[on_piece])
 
 

@@ -1,29 +1,48 @@
-"""The gain that a session may still expect, and the size of its corrections, from the draws of reality."""
+"""The gain that a session may still expect, and the size of its corrections, from the draws of reality.
+
+What would another iteration change? One draw at a time is taken for the truth. Its outcomes of the next trials weigh
+the other draws, these choose new actions, and the true draw says what they earn (value of sample information, Howard
+1966). A draw never helps to choose the actions that are judged by it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.reality import Reality
+from sim.adaptation.reality import KEPT, LEAST_END_STD, Reality
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
 
 CONTEXTS = 16
 """Number of evenly spread contexts for all averages."""
 
+CAUTION = 0.5
+"""Caution of the first particle and of the final policy, in standard deviations."""
+
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
 
-SHARE = 0.4
-"""The share of the gain of perfect knowledge that one iteration brings."""
+ENOUGH, HOPELESS = 0.1, 0.4
+"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval."""
 
-ENOUGH, HOPELESS = 0.15, 0.4
-"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval.
+FAILURES, FAILED = 12, 0.05
+"""A session is also hopeless after this many trials in a row that earned no more than this.
 
-All three were chosen on development worlds (docs/decisions/0011-one-method.md)."""
+All four were chosen on development worlds (docs/decisions/0011-one-method.md)."""
+
+_EFFECTIVE = 12.0
+"""Least effective number of draws behind a choice: fewer would choose by their own errors."""
+_EASED = 0.8 ** np.arange(40)
+_SURE = 0.05
+"""No draw is surer of success or failure than this."""
+_UNLIKE = 8.0
+"""The most that one end state can speak against a draw, in log-likelihood."""
+_OTHER_STD = 0.05
+"""What reality adds to an end state, in the unit of end states."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +51,9 @@ class Outlook:
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
-    left: float  # expected gain of reward by perfect knowledge
+    gain: float  # expected gain of reward by one more iteration
     likely: float  # probability that this gain exceeds `WORTHWHILE`
-    gain: float  # expected gain of one more iteration
+    failures: int  # trials without reward since the last one with some
     correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
     correction_std: Array  # (a,) standard deviation over contexts
 
@@ -45,28 +64,86 @@ class Outlook:
 
     @property
     def hopeless(self) -> bool:
-        """Whether nothing in the ranges of the action is expected to work."""
-        return self.ci95[1] < HOPELESS
+        """Whether nothing in the ranges of the action is expected to work, or nothing has worked for long."""
+        return self.ci95[1] < HOPELESS or self.failures >= FAILURES
 
 
-def outlook(reality: Reality, for_e: SolvedPolicy) -> Outlook:
-    """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it."""
+def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> Outlook:
+    """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it.
+
+    `optimism` (n,) are the standard deviations that the particles of the next iteration add to the expected reward.
+    """
     task, answers = reality.simulators.task, reality.answers
     n = CONTEXTS if len(task.context) else 1
     contexts = cover(task.context, n, np.random.default_rng(0))
     earned = np.stack([answers.rewards(context) for context in contexts])  # (n, A, KEPT)
-    chosen = earned.mean(axis=2).argmax(axis=1)
+    chosen = _chosen(earned, np.full((KEPT, KEPT), 1.0 / KEPT))[:, 0]
     now = earned[np.arange(n), chosen].mean(axis=0)
-    most = earned.max(axis=1).mean(axis=0)
     low, high = np.quantile(now, [0.025, 0.975])
+    gains = _gains(reality, earned, _next_trials(earned, optimism, task.adaptation.trials_per_iteration))
     off = answers.actions[chosen] - for_e.actions(contexts)
-    left = float((most - now).mean())
     return Outlook(
         reward=float(now.mean()),
         ci95=(float(low), float(high)),
-        left=left,
-        likely=float((most - now > WORTHWHILE).mean()),
-        gain=SHARE * left,
+        gain=max(0.0, float(gains.mean())),
+        likely=float((gains > WORTHWHILE).mean()),
+        failures=_failures(reality),
         correction=off.mean(axis=0),
         correction_std=off.std(axis=0),
     )
+
+
+def _failures(reality: Reality) -> int:
+    earned = [trial.reward > FAILED for trial in reversed(reality.trials)]
+    return earned.index(True) if True in earned else len(earned)
+
+
+def _next_trials(earned: Array, optimism: Array, each: int) -> NDArray[np.intp]:
+    """(m,) the actions of the next iteration, `each` per particle, in evenly spread contexts."""
+    where = np.unique(np.linspace(0, len(earned) - 1, each).astype(int))
+    mean, std = earned[where].mean(axis=-1), earned[where].std(axis=-1)
+    return np.concatenate([(mean + more * std).argmax(axis=1) for more in optimism])
+
+
+def _gains(reality: Reality, earned: Array, tried: NDArray[np.intp]) -> Array:
+    """(KEPT,) what the trials `tried` gain if this draw is the truth; `earned` (n, A, KEPT)."""
+    others = (1.0 - np.eye(KEPT)) / (KEPT - 1)
+    contexts, truth = np.arange(len(earned))[:, None], np.arange(KEPT)
+    before = earned[contexts, _chosen(earned, others), truth].mean(axis=0)
+    after = earned[contexts, _chosen(earned, _weights(reality, tried)), truth].mean(axis=0)
+    return np.asarray(after - before)
+
+
+def _chosen(earned: Array, weights: Array) -> NDArray[np.intp]:
+    """(n, K) the best actions for each context by each row of `weights` (K, KEPT) over the draws."""
+    mean = earned @ weights.T
+    std = np.sqrt(np.maximum(earned**2 @ weights.T - mean**2, 0.0))
+    return np.asarray((mean - CAUTION * std).argmax(axis=1))
+
+
+def _weights(reality: Reality, tried: NDArray[np.intp]) -> Array:
+    """(KEPT, KEPT) the weights of all other draws after the trials `tried`, one row for each draw as the truth."""
+    answers, unit = reality.answers, reality.simulators.end_unit
+    success, ends = answers.success[tried].mean(axis=-1), answers.end[tried] / unit
+    end, spread = ends.mean(axis=2), ends.var(axis=2).mean(axis=1, keepdims=True)
+    by_success = _cross_entropy(success)
+    apart = (end[:, :, None] - end[:, None]) ** 2 / (2.0 * (spread + LEAST_END_STD**2 + _OTHER_STD**2))[:, :, None]
+    log = (by_success - success[:, :, None] * np.minimum(apart.sum(axis=-1), _UNLIKE)).sum(axis=0)
+    np.fill_diagonal(log, -np.inf)
+    return np.stack([_eased(row - row.max()) for row in log])
+
+
+def _cross_entropy(success: Array) -> Array:
+    """(m, K) chances -> (m, K, K) expected log-likelihood of the second draw if the first is the truth."""
+    chance, other = success[:, :, None], np.clip(success, _SURE, 1.0 - _SURE)[:, None]
+    return np.asarray(chance * np.log(other) + (1.0 - chance) * np.log(1.0 - other))
+
+
+def _eased(log: Array) -> Array:
+    """(K,) weights with at least `_EFFECTIVE` effective draws."""
+    for power in _EASED:
+        weights = np.exp(power * log)
+        weights /= weights.sum()
+        if (weights**2).sum() * _EFFECTIVE <= 1.0:
+            break
+    return np.asarray(weights)

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Best, Iteration, Particle
-from sim.adaptation.outlook import Outlook, outlook
+from sim.adaptation.outlook import CAUTION, Outlook, outlook
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.errors import CheckpointError
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
@@ -25,9 +25,6 @@ OPTIMISM, FADES_OVER = 1.0, 4
 """Optimism of exploring particles in the first iteration, in standard deviations, and the number of iterations until it
 is 0.
 """
-
-CAUTION = 0.5
-"""Caution of the first particle and of the final policy, in standard deviations."""
 
 APART = 0.15
 """Least distance between the E of an iteration, in fractions of their ranges."""
@@ -64,8 +61,7 @@ class AdaptSim:
     ) -> SolvedPolicy:
         """The first particle's policy is the best known one; the others explore."""
         leads = np.array_equal(particle.samples, self._particles(history, 1)[0].samples)
-        optimism = -CAUTION if leads else OPTIMISM * max(0.0, 1.0 - len(history) / FADES_OVER)
-        return RealityPolicy(self.reality(history), optimism, executable)
+        return RealityPolicy(self.reality(history), -CAUTION if leads else _explores(len(history)), executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """The final policy."""
@@ -76,7 +72,9 @@ class AdaptSim:
         reality, leading = self.reality(history), self._particles(history, 1)[0]
         if not reality.trials:
             raise ValueError("no trial has been run yet, so there is no best")
-        found = outlook(reality, policy_for(self.simulators.solver, leading.samples))
+        found = outlook_after(
+            reality, policy_for(self.simulators.solver, leading.samples), len(history), len(history[-1])
+        )
         return Best(leading, found.reward, found.ci95, len(reality.trials)), found
 
     def reality(self, history: Sequence[Iteration]) -> Reality:
@@ -99,3 +97,13 @@ class AdaptSim:
             gaps = np.linalg.norm(unit[:, None] - unit[chosen][None], axis=-1).min(axis=1)
             chosen.append(int(np.argmax(np.where(gaps < APART, -np.inf, mean + OPTIMISM * std))))
         return tuple(Particle(prospects.candidates[i][None]) for i in chosen)
+
+
+def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> Outlook:
+    """The outlook after so many iterations with so many particles; see `outlook`."""
+    return outlook(reality, for_e, np.array([-CAUTION, *[_explores(iterations)] * (particles - 1)]))
+
+
+def _explores(iterations: int) -> float:
+    """Optimism of an exploring particle, in standard deviations."""
+    return OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)

@@ -14,8 +14,8 @@ from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
 from sim.adaptation.identifiability import identifiability
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
-from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.outlook import outlook
+from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
+from sim.adaptation.outlook import FAILED, FAILURES
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
 from sim.benchmark.places import Simulated
@@ -130,18 +130,38 @@ def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
 
 def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     for_e = policy_for(simulators().solver, TARGET[None])
-    left = [outlook(Reality(simulators(), trials(n)), for_e) for n in (0, 4, 16)]
-    assert left[2].left < left[0].left
-    assert left[2].done
-    assert not left[2].hopeless
-    assert left[2].ci95[0] <= left[2].reward <= left[2].ci95[1]
+    found = [outlook_after(Reality(simulators(), trials(n)), for_e, n // 4, 2) for n in (0, 4, 16)]
+    assert found[0].gain > 0.02, "before any trial four trials are worth something"
+    assert found[2].gain < found[0].gain
+    assert found[2].likely < found[0].likely
+    assert found[2].done
+    assert not found[0].done
+    assert not found[2].hopeless
+    assert found[2].ci95[0] <= found[2].reward <= found[2].ci95[1]
+
+
+def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
+    """The twelve are the latest ones: a success among them ends the count."""
+    for_e, seen = policy_for(simulators().solver, TARGET[None]), np.full(TOY.observation.size, 0.5)
+    action = ACTION.denormalise(np.full(len(ACTION), 0.5))
+    failed = Trial(CONTEXTS[0], action, seen, 0.0, None)
+
+    def after(*tried: Trial) -> bool:
+        found = outlook_after(Reality(simulators(), tried), for_e, 1, 2)
+        return found.failures >= FAILURES
+
+    worked = next(trial for trial in trials(12) if trial.reward > FAILED)
+    assert after(worked, *[failed] * 12)
+    assert not after(*[failed] * 11)
+    assert not after(*[failed] * 11, worked, failed)
 
 
 def test_an_object_that_nothing_suits_is_called_hopeless():
     actions, seen = cover(ACTION, 96, np.random.default_rng(2)), np.full(TOY.observation.size, 0.5)
     failing = tuple(Trial(CONTEXTS[0], action, seen, 0.0, None) for action in actions)
-    found = outlook(Reality(simulators(), failing), policy_for(simulators().solver, TARGET[None]))
+    found = outlook_after(Reality(simulators(), failing), policy_for(simulators().solver, TARGET[None]), 5, 2)
     assert found.hopeless
+    assert found.ci95[1] < 0.4
     assert found.done
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, Frame
 from perception.geometry import View, transform
-from perception.piece import anew
+from perception.piece import reacquire
 from perception.piece.chroma import chromaticity, matte, without_halo
 from perception.piece.detection import PieceDetection
 from perception.piece.locate import Evidence, Place, appraise, locate
@@ -98,7 +98,7 @@ def _anywhere(rig: Rig, frame: Frame, X_BT: Array, others: tuple[Array, ...]) ->
     """A place that fits well, in the whole view."""
     chroma = (rig.detection.piece_chroma, *others)
     reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M
-    for start_m in anew.places(rig.view, rig.depth_view, frame, rig.proxy, chroma):
+    for start_m in reacquire.places(rig.view, rig.depth_view, frame, rig.proxy, chroma):
         evidence = _evidence(rig, frame, X_BT, start_m, reach_m, others)
         if evidence is not None:
             place = _refine(evidence, rig, X_BT, start_m)

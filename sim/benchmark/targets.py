@@ -3,7 +3,7 @@
 `develop` and `drawn` are forty worlds each, drawn by `sim.lab.drawn`, none discarded. Methods are developed on
 `develop`; `drawn` is for reported results. `named` are the shipped worlds, which were selected (because the policies of
 one checkpoint fail there, or by the paper). `mujoco` are the shipped worlds with a physics that training does not use.
-Any other name is that of a world or a file.
+Any other name is that of one world, drawn ones included (`drawn-1-0`), or of a file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from sim.tasks.task import Task
 
 DRAWN = 40
 DEVELOP_SEED, REPORT_SEED = 0, 1
-NAMED, MUJOCO = "named", "mujoco"
+DEVELOP, REPORT, NAMED, MUJOCO = "develop", "drawn", "named", "mujoco"
+DRAWN_SETS = (DEVELOP, REPORT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ def _drawn(seed: int) -> Callable[[Task], tuple[World, ...]]:
 
 
 SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
-    "develop": _drawn(DEVELOP_SEED),
-    "drawn": _drawn(REPORT_SEED),
+    DEVELOP: _drawn(DEVELOP_SEED),
+    REPORT: _drawn(REPORT_SEED),
     NAMED: shipped_worlds,
     MUJOCO: lambda task: shipped_worlds(task, "mujoco"),
 }
@@ -61,6 +62,9 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
 def _meant(task: Task, name: str) -> tuple[Target, ...]:
     if name in SETS:
         return tuple(Target(name, world) for world in SETS[name](task))
+    for drawn in DRAWN_SETS:
+        if found := [world for world in SETS[drawn](task) if world.name == name]:
+            return (Target(drawn, found[0]),)
     try:
         world = load_world(name, task)
         return (Target(MUJOCO if world.physics == "mujoco" else NAMED, world),)

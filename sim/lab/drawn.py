@@ -39,7 +39,7 @@ def draw_world(
         column = parameters[:, space.names.index(parameter)]
         parameters = parameters[(low <= column) & (column <= high)]
     present: dict[str, Any] = {}
-    for effect, (low, high) in task.require_hardware().plausible.items():
+    for effect, (low, high) in task.plausible.items():
         if rng.random() < 0.5 or (effects is not None and effect not in effects):
             continue
         value = high if isinstance(low, str) else np.round(rng.uniform(low, high), 4).tolist()

@@ -193,8 +193,6 @@ class Hardware:
     carries: bool = False
     """Whether the tool carries the object home, so that the way there must be gentle."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
-    plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
-    """The plausible range of each unmodelled effect, from which worlds are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +223,8 @@ class Task:
     """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
+    plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    """The plausible range of each unmodelled effect, from which worlds are drawn."""
     hardware: Hardware | None = None  # None: it runs in simulation only
 
     def require_hardware(self) -> Hardware:

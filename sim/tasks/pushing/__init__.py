@@ -38,7 +38,6 @@ HARDWARE = Hardware(
     rest_pose=rest_pose,
     tracker="bottle",
     standing=Standing(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, START_M),
-    plausible=PLAUSIBLE,
 )
 
 TASK = Task(
@@ -54,6 +53,7 @@ TASK = Task(
     adaptation=ADAPTATION,
     reuse=REUSE,
     unmodelled=Unmodelled,
+    plausible=PLAUSIBLE,
     simulate=simulate,
     reference_context=REFERENCE_CONTEXT,
     relocate=relocate,

@@ -37,7 +37,6 @@ HARDWARE = Hardware(
     home_pitch_rad=HOME_PITCH_RAD,
     carries=True,
     touchable=TOUCHABLE,
-    plausible=PLAUSIBLE,
 )
 
 TASK = Task(
@@ -53,6 +52,7 @@ TASK = Task(
     adaptation=ADAPTATION,
     reuse=REUSE,
     unmodelled=Unmodelled,
+    plausible=PLAUSIBLE,
     simulate=simulate,
     reference_context=REFERENCE_CONTEXT,
     relocate=relocate,

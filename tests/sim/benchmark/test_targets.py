@@ -3,6 +3,7 @@ import pytest
 
 from sim.benchmark.targets import DRAWN, targets_of
 from sim.errors import UnknownName
+from sim.lab.drawn import effects_of
 from sim.lab.world import list_worlds
 from sim.tasks import get_task
 
@@ -18,6 +19,21 @@ def test_drawn_worlds_are_always_the_same_forty_and_none_is_of_both_sets():
     assert drawn[0].world.parameters.tolist() == pytest.approx([0.30613, 20775.8, 0.905325, -0.0602139], rel=1e-4)
     values = {t.world.parameters.tobytes() for t in (*develop, *drawn)}
     assert len(values) == 2 * DRAWN
+
+
+def test_one_drawn_world_is_asked_for_by_its_name_and_keeps_its_set():
+    (alone,) = targets_of(PUSHING, ["drawn-1-3"])
+    assert alone.set == "drawn"
+    assert alone.world.parameters.tolist() == targets_of(PUSHING, ["drawn"])[3].world.parameters.tolist()
+    assert targets_of(PUSHING, ["drawn-0-3"])[0].set == "develop"
+    with pytest.raises(UnknownName, match="drawn-1-40"):
+        targets_of(PUSHING, ["drawn-1-40"])
+
+
+def test_worlds_of_the_pendulum_are_drawn_too_and_have_no_unmodelled_effects():
+    drawn = targets_of(get_task("pendulum"), ["drawn"])
+    assert len(drawn) == DRAWN
+    assert not any(effects_of(get_task("pendulum"), target.world) for target in drawn)
 
 
 def test_a_world_that_is_named_twice_is_one_target_of_the_set_that_named_it_first():

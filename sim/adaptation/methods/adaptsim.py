@@ -1,9 +1,11 @@
 """AdaptSim, the default method: combines the simulator with the trials; a policy is an E plus a correction.
 
 `sim.adaptation.reality` describes all that may be true. The first particle takes the action with the highest expected
-reward, whether or not any E proposes it. The other particles explore actions whose reward may be higher still; they
-explore less with every iteration, and the last ones confirm. The E shown for a particle is the one whose policy is
-expected to earn most. The correction is the difference between the particle's actions and those of that policy.
+reward, whether or not any E proposes it, and of two alike the surer one. The other particles explore actions whose
+reward may be higher still; they explore less with every iteration, and the last ones confirm. While every trial has
+failed, nothing can be lost, and the surer action would be the surer failure: then all of them explore. The E shown for
+a particle is the one whose policy is expected to earn most. The correction is the difference between the particle's
+actions and those of that policy.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.outlook import CAUTION, Outlook, outlook
@@ -25,6 +28,9 @@ OPTIMISM, FADES_OVER = 1.0, 4
 """Optimism of exploring particles in the first iteration, in standard deviations, and the number of iterations until it
 is 0.
 """
+
+DESPERATE = 0.5
+"""Optimism of the first particle while every trial has failed."""
 
 APART = 0.15
 """Least distance between the E of an iteration, in fractions of their ranges."""
@@ -61,11 +67,13 @@ class AdaptSim:
     ) -> SolvedPolicy:
         """The first particle's policy is the best known one; the others explore."""
         leads = np.array_equal(particle.samples, self._particles(history, 1)[0].samples)
-        return RealityPolicy(self.reality(history), -CAUTION if leads else _explores(len(history)), executable)
+        reality = self.reality(history)
+        return RealityPolicy(reality, float(_optimism(reality, len(history), 2)[0 if leads else 1]), executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """The final policy."""
-        return RealityPolicy(self.reality(history), -CAUTION, executable)
+        reality = self.reality(history)
+        return RealityPolicy(reality, 0.0 if _all_failed(reality) else -CAUTION, executable)
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
         """The final parameters, and the expected gain of another iteration. Raises ValueError without a trial."""
@@ -101,9 +109,15 @@ class AdaptSim:
 
 def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> Outlook:
     """The outlook after so many iterations with so many particles; see `outlook`."""
-    return outlook(reality, for_e, np.array([-CAUTION, *[_explores(iterations)] * (particles - 1)]))
+    return outlook(reality, for_e, _optimism(reality, iterations, particles))
 
 
-def _explores(iterations: int) -> float:
-    """Optimism of an exploring particle, in standard deviations."""
-    return OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)
+def _optimism(reality: Reality, iterations: int, particles: int) -> Array:
+    """(n,) what the particles add to the expected reward after so many iterations, in standard deviations."""
+    if _all_failed(reality):
+        return np.array([DESPERATE, *[OPTIMISM] * (particles - 1)])
+    return np.array([-CAUTION, *[OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)] * (particles - 1)])
+
+
+def _all_failed(reality: Reality) -> bool:
+    return bool(reality.trials) and all(trial.end_state is None for trial in reality.trials)

@@ -176,9 +176,21 @@ def test_the_first_particle_is_cautious_and_the_others_explore_until_they_confir
     first, other = method.start(2, rng)
     assert optimism(method.policy(first, [])) < 0.0
     assert optimism(method.policy(other, [])) > 0.0
-    history = session(2) * 4
+    history = session(12) * 4
     first, other = method.next(history, rng)[0], method.start(2, rng)[1]
+    assert optimism(method.policy(first, history)) < 0.0
     assert optimism(method.policy(other, history)) == 0.0
+    assert optimism(method.final(history)) < 0.0
+
+
+def test_while_every_trial_has_failed_all_particles_explore_and_the_surest_failure_is_not_preferred():
+    method, rng = AdaptSim(simulators()), np.random.default_rng(0)
+    failed = tuple(dataclasses.replace(t, reward=0.0, end_state=None) for t in trials(2))
+    history = [(ParticleTrials(Particle(TARGET[None]), failed),)] * 5
+    first, other = method.next(history, rng)[0], method.start(2, rng)[1]
+    assert optimism(method.policy(first, history)) > 0.0
+    assert optimism(method.policy(other, history)) > optimism(method.policy(first, history))
+    assert optimism(method.final(history)) == 0.0
 
 
 def test_actions_that_the_arm_cannot_do_are_passed_over():

@@ -228,7 +228,7 @@ def _groups(task: Task, rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
         if dimension.scale == "integer":
             for kind in sorted({row.parameters[dimension.name] for row in rows}):
                 yield f"{dimension.name} = {kind:g}", [r for r in rows if r.parameters[dimension.name] == kind]
-    for effect in task.require_hardware().plausible:
+    for effect in task.plausible:
         yield effect, [row for row in rows if effect in row.effects]
     yield "nothing unmodelled", [row for row in rows if not row.effects]
 

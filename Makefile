@@ -2,7 +2,8 @@
 #
 #   make demo    one scooping iteration in the simulated lab, ending in a report
 #                (make demo-adapting: three, in a world where they are needed, with a policy that never adapts beside them)
-#   make test    the default tests (make test-slow: the long ones; make test-lowest: with the oldest packages allowed)
+#   make test    the default tests (make test-long: those that take seconds each; make test-slow: an hour of them;
+#                make test-lowest: with the oldest packages allowed)
 #
 # Variables: PYTHON (3.11, 3.12 or 3.13), TORCH_INDEX (address of PyTorch's CPU wheel index, where pip finds no CPU wheel itself)
 
@@ -14,7 +15,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: results results-short setup demo demo-adapting test test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
+.PHONY: results results-short setup demo demo-adapting test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -59,6 +60,9 @@ demo-adapting: $(RUNS)
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --durations 10
 
+test-long: $(STAMP)
+	$(BIN)/python -m pytest -n 2 -m 'long and not slow' --durations 10
+
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10
 
@@ -75,7 +79,7 @@ test-lowest:
 	.venv-lowest/bin/python -m pip install --quiet uv
 	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
 	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
-	.venv-lowest/bin/python -m pytest -n 2
+	.venv-lowest/bin/python -m pytest -n 2 -m 'not slow and not hardware and not extra'
 
 check: $(STAMP)
 	$(BIN)/ruff check .

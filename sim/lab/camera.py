@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cached_property
+from concurrent.futures import Future
 from typing import Self, overload
 
 import numpy as np
@@ -13,30 +12,35 @@ import numpy as np
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
 from sim.lab.chance import camera_stream
-from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, kinect_model
+from sim.lab.kinect import EXPOSURE_S, SensorNoise, kinect_model
 from sim.lab.room import Room
 from sim.render.poses import held_still
+from sim.render.served import Moment, Picture, Scene
+from sim.render.studio import ProcessStudio, Studio, ThreadStudio
 
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure
 STILL_S = 0.3  # duration of a recording without any motion
+MOST_PROCESSES = 4  # that render; each takes 0.4 GB
 
 
 class _Film(Sequence[Frame]):
     """Frames that may still be rendering: reading one waits until it is ready."""
 
-    def __init__(self, frames: Sequence[Future[Frame]]) -> None:
-        self._frames = frames
+    def __init__(self, times_s: Sequence[float], pictures: Sequence[Future[Picture]]) -> None:
+        self._times_s, self._pictures = times_s, pictures
 
     def __len__(self) -> int:
-        return len(self._frames)
+        return len(self._pictures)
 
     @overload
     def __getitem__(self, index: int) -> Frame: ...
     @overload
     def __getitem__(self, index: slice) -> Sequence[Frame]: ...
     def __getitem__(self, index: int | slice) -> Frame | Sequence[Frame]:
-        return _Film(self._frames[index]) if isinstance(index, slice) else self._frames[index].result()
+        if isinstance(index, slice):
+            return _Film(self._times_s[index], self._pictures[index])
+        return Frame(self._times_s[index], *self._pictures[index].result())
 
 
 class LabCamera:
@@ -44,14 +48,17 @@ class LabCamera:
 
     def __init__(self, room: Room, X_BC: Array) -> None:
         self._room, self._X_BC = room, X_BC
-        self._connected = False
+        self._studio: Studio | None = None
 
     def __enter__(self) -> Self:
-        self._connected = True
+        if self._studio is None:
+            self._studio = self._started()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self._connected = False
+        if self._studio is not None:
+            self._studio.close(finish=not any(exc))
+            self._studio = None
         self._room.recording_since_s, self._room.shots = None, []
 
     def model(self) -> CameraModel:
@@ -60,23 +67,21 @@ class LabCamera:
 
     def snapshot(self) -> Frame:
         """See `hw.ports.Camera`."""
-        self._need_connection()
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
-        colour, depth_mm = self._renderer.render(poses, self._noise, room.chance.snapshot_stream(room.t_s))
-        return Frame(self._stamped(room.t_s), colour, depth_mm)
+        picture = self._connected().render(Moment(poses, room.chance.snapshot_stream(room.t_s)))
+        return Frame(self._stamped(room.t_s), *picture.result())
 
     def start_recording(self) -> None:
         """See `hw.ports.Camera`."""
-        self._need_connection()
+        self._connected()
         if self._room.recording_since_s is not None:
             raise CameraError("the camera is recording already: call stop_recording first")
         self._room.recording_since_s, self._room.shots = self._room.t_s, []
 
     def stop_recording(self) -> Sequence[Frame]:
         """See `hw.ports.Camera`. The frames are rendered in the background from here on, while the lab goes on."""
-        self._need_connection()
-        room = self._room
+        studio, room = self._connected(), self._room
         if room.recording_since_s is None:
             raise CameraError("the camera is not recording: call start_recording first")
         since_s = room.recording_since_s
@@ -87,7 +92,7 @@ class LabCamera:
                 room.faults_due.remove("camera_timeout")
                 raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
             numbers = [i for i in self._numbers(since_s) if not self._dropped(i)]
-            return self._film(numbers)
+            return self._film(studio, numbers)
         finally:
             room.recording_since_s, room.shots = None, []
 
@@ -112,31 +117,30 @@ class LabCamera:
         held = {name: held_still(X).reshape(len(numbers), SLICES, 4, 4) for name, X in poses.items()}
         return [{name: X[i] for name, X in held.items()} for i in range(len(numbers))]
 
-    def _film(self, numbers: Sequence[int]) -> Sequence[Frame]:
-        renderer, noise, pool = self._renderer, self._noise, ThreadPoolExecutor(os.cpu_count())
-
-        def frame(t_s: float, poses: Mapping[str, Array], rng: np.random.Generator) -> Frame:
-            return Frame(t_s, *renderer.render(poses, noise, rng))
-
-        film = [
-            pool.submit(frame, self._stamped(self._time_s(i)), poses, self._room.chance.frame_stream(i))
-            for i, poses in zip(numbers, self._poses(numbers), strict=True)
-        ]
-        pool.shutdown(wait=False)
-        return _Film(film)
+    def _film(self, studio: Studio, numbers: Sequence[int]) -> Sequence[Frame]:
+        return _Film(
+            [self._stamped(self._time_s(i)) for i in numbers],
+            [
+                studio.render(Moment(poses, self._room.chance.frame_stream(i)))
+                for i, poses in zip(numbers, self._poses(numbers), strict=True)
+            ],
+        )
 
     def _stamped(self, t_s: float) -> float:
         """A time of the arm's clock on the camera's own clock."""
         return t_s + 1e-3 * self._room.world.sensing.clock_offset_ms
 
-    @cached_property
-    def _renderer(self) -> Renderer:
-        return Renderer(self.model(), self._X_BC, self._room.cell.visuals)
+    def _started(self) -> Studio:
+        if self._room.world.sensing.camera == "small":
+            return ThreadStudio(self._scene)  # such a film is ready before a process has started
+        return ProcessStudio(self._scene(), min(os.cpu_count() or 1, MOST_PROCESSES))
 
-    @cached_property
-    def _noise(self) -> SensorNoise:
-        return SensorNoise.draw(camera_stream(self._room.seed), self._room.world.sensing.depth_noise_scale)
+    def _scene(self) -> Scene:
+        room = self._room
+        noise = SensorNoise.draw(camera_stream(room.seed), room.world.sensing.depth_noise_scale)
+        return Scene(self.model(), self._X_BC, room.cell.visuals, noise)
 
-    def _need_connection(self) -> None:
-        if not self._connected:
+    def _connected(self) -> Studio:
+        if self._studio is None:
             raise DeviceUnavailable("the lab's camera is not connected: use it inside a `with` block")
+        return self._studio

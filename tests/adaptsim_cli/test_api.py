@@ -21,6 +21,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_an_iteration_of_python_equals_one_of_the_command_line(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     session = api.begin("pendulum", world="wd", seed=3, name="here")
     done = session.run_iteration()
@@ -35,6 +36,7 @@ def test_an_iteration_of_python_equals_one_of_the_command_line(home: Path, capsy
     assert [t.reward for t in api.open_session("there").trials] == [t.reward for t in session.trials]
 
 
+@pytest.mark.long
 def test_the_best_policy_needs_a_complete_iteration(home: Path) -> None:
     session = api.begin("pendulum")
     assert session.iterations == ()

@@ -20,6 +20,7 @@ SILENT = ("unlink", "rmdir")
 """What a failed removal leaves behind is removed by the next run: it may be passed over."""
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("what", SAMPLES)
 def test_a_disk_that_fails_at_some_calls_costs_nothing(what: str, tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ def require_typable(line: str) -> None:
             assert word in options, line
 
 
+@pytest.mark.long
 def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def printed(capfd: pytest.CaptureFixture[str], command: str, *more: str) -> dict
     return found
 
 
+@pytest.mark.long
 def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -105,6 +106,7 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     assert "error" in printed(capfd, "sessions list")["sessions"][0]
 
 
+@pytest.mark.long
 def test_what_is_printed_of_rollouts_worlds_checkpoints_and_settings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,6 +13,7 @@ import pytest
 NOTEBOOK = Path(__file__).parents[2] / "docs/guide/session-from-python.ipynb"
 
 
+@pytest.mark.long
 def test_every_cell_runs_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

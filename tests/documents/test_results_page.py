@@ -12,6 +12,7 @@ import results
 from documents import ROOT
 
 
+@pytest.mark.long
 def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     command = [

@@ -86,6 +86,7 @@ def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys:
     assert curling.score(level, sloped.state[-1, :1]) < 1.0
 
 
+@pytest.mark.long
 def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(
     curling: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

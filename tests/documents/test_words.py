@@ -6,6 +6,7 @@ import check_words as words
 import pytest
 
 
+@pytest.mark.long
 def test_nothing_in_this_project_has_to_be_read_twice() -> None:
     assert not list(words.complaints())
 

@@ -106,6 +106,7 @@ def test_a_wrong_table_is_refused_before_anything_moves(
     assert trials(tmp_path) == []
 
 
+@pytest.mark.long
 def test_a_second_bottle_half_way_costs_no_finished_trial_and_the_session_goes_on(
     use: Callable[[BottleBench], BottleBench], tmp_path: Path, capfd: Capture
 ) -> None:
@@ -139,6 +140,7 @@ def test_four_millimetres_off_the_mark_are_accepted(use: Callable[[BottleBench],
     assert re.search(r"^upright, 2\d\d mm from the goal, reward 0\.00$", capfd.readouterr().out, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_a_hand_in_the_picture_during_the_motion_is_flagged_and_the_trial_kept(
     use: Callable[[BottleBench], BottleBench], capfd: Capture
 ) -> None:

@@ -18,6 +18,7 @@ def world(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_one_iteration_ends_in_the_documented_json_and_a_report(tmp_path: Path, world: Path) -> None:
     done = run(tmp_path / "home", world)
     assert done.returncode == 0, done.stderr

@@ -59,6 +59,7 @@ def test_it_shows_and_records_and_leaves_no_process(staged: Staged) -> None:
         camera.snapshot()
 
 
+@pytest.mark.long
 def test_a_camera_that_exposes_otherwise_half_way_says_so(staged: Staged) -> None:
     with staged("dim 40") as camera:
         camera.start_recording()
@@ -69,6 +70,7 @@ def test_a_camera_that_exposes_otherwise_half_way_says_so(staged: Staged) -> Non
     assert seen[0][0] == 2500 < seen[1][0]
 
 
+@pytest.mark.long
 def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
     staged: Staged, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -95,6 +97,7 @@ def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
         camera.snapshot()
 
 
+@pytest.mark.long
 def test_a_driver_that_hangs_while_it_opens_says_so_and_ends(staged: Staged, caplog: pytest.LogCaptureFixture) -> None:
     with pytest.raises(CameraError, match=r"has not answered for 15 s while .*, and was ended"):
         staged("hangs open", step_s=15.0).__enter__()
@@ -107,6 +110,7 @@ def test_a_driver_that_ends_its_process_takes_only_that_along(staged: Staged) ->
             camera.snapshot()
 
 
+@pytest.mark.long
 def test_leaving_never_waits_for_a_driver_that_hangs(staged: Staged) -> None:
     with staged("hangs 40"):
         time.sleep(1.2)
@@ -114,6 +118,7 @@ def test_leaving_never_waits_for_a_driver_that_hangs(staged: Staged) -> None:
     assert time.monotonic() - began_s < 1.0 + SLACK_S
 
 
+@pytest.mark.long
 def test_a_killed_program_takes_a_hanging_camera_along(staged: Staged) -> None:
     with staged("hangs 40") as camera:
         assert camera._child is not None

@@ -32,6 +32,7 @@ def until(holds: Callable[[], bool], within_s: float = 60.0) -> None:
         threading.Event().wait(0.002)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_both_sdks_move_hold_and_say_what_is_lost(model: str) -> None:
     with gripper(slower=0.1) as server, HandProcess(model, server.host, silence_s=PATIENT_S) as hand:
@@ -63,6 +64,7 @@ def move_until_released(server: GripperServer, hand: HandProcess, pedal: HandPed
     release.join()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("deaf", [False, True])
 def test_a_released_pedal_stops_fingers_that_move(deaf: bool) -> None:
     pedal = HandPedal()
@@ -152,6 +154,7 @@ def test_a_program_that_is_killed_interrupted_or_hangs_stops_the_hand(how: signa
             )
 
 
+@pytest.mark.long
 def test_no_process_is_left_behind() -> None:
     with gripper(slower=0.1) as server, HandProcess("fr3", server.host, silence_s=PATIENT_S) as hand:
         assert hand._child is not None
@@ -164,6 +167,7 @@ def test_no_process_is_left_behind() -> None:
             hand.home()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("silent", [False, True])
 def test_a_hand_that_takes_one_connection_is_refused(silent: bool) -> None:
     """It closes the second connection, or lets it wait."""

@@ -221,6 +221,7 @@ def check(model: str, count: int, seed: int) -> None:
     assert reached["not a number"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_none_of_1000_paths_beyond_a_limit_reaches_the_driver(model: str) -> None:
     check(model, 1000, seed=1)

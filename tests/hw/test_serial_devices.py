@@ -62,6 +62,7 @@ def test_unplugged_while_held(line: Line, box: Box) -> None:
         assert pedal.why_not()
 
 
+@pytest.mark.long
 def test_a_box_that_says_nothing(line: Line) -> None:
     with pytest.raises(DeviceUnavailable, match="has not sent anything"), EnablePedal(line.port):
         pass

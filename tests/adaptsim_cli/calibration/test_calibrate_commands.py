@@ -64,6 +64,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
     return " ".join(capfd.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_a_calibration_from_the_command_line_and_what_follows(
     bench: ToyBench, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -96,6 +97,7 @@ def test_a_calibration_from_the_command_line_and_what_follows(
     assert "calibrate again" in moved["message"]
 
 
+@pytest.mark.long
 def test_what_stops_it_has_its_code_and_says_how_to_continue(
     bench: ToyBench, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +119,7 @@ def test_what_stops_it_has_its_code_and_says_how_to_continue(
     assert "measure the print" in told(capfd)
 
 
+@pytest.mark.long
 def test_two_calibrations_of_one_rig_never_run_at_once(bench: ToyBench, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(RUN) == 0
     capfd.readouterr()
@@ -168,6 +171,7 @@ def test_guiding_by_hand_asks_for_every_place(monkeypatch: pytest.MonkeyPatch) -
     assert f"Place {COUNT}. Enter when the arm is at rest" in said(screen)
 
 
+@pytest.mark.long
 def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) -> None:
     solved, _ = run(tmp_path, ToyBench())
     bench, screen = ToyBench(), quiet()
@@ -182,6 +186,7 @@ def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) 
     assert bench.motions == 5, "four places and the way back"
 
 
+@pytest.mark.long
 def test_the_board_is_printed_to_scale_and_its_measured_size_kept(
     place: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -206,6 +211,7 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(
     assert kept.board.board().marker_m / kept.board.board().square_m == pytest.approx(0.75)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
@@ -222,6 +228,7 @@ def test_an_impossible_board_is_refused(
     assert message in told(capfd)
 
 
+@pytest.mark.long
 def test_a_pdf_has_the_size_of_the_paper(place: Path) -> None:
     content = printing.page(printing.fitting("a4", None), "a4", ".pdf")
     assert content.startswith(b"%PDF")

@@ -51,6 +51,7 @@ def solve(folder: Path) -> solving.Solved:
     return solving.solve_folder(folder, hw="recorded", created="2024-05-01T10:00:00+00:00", versions={})
 
 
+@pytest.mark.long
 def test_a_calibration_finds_the_camera_and_is_stored_whole(done: Done) -> None:
     root, solved, folder, text = done
     assert off_mm(solved.record.X_AC) < 1.5
@@ -84,6 +85,7 @@ def test_every_view_has_a_picture_to_look_at(done: Done) -> None:
     assert names == {path.stem.removeprefix("view-") for path in folder.glob("view-*.json")}
 
 
+@pytest.mark.long
 def test_a_cable_that_comes_loose_loses_nothing(tmp_path: Path) -> None:
     bench = ToyBench()
 
@@ -108,6 +110,7 @@ def test_a_cable_that_comes_loose_loses_nothing(tmp_path: Path) -> None:
     assert again.motions == 7 + 2, "only what was left, the swing, and the way back"
 
 
+@pytest.mark.long
 def test_damaged_views_are_taken_again_and_a_missing_swing_is_filmed(tmp_path: Path) -> None:
     bench = ToyBench()
 
@@ -134,6 +137,7 @@ def test_damaged_views_are_taken_again_and_a_missing_swing_is_filmed(tmp_path: P
     assert next(check for check in solved.record.checks if check.name == "time offset").verdict == "good"
 
 
+@pytest.mark.long
 def test_the_next_calibration_is_a_new_series_and_keeps_the_old_one(done: Done, tmp_path: Path) -> None:
     root = tmp_path / "copy"
     shutil.copytree(done[0], root)
@@ -155,6 +159,7 @@ def test_a_damaged_calibration_is_never_replaced_by_an_older_one_silently(done: 
         store(root).current()
 
 
+@pytest.mark.long
 def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real, count = os.fsync, [0]
 
@@ -170,6 +175,7 @@ def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch
     assert run(tmp_path, ToyBench())[0].record.accepted
 
 
+@pytest.mark.long
 def test_an_arm_that_creeps_is_asked_again(tmp_path: Path) -> None:
     bench, screen = ToyBench(), quiet()
 
@@ -184,6 +190,7 @@ def test_an_arm_that_creeps_is_asked_again(tmp_path: Path) -> None:
     assert off_mm(solved.record.X_AC) < 1.5
 
 
+@pytest.mark.long
 def test_a_view_that_never_rests_is_left_out_by_name(tmp_path: Path) -> None:
     bench, screen = ToyBench(), quiet()
 
@@ -197,6 +204,7 @@ def test_a_view_that_never_rests_is_left_out_by_name(tmp_path: Path) -> None:
     assert len(solved.record.views) == 11
 
 
+@pytest.mark.long
 def test_a_picture_of_another_time_is_not_paired(tmp_path: Path) -> None:
     bench, screen = ToyBench(), quiet()
 
@@ -226,6 +234,7 @@ def test_a_mirrored_picture_is_named(tmp_path: Path) -> None:
         run(tmp_path, ToyBench(paint=lambda image: np.ascontiguousarray(image[:, ::-1])))
 
 
+@pytest.mark.long
 def test_a_board_held_upside_down_is_named_and_does_no_harm(tmp_path: Path) -> None:
     width, height = BOARD.size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -238,6 +247,7 @@ def test_a_board_held_upside_down_is_named_and_does_no_harm(tmp_path: Path) -> N
     assert "the board is upside down: 180° from the expected pose" in mounting.message
 
 
+@pytest.mark.long
 def test_a_print_that_is_too_small_is_refused_and_the_last_good_one_stays(done: Done, tmp_path: Path) -> None:
     root = tmp_path / "copy"
     shutil.copytree(done[0], root)

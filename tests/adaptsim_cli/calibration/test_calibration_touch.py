@@ -49,6 +49,7 @@ def edit(folder: Path, **values: object) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | values))
 
 
+@pytest.mark.long
 def test_a_corner_is_seen_and_touched_at_the_same_place(touched: tuple[Path, solving.Solved]) -> None:
     root, solved = touched
     found = check(solved.record, "touched point")
@@ -60,6 +61,7 @@ def test_a_corner_is_seen_and_touched_at_the_same_place(touched: tuple[Path, sol
     assert len(json.loads((views_of(root) / "touch.json").read_text())["q_rad"]) == MIN_TOUCHES
 
 
+@pytest.mark.long
 def test_temperatures_are_kept_where_devices_tell_them(touched: tuple[Path, solving.Solved], tmp_path: Path) -> None:
     record = touched[1].record
     assert record.temperatures_C == {"arm": None, "camera": 31.5}
@@ -69,6 +71,7 @@ def test_temperatures_are_kept_where_devices_tell_them(touched: tuple[Path, solv
     assert check(silent, "camera temperature").verdict == "not measured"
 
 
+@pytest.mark.long
 def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
     record = run(tmp_path, ToyBench(warmth_C=lambda picture: 25.0 + 0.5 * picture))[0].record
     found = check(record, "camera temperature")
@@ -77,6 +80,7 @@ def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
     assert "let it run for 40 minutes" in found.message
 
 
+@pytest.mark.long
 def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -96,6 +100,7 @@ def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
         assert record.accepted
 
 
+@pytest.mark.long
 def test_stopping_at_the_touch_loses_no_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = ToyBench()
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
@@ -107,6 +112,7 @@ def test_stopping_at_the_touch_loses_no_view(tmp_path: Path, monkeypatch: pytest
     assert check(record, "touched point").verdict == "good"
 
 
+@pytest.mark.long
 def test_a_tip_that_slips_is_touched_again(tmp_path: Path) -> None:
     bench, screen = ToyBench(), quiet()
     hands = ToyHands(bench, slip_m=lambda number: 0.02 if number == 1 else 0.0)
@@ -115,6 +121,7 @@ def test_a_tip_that_slips_is_touched_again(tmp_path: Path) -> None:
     assert check(record, "touched point").verdict == "good"
 
 
+@pytest.mark.long
 def test_a_tip_that_slips_every_time_is_no_measurement(tmp_path: Path) -> None:
     bench = ToyBench()
     hands = ToyHands(bench, slip_m=lambda number: 0.02 if number % MIN_TOUCHES == 1 else 0.0)
@@ -146,6 +153,7 @@ def test_another_corner_than_the_one_stated_forbids_the_calibration(copied: Path
     assert not record.accepted
 
 
+@pytest.mark.long
 def test_a_refused_touch_leaves_what_is_in_use(tmp_path: Path) -> None:
     bench = ToyBench()
     run(tmp_path, bench, hands=ToyHands(bench))

@@ -22,6 +22,7 @@ def said(capsys):
     return captured.out, captured.err
 
 
+@pytest.mark.long
 def test_it_compares_writes_everything_down_and_goes_on(capsys, home):
     assert run([*PENDULUM, "--methods", "udr,random,oracle,best-action", "--json"]) == 0
     out, err = said(capsys)
@@ -55,6 +56,7 @@ def test_it_compares_writes_everything_down_and_goes_on(capsys, home):
     assert shared == [kept[r["target"], r["method"], r["seed"]] for r in shared]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("flags", [[], ["--fresh", "4"]])
 def test_it_says_where_trials_come_from(capsys, flags):
     assert run([*PENDULUM, "--methods", "random", *flags, "--json"]) == 0
@@ -87,6 +89,7 @@ def test_tables_are_made_for_contact_tasks_alone_and_missing_ones_name_the_comma
     assert "make it with `adaptsim world-tables --task pushing --targets wd`" in said(capsys)[1]
 
 
+@pytest.mark.long
 def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
     """A table far too small for anything but this."""
     assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "16", "--json"]) == 0

@@ -50,6 +50,7 @@ def test_a_card_that_holds_ends_with_0(copied: Path, capfd: pytest.CaptureFixtur
     assert "\N{CHECK MARK}" in err
 
 
+@pytest.mark.long
 def test_a_card_that_claims_too_much_ends_with_8(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
     claim(copied, udr=0.99)
     assert app.run(["checkpoints", "verify", str(copied), *PENDULUM]) == 8
@@ -107,6 +108,7 @@ def test_wrong_flags_and_objects_are_named(copied: Path, capfd: pytest.CaptureFi
     assert "different parameters, margin of pendulum" in capfd.readouterr().err
 
 
+@pytest.mark.long
 def test_a_repaired_copy_is_made_once_and_benchmarked(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     line = ["checkpoints", "repair", "--task", "pendulum", "--steps", "64", "--json"]

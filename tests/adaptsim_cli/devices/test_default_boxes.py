@@ -64,6 +64,7 @@ def _way(without: MountedTask, within: MountedTask, context: Array, action: Arra
     return "direct" if all(np.array_equal(a.q_rad, b.q_rad) for a, b in zip(free, found, strict=True)) else "detoured"
 
 
+@pytest.mark.long
 def test_beside_the_person_the_food_is_reached_as_if_there_were_no_boxes() -> None:
     assert counted("scooping", "panda", boxes("left"), LEFT) == {"direct": 2}
 

@@ -133,6 +133,7 @@ def test_a_fix_is_a_line_to_run(finding: Finding, fix: str) -> None:
     assert fix in finding.fix
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("wrong", "verdicts", "says"),
     [
@@ -208,6 +209,7 @@ def rig_with(**parts: object) -> RigDescription:
     return RigDescription("lab", {"model": "fr3", "address": "127.0.0.1"}, **parts)  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple[int, str]) -> None:
     device, port = line
     over = threading.Event()
@@ -279,6 +281,7 @@ def test_a_world_and_a_checkpoint_that_are_not_there(place: Path, monkeypatch: p
     assert "no world 'narnia'" in wrong["world"].detail
 
 
+@pytest.mark.long
 def test_a_real_lab_is_looked_at_device_by_device(
     place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,6 +27,8 @@ from sim.pretraining.verification.verify import Verification, VerificationSettin
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 
+pytestmark = pytest.mark.long
+
 BUDGET = PretrainBudget(
     meta=MetaSettings(steps=80, parallel=8),
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),

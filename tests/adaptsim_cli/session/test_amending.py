@@ -82,6 +82,7 @@ def test_an_amended_outcome_counts_and_the_new_result_says_so(tmp_path: Path) ->
     assert opened(tmp_path).trials(0)[2] == before, "back to what tracking had said"
 
 
+@pytest.mark.long
 def test_later_iterations_keep_what_they_were_made_with_and_the_next_result_says_what_changed(tmp_path: Path) -> None:
     store = run(tmp_path, iterations=2)
     first = store.result(0)

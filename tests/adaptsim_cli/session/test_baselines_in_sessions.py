@@ -7,6 +7,7 @@ import pytest
 from adaptsim_cli.app import run
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["learn-in-target", "bo", "bo-prior", "sysid-bayes-point"])
 def test_a_session_of_a_baseline_runs_and_continues(method, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))

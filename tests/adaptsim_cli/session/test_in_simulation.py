@@ -33,6 +33,7 @@ def opened() -> SessionStore:
     return SessionStore.open(Path("home/data/sessions").absolute(), NAME)
 
 
+@pytest.mark.long
 def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run([*RUN, "--json", "-n", "2"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
@@ -54,6 +55,7 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
     assert sorted(path.name for path in kept) == ["motion.json", "trajectory.json", "trial.json"]
 
 
+@pytest.mark.long
 def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run([*RUN, "--json", "--until-done"]) == 0
     *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
@@ -65,6 +67,7 @@ def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd:
     assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
 
 
+@pytest.mark.long
 def test_an_interrupted_session_goes_on_to_the_same_end(
     place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -87,6 +90,7 @@ def test_an_interrupted_session_goes_on_to_the_same_end(
     assert resumed["best"] == whole["best"]
 
 
+@pytest.mark.long
 def test_a_trial_is_redone_and_shown(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(RUN) == 0
     assert app.run(["sessions", "redo", NAME, "2"]) == 0

@@ -14,6 +14,7 @@ REFUSED = (2, 8)
 """Exit codes: another process holds the session; it was moved, deleted or begun by the other one."""
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("races", [3, pytest.param(200, marks=pytest.mark.slow)])
 def test_two_commands_at_once_cost_nothing(races: int, tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ def test_the_summary_has_the_documented_shape(tmp_path: Path) -> None:
     json.dumps(summary, allow_nan=False)
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path: Path) -> None:
     def numbers(home: str, seed: int) -> object:
         store = run(tmp_path / home, seed=seed, iterations=2)
@@ -64,6 +65,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path: 
     assert numbers("c", 6) != numbers("a2", 5)
 
 
+@pytest.mark.long
 def test_two_runs_of_one_iteration_equal_one_run_of_two(tmp_path: Path) -> None:
     run(tmp_path / "once", iterations=2)
     run(tmp_path / "twice")
@@ -239,6 +241,7 @@ def test_a_full_disk_in_the_middle_loses_no_completed_trial(tmp_path: Path, monk
     assert run(tmp_path).summary(0)["particles"] == whole.summary(0)["particles"]
 
 
+@pytest.mark.long
 def test_a_step_of_adaptation_stays_inside_the_ranges(tmp_path: Path) -> None:
     for summary in (run(tmp_path, iterations=3).summary(i) for i in range(3)):
         for particle in summary["particles"]:

@@ -59,6 +59,7 @@ def test_a_session_as_it_was_written(root: Path) -> None:
     assert verified.without_checksum == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("each", [1, pytest.param(12, marks=pytest.mark.slow)])
 def test_a_changed_bit_in_any_file_is_noticed(corrected: SessionStore, tmp_path: Path, each: int) -> None:
     rng, root = np.random.default_rng(each), tmp_path

@@ -169,6 +169,7 @@ print(json.dumps([outcomes, lab.executions]))
 """
 
 
+@pytest.mark.long
 def test_the_session_of_another_user_is_read_and_left_alone(tmp_path: Path) -> None:
     if os.geteuid() != 0:
         pytest.skip("only root can act as another user")
@@ -198,6 +199,7 @@ def test_the_session_of_another_user_is_read_and_left_alone(tmp_path: Path) -> N
     assert digest_of(home / "data") == before
 
 
+@pytest.mark.long
 def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -79,6 +79,7 @@ class HandingOver(HumanAssistant):
         self.hand.between_m = rig.grasp.width_m
 
 
+@pytest.mark.long
 def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "panda", *[""] * 4)

@@ -127,6 +127,7 @@ def latest(resolved: config.Resolved, zeros_rad: Array) -> SavedTouchOff | None:
     return touch_off_of(resolved.config, resolved.places, get_task("scooping"), zeros_rad)
 
 
+@pytest.mark.long
 def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
     out = screen()
     with on_lab(world()) as (rig, lab):

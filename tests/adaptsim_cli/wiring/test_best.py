@@ -29,6 +29,7 @@ def there(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(home))
 
 
+@pytest.mark.long
 def test_the_best_policy_runs_and_is_exported_by_name(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

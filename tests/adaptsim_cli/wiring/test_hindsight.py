@@ -17,6 +17,8 @@ from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from adaptsim_cli.wiring.hindsight import Hindsight, Reports, measured_udr
 from sim.errors import CheckpointError
 
+pytestmark = pytest.mark.long
+
 ADAPTED, UDR = "pendulum-wd-adaptsim-seed0", "pendulum-wd-udr-seed0"
 
 

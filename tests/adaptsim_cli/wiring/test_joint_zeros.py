@@ -19,6 +19,8 @@ from sim.errors import NotExecutable
 from sim.tasks import get_task
 from sim.types import ToolMotion
 
+pytestmark = pytest.mark.long
+
 TASK = get_task("scooping")
 HARDWARE = TASK.require_hardware()
 ZEROS_RAD = 3e-3

@@ -30,6 +30,7 @@ def job(method: str = "adaptsim") -> Job:
     return Job("pushing", "default", "named", load_world("wd", PUSHING), table, method, 0, Conditions(budget=4))
 
 
+@pytest.mark.long
 def test_a_trial_in_the_lab_ends_near_that_of_a_rollout() -> None:
     action = PUSHING.action.denormalise(np.array([0.5, 0.5]))
     context = PUSHING.reference_context

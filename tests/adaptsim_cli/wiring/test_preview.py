@@ -19,6 +19,7 @@ TASK = get_task("scooping")
 PANDA = mounted_as_shipped(get_task("scooping"), "panda")
 
 
+@pytest.mark.long
 def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "scoop.html"
     code = app.run(["preview", "--task", "scooping", "--action", "pitch_rate=0.2", "--json", "--html", str(page)])

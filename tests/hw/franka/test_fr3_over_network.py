@@ -65,6 +65,7 @@ def recovers_and_moves_only_when_told(arm: FrankaArm, reason: str) -> None:
     np.testing.assert_allclose(arm.state().q_rad, back.q_rad[-1], atol=3e-3)
 
 
+@pytest.mark.long
 def test_what_is_commanded_is_the_path_sample_by_sample(server: Fr3Process) -> None:
     path = path_from(READY_RAD)
     with arm_at(server) as arm:
@@ -90,6 +91,7 @@ def test_a_path_that_starts_elsewhere_is_refused_with_the_threshold(server: Fr3P
         np.testing.assert_allclose(arm.state().q_rad, READY_RAD, atol=1e-3)
 
 
+@pytest.mark.long
 def test_a_reflex_is_told_in_words_and_recovered_on_request_only(server: Fr3Process) -> None:
     server.tell("reflex 0.6 joint_reflex cartesian_reflex")
     with arm_at(server) as arm:
@@ -102,6 +104,7 @@ def test_a_reflex_is_told_in_words_and_recovered_on_request_only(server: Fr3Proc
         recovers_and_moves_only_when_told(arm, r"joint_reflex.*check what it touched")
 
 
+@pytest.mark.long
 def test_a_stop_request_brakes_along_the_path_within_the_limits(server: Fr3Process) -> None:
     path = path_from(READY_RAD)
     with arm_at(server) as arm:
@@ -121,6 +124,7 @@ def test_a_stop_request_brakes_along_the_path_within_the_limits(server: Fr3Proce
         recovers_and_moves_only_when_told(arm, "stop was requested")
 
 
+@pytest.mark.long
 def test_letting_go_of_the_pedal_brakes_within_80_ms_and_says_how_far_it_went(server: Fr3Process) -> None:
     """The best of three, on the computer's clock: other work on the computer can only make it longer."""
     pedal = HandPedal()
@@ -153,6 +157,7 @@ def test_nothing_moves_unless_the_pedal_is_held(server: Fr3Process) -> None:
         arm.execute(path_from(READY_RAD))
 
 
+@pytest.mark.long
 def test_a_player_killed_half_way_is_a_fault_and_a_new_one_takes_over(server: Fr3Process) -> None:
     players: list[PlayerProcess] = []
 
@@ -170,6 +175,7 @@ def test_a_player_killed_half_way_is_a_fault_and_a_new_one_takes_over(server: Fr
         assert len(players) == 2
 
 
+@pytest.mark.long
 def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_computer(server: Fr3Process) -> None:
     players: list[PlayerProcess] = []
 
@@ -187,6 +193,7 @@ def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_comput
         recovers_and_moves_only_when_told(arm, "communication_constraints_violation")
 
 
+@pytest.mark.long
 def test_a_program_that_ends_lets_the_arm_brake(server: Fr3Process) -> None:
     script = Path(__file__).parents[2] / "support" / "moving_program.py"
     program = subprocess.Popen([sys.executable, str(script), server.host], stdout=subprocess.PIPE, text=True)
@@ -206,6 +213,7 @@ def test_a_program_that_ends_lets_the_arm_brake(server: Fr3Process) -> None:
     assert np.abs(derivatives(got)[1]).max() <= LIMITS["fr3"].ddq_max_rad_s2.max()
 
 
+@pytest.mark.long
 def test_a_pressed_stop_button_is_named_and_has_to_be_released_first(server: Fr3Process) -> None:
     with arm_at(server) as arm:
         timer = server.at(0.5, lambda: server.tell("press"))
@@ -220,6 +228,7 @@ def test_a_pressed_stop_button_is_named_and_has_to_be_released_first(server: Fr3
         assert arm.state().fault is None
 
 
+@pytest.mark.long
 def test_an_arm_that_falls_silent_half_way_and_comes_back() -> None:
     with fr3() as server, arm_at(server) as arm:
         timer = server.at(0.6, lambda: server.signal(signal.SIGSTOP))
@@ -230,6 +239,7 @@ def test_an_arm_that_falls_silent_half_way_and_comes_back() -> None:
         recovers_and_moves_only_when_told(arm, "does not answer")
 
 
+@pytest.mark.long
 def test_a_connection_lost_for_good_is_a_fault_then_unavailable() -> None:
     with fr3() as server, arm_at(server) as arm:
         timer = server.at(0.6, lambda: server.signal(signal.SIGKILL))

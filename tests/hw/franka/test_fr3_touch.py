@@ -56,6 +56,7 @@ def stopped_on_the_way(arm: FrankaArm, reason: str) -> None:
     np.testing.assert_allclose(arm.state().q_rad, state.q_rad, atol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("height_m", [PLANE_M, PLANE_M + 0.0006])
 def test_a_touch_is_found_and_the_arm_is_back_where_it_began(server: Fr3Process, height_m: float) -> None:
     server.plane(height_m, TIP)
@@ -79,6 +80,7 @@ def test_a_touch_is_found_and_the_arm_is_back_where_it_began(server: Fr3Process,
     assert stop.braking_after_s <= 0.021
 
 
+@pytest.mark.long
 def test_all_that_is_commanded_keeps_the_limits_there_and_back(server: Fr3Process) -> None:
     limits, logs = LIMITS["fr3"], []
     with arm_at(server, tool=TOOL) as arm:
@@ -93,6 +95,7 @@ def test_all_that_is_commanded_keeps_the_limits_there_and_back(server: Fr3Proces
     np.testing.assert_allclose(logs[0][0], logs[1][-1], atol=1e-6)  # the way back begins where the way there ended
 
 
+@pytest.mark.long
 def test_no_contact_ends_where_it_began(server: Fr3Process) -> None:
     server.plane(AIR_M, TIP)
     with arm_at(server, tool=TOOL) as arm:
@@ -104,6 +107,7 @@ def test_no_contact_ends_where_it_began(server: Fr3Process) -> None:
     np.testing.assert_allclose(after.q_rad, before.q_rad, atol=1e-3)
 
 
+@pytest.mark.long
 def test_the_pedal_let_go_during_the_search(server: Fr3Process) -> None:
     pedal = HandPedal()
     server.plane(AIR_M, TIP)
@@ -115,6 +119,7 @@ def test_the_pedal_let_go_during_the_search(server: Fr3Process) -> None:
         stopped_on_the_way(arm, "pedal")
 
 
+@pytest.mark.long
 def test_the_pedal_let_go_on_the_way_back(server: Fr3Process) -> None:
     pedal = HandPedal()
     with arm_at(server, tool=TOOL, pedal=pedal) as arm:
@@ -127,6 +132,7 @@ def test_the_pedal_let_go_on_the_way_back(server: Fr3Process) -> None:
         stopped_on_the_way(arm, "pedal")
 
 
+@pytest.mark.long
 def test_the_pedal_let_go_at_the_touch_leaves_the_arm_there(server: Fr3Process) -> None:
     """It brakes for the touch already; the way back does not begin."""
     pedal = HandPedal()
@@ -144,6 +150,7 @@ def test_the_pedal_let_go_at_the_touch_leaves_the_arm_there(server: Fr3Process) 
         stopped_on_the_way(arm, "pedal")
 
 
+@pytest.mark.long
 def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
     server.plane(AIR_M, TIP)
     with arm_at(server, tool=TOOL) as arm:
@@ -153,6 +160,7 @@ def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
         stopped_on_the_way(arm, "stop was requested")
 
 
+@pytest.mark.long
 def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
     server.tell("threshold 2.0")
     with arm_at(server, tool=TOOL) as arm:
@@ -173,6 +181,7 @@ def test_a_guard_that_is_too_strong_is_refused(server: Fr3Process) -> None:
         assert arm.state().fault is None
 
 
+@pytest.mark.long
 def test_a_connection_lost_half_way_is_a_fault_then_unavailable() -> None:
     with fr3(Q_TOP_RAD, pace="hurried") as server, arm_at(server, tool=TOOL) as arm:
         server.at(1.0, lambda: server.signal(signal.SIGKILL))

@@ -58,6 +58,7 @@ def play(server: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) -> No
     np.testing.assert_allclose(arm.state().q_rad, path.q_rad[-1], atol=3e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["pushing", "scooping"])
 def test_the_task_path_arrives_sample_by_sample_and_is_followed(server: Fr3Process, name: str) -> None:
     (_, task, _), X_FT, tool = trial(name)

@@ -11,6 +11,7 @@ from hw.franka.inspection import inspect
 from hw.franka.settings import FrankaSettings
 
 
+@pytest.mark.long
 def test_mode_joints_and_states_are_read_and_nothing_is_set() -> None:
     with fr3(READY_RAD) as server:
         seen = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)

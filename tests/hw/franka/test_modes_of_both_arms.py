@@ -149,6 +149,7 @@ def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: st
         assert names.index("set_load") < names.index("control_joint_position")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("brought_about", "ended", "words"),
     [
@@ -244,6 +245,7 @@ def test_an_arm_notices_what_no_checked_path_does(model: str, name: str, size: f
         driver.drive(lambda state, dt_s: (next(rows).tolist(), False))
 
 
+@pytest.mark.long
 def test_lost_commands_are_bridged_and_twenty_in_a_row_are_a_reflex(server: Fr3Process) -> None:
     server.tell("lose 0.2 5")
     with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:

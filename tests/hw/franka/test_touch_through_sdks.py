@@ -77,6 +77,7 @@ def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[i
     np.testing.assert_allclose(contact.felt_measured_rad[1:], contact.felt_commanded_rad[:-1], atol=5e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_air_is_no_contact(model: str) -> None:
     with arm_of(fake(model, feels=plane(-1.0)), model) as arm:
@@ -86,6 +87,7 @@ def test_the_air_is_no_contact(model: str) -> None:
         assert arm.state().fault is None
 
 
+@pytest.mark.long
 def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
     """It is let go of by the force: of the search at 2 N of 4, of the way back once it has become less than 1 N."""
     for low_N, where in ((2.0, "search"), (None, "way back")):

@@ -74,6 +74,7 @@ def test_a_camera_that_was_moved_is_noticed_at_the_table() -> None:
         find(scene().X_BC @ off, bottle=up(0.56, 0))
 
 
+@pytest.mark.long
 def test_overlay_shows_mark_goal_and_bottle_on_a_copy() -> None:
     s = scene()
     frame = s.photo(bottle=up(0.56, 0.0))

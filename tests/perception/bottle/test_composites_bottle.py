@@ -21,6 +21,7 @@ def test_a_bottle_with_the_holes_of_a_printed_mug_is_one_bottle_and_followed(roo
     assert not found.flags
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "level"), [("noise", 4.0), ("ring_px", 10), ("flying_px", 2), ("scale", 1.005)])
 def test_harmless_effects_are_neither_flagged_nor_wrong(room: Room, name: str, level: float) -> None:
     found = judge(room, spoilt(name, level))

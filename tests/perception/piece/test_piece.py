@@ -72,12 +72,14 @@ def test_two_pieces_are_refused_with_both_places() -> None:
         find_piece(scene.still(at(0.65, -0.03, 0.01)), scene.model, scene.X_BC, AREA)
 
 
+@pytest.mark.long
 def test_something_too_large_is_not_taken_for_a_piece() -> None:
     scene = studio(box("piece", (-0.035, -0.035, -0.01), (0.035, 0.035, 0.01), (0.55, 0.13, 0.03)))
     with pytest.raises(ObjectNotFound, match="a piece measures"):
         find_piece(scene.still(at(0.68, 0.0, 0.01)), scene.model, scene.X_BC, AREA)
 
 
+@pytest.mark.long
 def test_overlay_draws_on_a_copy() -> None:
     scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
     frame = scene.still(at(0.68, 0.0, 0.01))

@@ -73,6 +73,7 @@ def errors_mm(found: ObjectTrack, piece: Motion) -> Array:
     return np.asarray(1e3 * np.linalg.norm(found.state[:, :2] - truth, axis=1))
 
 
+@pytest.mark.long
 def test_a_scoop_is_followed_onto_the_blade() -> None:
     found = track(scoop(), scoop_tool)
     assert np.percentile(errors_mm(found, scooped), 95) < 1.5

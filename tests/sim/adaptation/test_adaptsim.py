@@ -81,6 +81,7 @@ def test_the_evidence_is_that_of_a_student_t_process():
     assert wider.evidence(residuals) - found == pytest.approx(other.logpdf(residuals.T) - expected)
 
 
+@pytest.mark.long
 def test_one_success_far_from_where_all_simulators_put_it_does_not_choose_among_them():
     strange = trial(ACTION.denormalise(np.full(2, 0.5)))
     assert strange.end_state is not None
@@ -90,6 +91,7 @@ def test_one_success_far_from_where_all_simulators_put_it_does_not_choose_among_
     assert effective[1] > 0.3 * effective[0]
 
 
+@pytest.mark.long
 def test_the_scale_of_what_reality_adds_grows_where_trials_contradict_the_simulators():
     agreeing = trials(12)
     some = next(t.end_state for t in agreeing if t.end_state is not None)
@@ -128,6 +130,7 @@ def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
     assert found.correction[0] != pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.long
 def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     for_e = policy_for(simulators().solver, TARGET[None])
     found = [outlook_after(Reality(simulators(), trials(n)), for_e, n // 4, 2) for n in (0, 4, 16)]
@@ -140,6 +143,7 @@ def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     assert found[2].ci95[0] <= found[2].reward <= found[2].ci95[1]
 
 
+@pytest.mark.long
 def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
     """The twelve are the latest ones: a success among them ends the count."""
     for_e, seen = policy_for(simulators().solver, TARGET[None]), np.full(TOY.observation.size, 0.5)
@@ -156,6 +160,7 @@ def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
     assert not after(*[failed] * 11, worked, failed)
 
 
+@pytest.mark.long
 def test_an_object_that_nothing_suits_is_called_hopeless():
     actions, seen = cover(ACTION, 96, np.random.default_rng(2)), np.full(TOY.observation.size, 0.5)
     failing = tuple(Trial(CONTEXTS[0], action, seen, 0.0, None) for action in actions)
@@ -202,6 +207,7 @@ def test_actions_that_the_arm_cannot_do_are_passed_over():
         RealityPolicy(reality, executable=lambda *_: False)(CONTEXTS[0])
 
 
+@pytest.mark.long
 def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
     task = get_task("pendulum")
     checkpoint = load_checkpoint(task)
@@ -224,6 +230,7 @@ def test_it_needs_prospects_and_former_sessions_keep_their_method():
     assert type(make_method(FORMER_DEFAULT, checkpoint.solver.task, checkpoint)).__name__ == "Belief"
 
 
+@pytest.mark.long
 def test_parameters_that_move_the_piece_are_told_and_others_are_not():
     told = {found.name: found for found in identifiability(simulators(), 0)}
     assert told["mu"].left < 0.7

@@ -57,6 +57,7 @@ def two_iterations(parameters=TARGET):
     ]
 
 
+@pytest.mark.long
 def test_the_posterior_finds_the_truth_and_narrows_with_every_iteration():
     method, history = SysId(solver(), ends_only=False, point=False), two_iterations()
     once, twice = method.posterior(history[:1]), method.posterior(history)
@@ -67,6 +68,7 @@ def test_the_posterior_finds_the_truth_and_narrows_with_every_iteration():
     assert twice[:, 3].std() < 0.25
 
 
+@pytest.mark.long
 def test_all_particles_are_the_posterior_and_the_point_is_its_mean():
     history = two_iterations()
     full, point = (SysId(solver(), ends_only=False, point=p) for p in (False, True))
@@ -80,6 +82,7 @@ def test_all_particles_are_the_posterior_and_the_point_is_its_mean():
     assert PARAMETERS.normalise(one.mean)[0] == pytest.approx(full.posterior(history)[:, 0].mean())
 
 
+@pytest.mark.long
 def test_another_process_has_the_same_posterior_and_another_trial_another_one():
     history = two_iterations()
     again = [SysId(solver(), ends_only=True, point=False).posterior(history) for _ in range(2)]
@@ -179,6 +182,7 @@ def test_rewards_of_one_task_lead_to_what_earns_there():
     assert truth[chosen] > np.quantile(truth, 0.9)
 
 
+@pytest.mark.long
 def test_learning_in_the_target_finds_the_action_without_a_simulator():
     method = LearnInTarget(TOY)
     assert isinstance(method, OwnPolicies)
@@ -203,6 +207,7 @@ def test_learning_in_the_target_finds_the_action_without_a_simulator():
     assert 0.0 <= low <= mean <= high <= 1.0
 
 
+@pytest.mark.long
 def test_its_exploration_differs_by_particle_and_context_and_is_repeated_exactly():
     method = LearnInTarget(TOY)
     first, second = method.start(2, np.random.default_rng(0))

@@ -81,6 +81,7 @@ def test_a_session_comes_close_to_the_best_policy_at_once():
     assert miss[0] < 0.6 * miss[1]
 
 
+@pytest.mark.long
 def test_it_beats_random_search_on_unseen_targets():
     solver, settings = EmulatorSolver(trained()[0]), EvaluationSettings(iterations=3)
     earned: dict[str, list[float]] = {"belief": [], "random": []}
@@ -139,6 +140,7 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     assert (estimate.std < method.estimate([]).std).mean() > 0.9
 
 
+@pytest.mark.long
 def test_the_card_names_the_former_default_and_a_checkpoint_without_prospects_says_so(tmp_path):
     emulator, _ = trained()
     networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}

@@ -80,6 +80,7 @@ def test_the_limits_bound_what_methods_earn():
     assert earned > judge(PENDULUM, middle[0].actions, place, CONDITIONS, 0).reward
 
 
+@pytest.mark.long
 def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
     few = replace(CONDITIONS, fresh=8)
     plain, fresh = run_job(job("adaptsim")), run_job(job("adaptsim", conditions=few))

@@ -29,6 +29,8 @@ from sim.panda.tool import cell_as_shipped
 from sim.panda.visits import postures
 from sim.tasks import get_task
 
+pytestmark = pytest.mark.long
+
 BOARD = Board()
 HELD = HeldBoard(draw(BOARD, 112), BOARD.size_m)
 CELL = cell_as_shipped(get_task("scooping").require_hardware(), "panda").holding(HELD.tool())

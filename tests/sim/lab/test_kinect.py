@@ -89,6 +89,7 @@ def test_a_body_that_hardly_moves_is_held_until_it_has_moved() -> None:
     assert np.array_equal(held_still(moving), moving)
 
 
+@pytest.mark.long
 def test_a_picture_does_not_depend_on_the_one_before() -> None:
     here, there = ({"block": at(x, 0.01, HALF_M)[None]} for x in (0.68, 0.70))
     one = Renderer(close_up(), default_X_BC(), [TABLE, BLOCK])

@@ -34,6 +34,7 @@ def shared() -> Iterator[SimulatedLab]:
         yield lab
 
 
+@pytest.mark.long
 def test_a_trial_depends_on_seed_trial_and_attempt_alone(shared: SimulatedLab) -> None:
     first, second = run(shared, 2), run(shared, 3)
     shared.bench.place(XY_M + 0.03, 1, 0)
@@ -48,6 +49,7 @@ def test_a_trial_depends_on_seed_trial_and_attempt_alone(shared: SimulatedLab) -
         assert run(other, 2).bytes_ != first.bytes_
 
 
+@pytest.mark.long
 def test_the_tool_shoves_the_block_and_the_truth_says_where(shared: SimulatedLab) -> None:
     run(shared, 4)
     truth = shared.truth()["trials"][-1]
@@ -62,12 +64,14 @@ def test_the_tool_shoves_the_block_and_the_truth_says_where(shared: SimulatedLab
     np.testing.assert_allclose(p_m[:, 2], 0.02, atol=1e-3)
 
 
+@pytest.mark.long
 def test_the_arm_lags_behind_its_path_a_little(shared: SimulatedLab) -> None:
     execution = run(shared, 5).execution
     lag = np.abs(execution.q_measured_rad - execution.q_commanded_rad).max()
     assert 1e-4 < lag < 5e-3
 
 
+@pytest.mark.long
 def test_frames_come_at_30_per_second_through_the_motion_and_the_rest_after_it(shared: SimulatedLab) -> None:
     trial = run(shared, 6)
     t_s = np.array([f.t_s for f in trial.frames]) - trial.execution.t_start_s
@@ -76,6 +80,7 @@ def test_frames_come_at_30_per_second_through_the_motion_and_the_rest_after_it(s
     assert t_s[-1] > 1.3 - PERIOD_S - 0.005
 
 
+@pytest.mark.long
 def test_pictures_show_the_block_where_it_truly_is(shared: SimulatedLab) -> None:
     trial = run(shared, 7)
     truth = shared.truth()
@@ -132,6 +137,7 @@ def test_a_recording_must_have_been_started(shared: SimulatedLab) -> None:
         shared.camera.stop_recording()
 
 
+@pytest.mark.long
 def test_frames_get_lost_where_the_world_says_so(shared: SimulatedLab) -> None:
     whole = run(shared, 12)
     with SimulatedLab(TASK, world(Sensing(camera="small", frame_drop=0.3)), 7, CELL) as lossy:

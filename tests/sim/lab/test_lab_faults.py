@@ -52,6 +52,7 @@ def test_releasing_the_pedal_brakes_along_the_path() -> None:
         assert len(lab.camera.stop_recording()) > 10
 
 
+@pytest.mark.long
 def test_the_camera_times_out_once_and_the_redo_is_well() -> None:
     with lab_with(camera_timeout=(1,)) as lab:
         with pytest.raises(CameraError, match="no frame within 1 s"):
@@ -71,6 +72,7 @@ def test_a_fault_is_the_same_after_a_restart() -> None:
     np.testing.assert_array_equal(ends[0], ends[1])
 
 
+@pytest.mark.long
 def test_placing_the_object_anew_finds_the_arm_at_home() -> None:
     with lab_with(arm_reflex=(1,)) as lab:
         with pytest.raises(ArmFault):

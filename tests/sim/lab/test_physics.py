@@ -108,6 +108,7 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
         simulate_of("scooping", "mujoco")
 
 
+@pytest.mark.long
 def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
     code = (
         "import sys; from sim.lab.rollouts import rollouts_in; from sim.lab.world import load_world; "
@@ -117,6 +118,7 @@ def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 
 
+@pytest.mark.long
 def test_tables_of_a_physics_are_not_mistaken_for_those_of_another() -> None:
     """World tables are kept by the digest of their world and the key of their scene."""
     world = load_world("mujoco-wd", SCOOPING)

@@ -58,6 +58,7 @@ def relative(found, wanted):
     return np.abs(found - wanted) / np.outer(scale, scale)
 
 
+@pytest.mark.long
 def test_springs(arm_at_edge):
     assert relative(at_edge(np.diag(1.0 / np.array(ARM.stiffness))), arm_at_edge[0]).max() < 0.1
 

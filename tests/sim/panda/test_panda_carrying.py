@@ -66,6 +66,7 @@ def test_an_arm_that_would_have_to_fold_otherwise_is_refused() -> None:
         carry_path(far, q_to, HARDWARE.X_FT, cell_as_shipped(HARDWARE, "panda").arm)
 
 
+@pytest.mark.long
 def test_an_olive_that_was_scooped_is_still_on_the_blade_at_home() -> None:
     """Round, and at the root of the blade when the motion ends."""
     parameters, nuisance = np.array([0.326, 2.2e5, 0, 2.08]), np.array([0.011])

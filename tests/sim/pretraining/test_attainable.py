@@ -56,6 +56,7 @@ def test_the_threshold_is_what_the_best_parameters_reach_nearly_everywhere(store
         attainable_threshold(replace(stored, prospects=None))
 
 
+@pytest.mark.long
 def test_a_repaired_copy_holds_the_policy_and_its_gate_and_everything_else_as_before(stored, tmp_path):
     told = []
     path, gate = repair(stored, tmp_path / "repaired", 3, 64, lambda *step: told.append(step))
@@ -83,6 +84,7 @@ def test_without_it_the_message_says_how_to_make_one(stored):
         make_method("adaptsim-attainable", TOY, stored)
 
 
+@pytest.mark.long
 def test_the_gate_passes_who_moves_by_what_it_sees_and_stops_who_drifts():
     solver = EmulatorSolver(trained()[0])
 

@@ -92,6 +92,7 @@ def test_sparse_rewards_and_exploration():
     assert (mixed != 1).any(axis=1).mean() == pytest.approx(0.5 * 26 / 27, abs=0.07)
 
 
+@pytest.mark.long
 def test_training_repeats_exactly_and_depends_on_the_seed():
     emulator, _ = trained()
     settings = MetaSettings(steps=16, parallel=8, updates=1)
@@ -110,6 +111,7 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
     assert np.allclose(moved, episodes.means[:, :, 1])
 
 
+@pytest.mark.long
 def test_a_policy_with_memory_learns_from_the_episodes_of_another():
     emulator, _ = trained()
     _, _, episodes = train_adaptation(EmulatorSolver(emulator), roll, MetaSettings(steps=256, parallel=32), 0)
@@ -156,6 +158,7 @@ def test_the_evaluation_orders_oracle_and_udr():
         assert report.udr + score.above_udr_ci95[0] <= score.reward[-1] <= report.udr + score.above_udr_ci95[1]
 
 
+@pytest.mark.long
 def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     path, seen = run(tmp_path)
     checkpoint = load_checkpoint(TOY, str(path))
@@ -170,6 +173,7 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     assert len(particles) == 2
 
 
+@pytest.mark.long
 def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     path, seen = run(tmp_path, wanted=Wanted(policies=False, evaluation=False))
     first = load_checkpoint(TOY, str(path))
@@ -195,6 +199,7 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     assert everything.sha256 == taught.sha256
 
 
+@pytest.mark.long
 def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):
     calls.clear()
     with pytest.raises(RolloutError, match="power cut"):
@@ -211,6 +216,7 @@ def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts
     assert len(calls) == 2
 
 
+@pytest.mark.long
 def test_a_folder_of_another_plan_is_refused(tmp_path):
     run(tmp_path)
     with pytest.raises(DatasetError, match="a different seed"):

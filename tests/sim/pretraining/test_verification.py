@@ -30,6 +30,8 @@ from sim.pretraining.verification.verify import (
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 
+pytestmark = pytest.mark.long
+
 BUDGET = PretrainBudget(
     rollouts=1024,
     denser=64,

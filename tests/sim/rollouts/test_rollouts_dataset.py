@@ -72,6 +72,7 @@ def test_a_killed_build_goes_on_where_it_was(tmp_path):
     assert resumed.identity == build(tmp_path / "fresh").identity
 
 
+@pytest.mark.long
 def test_the_second_part_is_denser_where_the_outcome_changes(tmp_path):
     dataset = build(tmp_path, 1024, denser=512)
     assert (len(dataset), dataset.uniform) == (1536, 1024)
@@ -83,6 +84,7 @@ def test_the_second_part_is_denser_where_the_outcome_changes(tmp_path):
     assert build(tmp_path, 1024, denser=512).identity == dataset.identity == load_dataset(tmp_path, TOY).identity
 
 
+@pytest.mark.long
 def test_a_killed_denser_part_goes_on_with_the_rollouts_that_were_chosen(tmp_path):
     calls.clear()
     with pytest.raises(RolloutError, match="power cut"):
@@ -93,6 +95,7 @@ def test_a_killed_denser_part_goes_on_with_the_rollouts_that_were_chosen(tmp_pat
     assert resumed.identity == build(tmp_path / "fresh", 256, denser=300).identity
 
 
+@pytest.mark.long
 def test_what_was_chosen_by_a_first_part_is_not_mixed_with_another(tmp_path):
     build(tmp_path, 256, denser=128)
     with pytest.raises(DatasetError, match="chosen by those"):

@@ -101,6 +101,7 @@ def test_nothing_to_run_and_wrong_shapes_are_refused():
         Requests(np.zeros((3, 4)), np.zeros((3, 2)), np.zeros((2, 2)), np.zeros((3, 1)))
 
 
+@pytest.mark.long
 def test_kept_rollouts_are_of_another_scene_when_the_tool_or_the_end_of_a_trial_changes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -48,6 +48,7 @@ def rng():
     return np.random.default_rng(0)
 
 
+@pytest.mark.long
 def test_policies_are_trained_within_the_budgets_and_reused_by_the_rules():
     counted = Counting()
     solver = solver_with(RULES, counted)
@@ -184,6 +185,7 @@ def test_what_a_policy_says_of_itself_holds():
     assert max(off) < 0.5
 
 
+@pytest.mark.long
 def test_phase_1_runs_on_it():
     solver = solver_with(QUICK)
     network, curve, _ = train_adaptation(solver, roll, MetaSettings(steps=8, parallel=2), 0)

@@ -28,6 +28,12 @@ def is_simulated(hw: str) -> bool:
     return hw == SIMULATED
 
 
+def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
+    """The options that lead another command to the same task and lab."""
+    seeded = "" if seed is None else f" --seed {seed}"
+    return f"--task {task} " + (f"--world {world}{seeded}" if is_simulated(hw) else f"--hw {hw}")
+
+
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE = "rig.toml"
 _PREFIX = "ADAPTSIM_"
@@ -94,6 +100,11 @@ class Config:
     def place(self) -> str:
         """The place of trials as part of a name: the world of the simulated lab, or the arm."""
         return Path(self.lab_world).stem or self.hw
+
+    @property
+    def same_lab(self) -> str:
+        """The options that lead another command to the same rig or world."""
+        return same_lab(self.task, self.hw, self.world, self.seed)
 
     def unattended(self, yes: bool) -> bool:
         """Whether no question is asked: with `--yes`, but never with a real arm."""

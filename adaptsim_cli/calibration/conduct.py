@@ -108,7 +108,7 @@ def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, st
             visits = _visits(rig, screen, request)
         found = drift.check(rig, known, visits, screen)
     screen.show(Text(found.message, style="bold red" if found.moved else "green"))
-    where = flags(config)
+    where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
     screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
     if request.as_json:
@@ -252,14 +252,8 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def flags(config: Config) -> str:
-    """The options that lead another command to the same rig or world."""
-    place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
-    return f"--task {config.task} {place}"
-
-
 def _after(config: Config) -> tuple[tuple[str, str], ...]:
-    where = flags(config)
+    where = config.same_lab
     return (
         (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
         (f"adaptsim run-iteration {where}", "the first trials with this calibration"),

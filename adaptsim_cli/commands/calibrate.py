@@ -225,7 +225,7 @@ def show_calibration(
         return
     screen.show(shows.calibration(known))
     screen.plain(f"Report: {path / REPORT}")
-    screen.next((f"adaptsim calibrate restore {path.name} {conduct.flags(resolved.config)}", "puts it in use again"))
+    screen.next((f"adaptsim calibrate restore {path.name} {resolved.config.same_lab}", "puts it in use again"))
 
 
 @app.command("restore")
@@ -245,7 +245,6 @@ def restore_calibration(
     """
     from datetime import UTC, datetime
 
-    from adaptsim_cli.calibration import conduct
     from adaptsim_cli.screen import console, replacing
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import ground, settings
@@ -262,7 +261,7 @@ def restore_calibration(
         screen.data("calibrate restore", {"in_use": path.name, "restored_from": source, "folder": str(path)})
         return
     screen.plain(f"In use from now on: {path}")
-    screen.next((f"adaptsim calibrate check {conduct.flags(resolved.config)}", "has the camera moved?"))
+    screen.next((f"adaptsim calibrate check {resolved.config.same_lab}", "has the camera moved?"))
 
 
 @app.command("compare")
@@ -279,7 +278,7 @@ def compare_calibrations(
 
     Example: adaptsim calibrate compare 1 2 --hw fr3
     """
-    from adaptsim_cli.calibration import conduct, kept
+    from adaptsim_cli.calibration import kept
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import settings
@@ -291,5 +290,5 @@ def compare_calibrations(
         screen.data("calibrate compare", found)
         return
     screen.show(kept.sentence(found))
-    again = f"adaptsim calibrate restore {found['first']} {conduct.flags(resolved.config)}"
+    again = f"adaptsim calibrate restore {found['first']} {resolved.config.same_lab}"
     screen.next((again, "puts the first in use again"))

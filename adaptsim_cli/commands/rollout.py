@@ -68,6 +68,7 @@ def rollout(
     from datetime import UTC, datetime
     from tempfile import TemporaryDirectory
 
+    from adaptsim_cli.config import same_lab
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.screen.durations import Durations
@@ -109,9 +110,8 @@ def rollout(
         screen.data("rollout", record)
     _tell(screen, record)
     screen.plain(f"Stored: {folder}")
-    place = f"--world {settings.world}" if settings.is_simulated else f"--hw {settings.hw}"
     page = ((f"adaptsim rollouts report {name}", "the path, on a page"),)
-    on = f"--session {session}" if session else f"--task {settings.task} {place}"
+    on = f"--session {session}" if session else same_lab(settings.task, settings.hw, settings.world)
     adapt = (f"adaptsim run-iteration {on}", "goes on with it" if session else "adapts in about twenty such trials")
     screen.next(*(() if out else page), adapt)
 

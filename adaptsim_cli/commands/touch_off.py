@@ -97,7 +97,7 @@ def show_touch_off(
         return
     screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
     screen.show(views.rows(("quantity", "value", "95 % within"), kept.values(known), right=(1, 2)))
-    again = f"adaptsim touch-off restore {path.name} {conduct.flags(resolved.config)}"
+    again = f"adaptsim touch-off restore {path.name} {resolved.config.same_lab}"
     screen.next((again, "puts it in use again"))
 
 
@@ -114,7 +114,6 @@ def restore_touch_off(
     from datetime import UTC, datetime
 
     from adaptsim_cli.screen import console, replacing
-    from adaptsim_cli.touch_off import conduct
     from adaptsim_cli.wiring import ground, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
@@ -128,7 +127,7 @@ def restore_touch_off(
         screen.data("touch-off restore", {"in_use": path.name, "restored_from": source.name, "folder": str(path)})
         return
     screen.plain(f"In use from now on: {path}")
-    screen.next((f"adaptsim rollout {conduct.flags(resolved.config)}", "one trial with it"))
+    screen.next((f"adaptsim rollout {resolved.config.same_lab}", "one trial with it"))
 
 
 @app.command("compare")
@@ -146,7 +145,7 @@ def compare_touch_offs(
     Example: adaptsim touch-off compare 1 2 --task scooping --hw fr3
     """
     from adaptsim_cli.screen import console, views
-    from adaptsim_cli.touch_off import conduct, kept
+    from adaptsim_cli.touch_off import kept
     from adaptsim_cli.wiring import settings
     from adaptsim_cli.wiring import touch_off as wiring
 
@@ -157,5 +156,5 @@ def compare_touch_offs(
         screen.data("touch-off compare", found)
         return
     screen.show(views.rows(("quantity", "first", "second", "difference"), kept.differences(found), right=(1, 2, 3)))
-    again = f"adaptsim touch-off restore {store.numbered.named(first).name} {conduct.flags(resolved.config)}"
+    again = f"adaptsim touch-off restore {store.numbered.named(first).name} {resolved.config.same_lab}"
     screen.next((again, "puts the first in use again"))

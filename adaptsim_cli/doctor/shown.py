@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import Config, same_lab
 from adaptsim_cli.doctor.finding import Finding, Severity
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen import views
@@ -42,9 +42,8 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
         for finding in remedies:
             screen.plain(f"  {finding.name}: {finding.fix}")
     if not _missing(found):
-        where = f"--world {config.world}" if config.is_simulated else f"--hw {config.hw}"
         screen.plain("\nReady")
-        screen.next((f"adaptsim run-iteration --task {config.task} {where}", "the first trials"))
+        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
 
 
 def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:

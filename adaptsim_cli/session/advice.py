@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from adaptsim_cli.config import is_simulated
+from adaptsim_cli.config import same_lab
 from adaptsim_cli.session.records import Facts, ResultRecord
 
 ENOUGH_ITERATIONS = 5
@@ -23,7 +23,7 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
     done, verdict = result.iteration, result.verdict
     if CANNOT_EXPRESS in verdict or verdict.startswith(HOPELESS):
-        where = flags(facts)
+        where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
         tool = (f"adaptsim touch-off {where}", "measures table and tool again")
         camera = (f"adaptsim calibrate check {where}", "has the camera moved?")
         return (camera, tool, use) if facts.calibration else (use,)
@@ -37,9 +37,3 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     if verdict.startswith(NOT_YET) and done >= ENOUGH_ITERATIONS:
         return (use, (go_on, f"{done} iterations are done; more rarely help"))
     return ((go_on, f"iteration {done + 1}"), use)
-
-
-def flags(facts: Facts) -> str:
-    """The options that lead another command to the same task and place."""
-    place = f"--world {facts.world} --seed {facts.seed}" if is_simulated(facts.hw) else f"--hw {facts.hw}"
-    return f"--task {facts.task} {place}"

@@ -43,12 +43,6 @@ def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
     return ()
 
 
-def flags(config: Config) -> str:
-    """The options that lead another command to the same rig or world."""
-    place = f"--world {config.world} --seed {config.seed}" if config.is_simulated else f"--hw {config.hw}"
-    return f"--task {config.task} {place}"
-
-
 def touch_off(
     resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
 ) -> None:
@@ -67,7 +61,7 @@ def touch_off(
         saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), versions())
     folder = store.save(saved)
     screen.plain(f"In use from now on: {folder}")
-    screen.next((f"adaptsim rollout {flags(config)}", "one trial with it"))
+    screen.next((f"adaptsim rollout {config.same_lab}", "one trial with it"))
     if request.as_json:
         screen.data("touch-off", summary(saved) | {"folder": str(folder)})
 

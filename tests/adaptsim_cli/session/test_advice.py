@@ -6,6 +6,7 @@ import inspect
 
 import pytest
 
+from adaptsim_cli.config import same_lab
 from adaptsim_cli.session import advice
 from adaptsim_cli.session.records import BestRecord, Facts, ResultRecord
 from sim.adaptation import verdict
@@ -59,5 +60,5 @@ def test_every_verdict_is_known() -> None:
 
 
 def test_beside_a_real_arm_the_world_is_the_hardware() -> None:
-    real = FACTS.model_copy(update={"hw": "fr3", "world": ""})
-    assert advice.flags(real) == "--task scooping --hw fr3"
+    assert same_lab("scooping", "fr3", "", 3) == "--task scooping --hw fr3"
+    assert same_lab("scooping", "fake", "ood-1") == "--task scooping --world ood-1"

@@ -59,7 +59,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
     [
         (["fly"], "No such command 'fly'"),
         (["run-iteration", "--sped", "3"], "No such option: --sped"),
-        (["run-iteration", "--iterations", "0"], "greater than or equal to 1"),
+        (["run-iteration", "--iterations", "0"], "greater than or equal to 1|not in the range x>=1"),
         (["run-iteration", "--seed", "-1", "--yes"], "seed = -1"),
         (["run-iteration", "--hw", "ur5", "--yes"], "choose one of fake, panda, fr3"),
         (["run-iteration", "--task", "juggling", "--yes"], 'task "juggling" is not known: it must be one of'),

@@ -127,9 +127,9 @@ def test_every_example_of_help_parses_and_names_what_can_exist(example: str, tmp
         ("adaptsim fly", "No such command"),
         ("adaptsim calibrate fly", "No such command"),
         ("adaptsim run-iteration --sped 3", "No such option"),
-        ("adaptsim run-iteration -n 0", "greater than or equal to 1"),
+        ("adaptsim run-iteration -n 0", "greater than or equal to 1|not in the range x>=1"),
         ("adaptsim --sped", "No such option"),
-        ("adaptsim sessions redo NAME first", "valid integer"),
+        ("adaptsim sessions redo NAME first", "valid int"),
         ("adaptsim retrack --json", "Missing argument"),
     ],
 )

@@ -70,7 +70,7 @@ def speed(task: Task, workers: int, count: int) -> tuple[float, float]:
 
 
 def predict(task: Task, total: int, workers: list[int], rollout_s: float, scheduler_s: float) -> None:
-    """Shards one after the other as they are, and all at once as they could be."""
+    """All chunks at once, as they are handed out, and shard by shard, as they were before."""
     whole, size = draws(task, SHARD), min(CHUNK, SHARD // CALLS)
     sent = len(pickle.dumps(whole[:size]))
     print(f"{total} rollouts of {1e3 * rollout_s:g} ms in tasks of {size}; {sent} bytes go out with a task\n")

@@ -25,7 +25,7 @@ from sim.lab.drawn import as_toml
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World
 from sim.rollouts.draws import cover, sobol
-from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_parts
 from sim.rollouts.shards import read_manifest, read_rollouts, read_shard, write_rollouts
 from sim.solvers.solver import Solver
 from sim.storage.files import write_toml
@@ -94,11 +94,13 @@ def build_table(
         raise DatasetError(
             f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
         )
-    there, done = replace(task, simulate=rollouts_in(world)), 0
-    for path, part in _shards(folder, table_requests(solver, world, size)):
-        if read_rollouts(path, part) is None:
-            write_rollouts(path, part, run_many(there, part, executor))
-        done += len(part)
+    there, shards = replace(task, simulate=rollouts_in(world)), _shards(folder, table_requests(solver, world, size))
+    missing = {path: part for path, part in shards if read_rollouts(path, part) is None}
+    done = size - sum(map(len, missing.values()))
+    progress(done, size)
+    for path, rollouts in zip(missing, run_parts(there, list(missing.values()), executor), strict=True):
+        write_rollouts(path, missing[path], rollouts)
+        done += len(rollouts)
         progress(done, size)
     table = _read(folder, world, size)
     write_toml(folder / MANIFEST, {**plan, "digest": table.digest})

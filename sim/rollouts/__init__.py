@@ -2,7 +2,7 @@
 
 from sim.rollouts.dataset import Dataset, build_dataset, load_dataset
 from sim.rollouts.executors import process_pool, serial_executor
-from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.rollouts.run import Requests, Rollouts, run_many, run_parts
 
 __all__ = [
     "Dataset",
@@ -12,5 +12,6 @@ __all__ = [
     "load_dataset",
     "process_pool",
     "run_many",
+    "run_parts",
     "serial_executor",
 ]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.rollouts.draws import at_reference, sobol
-from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many, run_parts
 from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, write_rollouts
 from sim.storage.files import whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
@@ -112,11 +112,16 @@ def build_dataset(
     _agree_on_manifest(task, folder, size, more, seed, executor)
 
     def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
-        parts = []
-        for path, part in _shards(folder, requests, kind):
-            parts.append(_simulated(task, path, part, executor, _offset(progress, before, size + more)))
-            before += len(part)
-        return concatenate(parts)
+        shards = dict(_shards(folder, requests, kind))
+        there = {path: read_rollouts(path, part) for path, part in shards.items()}
+        missing = {path: part for path, part in shards.items() if there[path] is None}
+        before += len(requests) - sum(map(len, missing.values()))
+        show = _offset(progress, before, size + more)
+        show(0, 0)
+        for path, rollouts in zip(missing, run_parts(task, list(missing.values()), executor, show), strict=True):
+            write_rollouts(path, missing[path], rollouts)
+            there[path] = rollouts
+        return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
 
     requests = dataset_requests(task, seed, size)
     results = simulate(requests, "shard", 0)
@@ -145,16 +150,6 @@ def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
 def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
     for start in range(0, len(requests), SHARD):
         yield folder / f"{kind}-{start // SHARD:05d}.npz", requests[start : start + SHARD]
-
-
-def _simulated(task: Task, path: Path, part: Requests, executor: Executor, progress: Progress) -> Rollouts:
-    """The rollouts of the shard at `path`; simulated and stored if it is missing or damaged."""
-    results = read_rollouts(path, part)
-    if results is None:
-        results = run_many(task, part, executor, progress)
-        write_rollouts(path, part, results)
-    progress(len(part), len(part))
-    return results
 
 
 def _read_rows(path: Path, count: int, pool: int) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, fields
 
@@ -16,7 +16,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.errors import ClusterUnavailable, RolloutError, UnknownName
 from sim.rollouts.executors import LOST
 from sim.tasks import get_task
-from sim.tasks.task import Task
+from sim.tasks.task import SimulateMany, Task
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
 """`Rollouts.outcome` holds indices into this tuple."""
@@ -27,8 +27,8 @@ CHUNK, CALLS = 8, 16
 Fewer if that gives less than this many calls, so that even the two trials of a session's step keep two workers busy.
 """
 
-IN_FLIGHT = 64
-"""Chunks in the executor's queue at a time, so that a large request does not fill it."""
+IN_FLIGHT = 4096
+"""Chunks in the executor's queue at a time, under 2 KB each: work for a thousand workers, and an end to the queue."""
 
 Progress = Callable[[int, int], None]
 
@@ -114,48 +114,105 @@ def roll_in_parts(roll: Roll, size: int, total: int, progress: Progress) -> Roll
 
 
 def run_many(task: Task, requests: Requests, executor: Executor, progress: Progress | None = None) -> Rollouts:
-    """Simulate every request, in their order.
+    """Simulate every request, in their order; raises as `run_parts`."""
+    (rollouts,) = run_parts(task, [requests], executor, progress)
+    return rollouts
+
+
+def run_parts(
+    task: Task, parts: Sequence[Requests], executor: Executor, progress: Progress | None = None
+) -> Iterator[Rollouts]:
+    """Simulate several parts, and yield the rollouts of each, in their order.
+
+    Workers that have nothing left to do in a part work on the next ones, so no part waits for the last chunk of
+    another. `progress` counts the rollouts of all parts.
 
     Raises RolloutError naming the running requests if a rollout raises or a worker dies. Raises ClusterUnavailable if a
     cluster's scheduler is gone. The caller keeps the executor. A task that simulates stacks does so in this process,
     which is quicker than using the executor.
     """
-    if len(requests) == 0:
-        raise ValueError("run_many was given no requests")
-    if task.simulate_many is not None:
-        results = _observed(
-            task, task.simulate_many(requests.parameters, requests.context, requests.action, requests.nuisance)
-        )
-        if progress is not None:
-            progress(len(requests), len(requests))
-        return results
-    source = _reference(task)
-    chunk = max(1, min(CHUNK, len(requests) // CALLS))
-    starts = iter(range(0, len(requests), chunk))
-    running: dict[Future[Rollouts], int] = {}
-    done: dict[int, Rollouts] = {}
+    if not all(map(len, parts)):
+        raise ValueError("no requests were given")
+    simulate, total = task.simulate_many, sum(map(len, parts))
+    if simulate is not None:
+        return _stacked(task, simulate, parts, total, progress or _silent)
+    return _spread(_reference(task), parts, total, executor, progress or _silent)
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """Requests from `start` to `end` of a part."""
+
+    part: int
+    start: int
+    end: int
+
+
+def _stacked(
+    task: Task, simulate: SimulateMany, parts: Sequence[Requests], total: int, progress: Progress
+) -> Iterator[Rollouts]:
+    done = 0
+    for part in parts:
+        yield _observed(task, simulate(part.parameters, part.context, part.action, part.nuisance))
+        done += len(part)
+        progress(done, total)
+
+
+def _spread(
+    source: str | Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
+) -> Iterator[Rollouts]:
+    waiting, running, done = iter(_chunks(parts)), dict[Future[Rollouts], _Chunk](), 0
+    finished: list[dict[int, Rollouts]] = [{} for _ in parts]
     try:
-        while len(done) * chunk < len(requests):
-            for start in itertools.islice(starts, IN_FLIGHT - len(running)):
-                try:
-                    running[executor.submit(_run_chunk, source, requests[start : start + chunk])] = start
-                except BrokenExecutor as broken:
-                    raise _failure(requests, [start], chunk, broken) from broken
-            ready, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in sorted(ready, key=lambda f: running[f]):
-                if future.cancelled():
-                    raise ClusterUnavailable(LOST)
-                error = future.exception()
-                if error is not None:
-                    lost = sorted(running.values()) if isinstance(error, BrokenExecutor) else [running[future]]
-                    raise _failure(requests, lost, chunk, error) from error
-                done[running.pop(future)] = future.result()
-            if progress is not None:
-                progress(sum(map(len, done.values())), len(requests))
+        for number, part in enumerate(parts):
+            found = finished[number]
+            while sum(map(len, found.values())) < len(part):
+                for chunk in itertools.islice(waiting, IN_FLIGHT - len(running)):
+                    try:
+                        there = parts[chunk.part][chunk.start : chunk.end]
+                        running[executor.submit(_run_chunk, source, there)] = chunk
+                    except BrokenExecutor as broken:
+                        raise _failure(parts, [chunk], broken) from broken
+                ready, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in sorted(ready, key=lambda f: (running[f].part, running[f].start)):
+                    rollouts = _result(parts, running, future)
+                    chunk = running.pop(future)
+                    finished[chunk.part][chunk.start] = rollouts
+                    done += len(rollouts)
+                    if sum(map(len, found.values())) == len(part):
+                        break  # handed on before anything that fails later
+                progress(done, total)
+            yield concatenate(found[start] for start in sorted(found))
+            found.clear()
     finally:
         for future in running:
             future.cancel()
-    return concatenate(done[start] for start in sorted(done))
+
+
+def _chunks(parts: Sequence[Requests]) -> Iterator[_Chunk]:
+    for number, part in enumerate(parts):
+        size = max(1, min(CHUNK, len(part) // CALLS))
+        for start in range(0, len(part), size):
+            yield _Chunk(number, start, min(start + size, len(part)))
+
+
+def _result(
+    parts: Sequence[Requests], running: Mapping[Future[Rollouts], _Chunk], future: Future[Rollouts]
+) -> Rollouts:
+    """The rollouts of a future that is done."""
+    if future.cancelled():
+        raise ClusterUnavailable(LOST)
+    error = future.exception()
+    if error is not None:
+        chunk = running[future]
+        lost = [other for other in running.values() if other.part == chunk.part]
+        lost.sort(key=lambda other: other.start)
+        raise _failure(parts, lost if isinstance(error, BrokenExecutor) else [chunk], error) from error
+    return future.result()
+
+
+def _silent(done: int, total: int) -> None:
+    """Show no progress."""
 
 
 def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
@@ -193,15 +250,14 @@ def _resolve(source: str | Task) -> Task:
     return get_task(source)
 
 
-def _failure(requests: Requests, lost: list[int], chunk: int, error: BaseException) -> RolloutError:
-    """Name the `lost` calls: the one that raised, or all calls that may have killed the process."""
-    ends = [min(start + chunk, len(requests)) - 1 for start in lost]
-    spans = [f"{start}-{end}" if end > start else str(start) for start, end in zip(lost, ends, strict=True)]
+def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:
+    """Name the `lost` chunks of a part: the one that raised, or all that may have killed the process."""
+    requests, first = parts[lost[0].part], lost[0].start
+    spans = [f"{c.start}-{c.end - 1}" if c.end - c.start > 1 else str(c.start) for c in lost]
     which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")
-    first = requests[lost[0] : lost[0] + 1]
     what = "a worker died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
     return RolloutError(
-        f"rollouts {which} of {len(requests)} failed ({what}); the first has parameters {first.parameters[0]}, "
-        f"context {first.context[0]}, action {first.action[0]}, nuisance {first.nuisance[0]}. Run it by itself to see "
-        "why."
+        f"rollouts {which} of {len(requests)} failed ({what}); the first has parameters {requests.parameters[first]}, "
+        f"context {requests.context[first]}, action {requests.action[first]}, nuisance {requests.nuisance[first]}. "
+        "Run it by itself to see why."
     )

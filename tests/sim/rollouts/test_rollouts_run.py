@@ -8,7 +8,7 @@ from toy_task import TOY, equal_rollouts, simulate
 
 from perception.types import Outcome
 from sim.errors import RolloutError
-from sim.rollouts import Requests, process_pool, run_many, serial_executor
+from sim.rollouts import Requests, process_pool, run_many, run_parts, serial_executor
 from sim.rollouts.dataset import dataset_requests
 from sim.rollouts.run import OUTCOMES
 from sim.tasks import get_task
@@ -68,6 +68,45 @@ def test_few_rollouts_keep_several_workers_busy_and_many_go_in_chunks(rollouts, 
     with Counting(2) as executor:
         run_many(TOY, dataset_requests(TOY, 0, rollouts), executor)
     assert executor.calls == calls
+
+
+def test_parts_come_in_order_and_later_ones_are_simulated_meanwhile():
+    parts = [dataset_requests(TOY, seed, size) for seed, size in ((0, 40), (1, 128), (2, 3))]
+    seen = []
+    with Counting(2) as executor:
+        found = run_parts(TOY, parts, executor, lambda done, total: seen.append((done, total)))
+        first = next(found)
+        assert executor.calls == 20 + 16 + 3  # of all parts
+        rest = list(found)
+        expected = [run_many(TOY, part, executor) for part in parts]
+    assert all(equal_rollouts(one, other) for one, other in zip([first, *rest], expected, strict=True))
+    assert seen == sorted(seen) and seen[-1] == (171, 171)
+
+
+def test_whoever_leaves_the_parts_early_leaves_no_work_behind():
+    began = []
+
+    def counting(*request):
+        began.append(request)
+        return simulate(*request)
+
+    parts = [dataset_requests(TOY, seed, 128) for seed in range(50)]
+    with Counting(1) as executor:
+        found = iter(run_parts(dataclasses.replace(TOY, simulate=counting), parts, executor))
+        next(found)
+        del found
+    assert executor.calls == 50 * 16
+    assert 128 <= len(began) < 50 * 128
+
+
+def test_a_raising_rollout_is_named_in_its_part():
+    task = dataclasses.replace(TOY, simulate=raising)
+    good, bad = dataset_requests(TOY, 0, 64), dataset_requests(TOY, 0, 64)
+    good = good[np.flatnonzero(good.parameters[:, 0] <= 0.44)]
+    with serial_executor() as executor:
+        found = run_parts(task, [good, bad], executor)
+        with pytest.raises(RolloutError, match=r"of 64 failed .*scene fell apart"):
+            list(found)
 
 
 def test_a_raising_rollout_is_named():

@@ -28,7 +28,7 @@ def draw_world(
     effects: Collection[str] | None = None,
     name: str = "drawn",
 ) -> World:
-    """Draw a world: parameters from Omega for every second world, else from the margin; each plausible effect with
+    """Draw a world: parameters from Omega with probability 1/2, else from the margin; each plausible effect with
     probability 1/2.
 
     `within` narrows the bounds of parameters; `effects` names the only effects that may be present.

@@ -24,7 +24,10 @@ class ChildGone(Exception):
 
 
 class Child:
-    """A running `python -m module CONNECTION PIPE arguments`, the first two file descriptors."""
+    """A running `python -m module CONNECTION PIPE arguments`, the first two file descriptors.
+
+    -P: a folder with the name of one of our packages, in the directory of the user, is not taken for it.
+    """
 
     def __init__(self, module: str, *arguments: str, end_s: float = END_S) -> None:
         self._end_s = end_s
@@ -32,7 +35,7 @@ class Child:
         listen, self._say = os.pipe()
         os.set_blocking(self._say, False)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module, str(theirs.fileno()), str(listen), *arguments],
+            [sys.executable, "-P", "-m", module, str(theirs.fileno()), str(listen), *arguments],
             pass_fds=(theirs.fileno(), listen),
             stdin=subprocess.DEVNULL,
             start_new_session=True,

@@ -16,6 +16,7 @@ from sim.benchmark.places import Place
 from sim.benchmark.sessions import Conditions, judge, run_session
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.executors import serial_executor
+from sim.rollouts.run import Requests, Rollouts
 from sim.solvers.naf.memory import NafMemory
 from sim.solvers.naf.solver import NafSolver, rules_of
 from sim.tasks import get_task
@@ -58,14 +59,19 @@ def _session(asked: Asked, checkpoint: Checkpoint, place: Place, seed: int, *, r
     task, rules = checkpoint.solver.task, rules_of(checkpoint.solver.task, SCALE)
     rules = rules if reusing else replace(rules, distance=0.0)
     with serial_executor() as crew:
-        roll = CachedRollouts(task, asked.folder / f"rollouts-{'reuse' if reusing else 'anew'}-{seed}", crew)
+        cached = CachedRollouts(task, asked.folder / f"rollouts-{'reuse' if reusing else 'anew'}-{seed}", crew)
+        asked_for, spent = list[int](), list[int]()
+
+        def roll(requests: Requests) -> Rollouts:
+            asked_for.append(len(requests))
+            return cached(requests)
+
         solver = NafSolver(task, roll, rules, NafMemory(task))
-        spent = list[int]()
-        method = Watched(make_method(METHOD, task, checkpoint), lambda _: spent.append(roll.count()))
+        method = Watched(make_method(METHOD, task, checkpoint), lambda _: spent.append(sum(asked_for)))
         policies = run_session(solver, method, place, CONDITIONS, seed)
     return {
         "policies": len(solver.memory.record),
-        "rollouts": roll.count(),
+        "rollouts": sum(asked_for),
         "spent": spent,
         "reward": [judge(task, policy.actions, place, CONDITIONS, seed).reward for policy in policies],
     }

@@ -18,7 +18,7 @@ from hw.errors import DeviceUnavailable
 
 _MARK = "K4A-PROBE "  # libk4a may write to stdout too
 _PATIENCE_S = 20.0
-_CHILD = (sys.executable, "-m", "hw.camera.probe")
+_CHILD = (sys.executable, "-P", "-m", "hw.camera.probe")
 _PLUG = (
     "plug the camera into a USB 3 port of its own with its own power supply, wait until its light is on, and install "
     "the udev rules of docs/guide/cameras.md if you are not root"

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,6 +85,15 @@ def test_closing_finishes_what_was_asked_for_or_cancels_it(make) -> None:
     asked = [studio.render(moment(i)) for i in range(200)]
     studio.close(finish=False)
     assert asked[-1].cancelled()
+
+
+def test_a_folder_of_the_user_is_not_taken_for_our_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sim").mkdir()
+    (tmp_path / "sim" / "__init__.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    studio = ProcessStudio(scene(), 1)
+    film(studio, 1)
+    studio.close(finish=True)
 
 
 def test_no_process_outlives_its_studio() -> None:

@@ -33,10 +33,9 @@ from sim.solvers.solver import Executable
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
-ATTEMPTS = 20
-"""How often an object is placed, at most, until it is found and no limit forbids the motion.
-
-As many as a trial of the lab has room for: at a corner of the area the hand's error puts three of four objects outside.
+ATTEMPTS, INWARD = 6, 0.02
+"""How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved
+inward by this share of the area, as the message asks: at the rim a hand's error puts every second object outside.
 """
 
 
@@ -82,9 +81,11 @@ class InLab:
     def _trial(self, context: Array, action: Array) -> tuple[Array, ObjectTrack]:
         """One motion, as in a session -> the measured context, and the track."""
         number, why = next(self._numbers), ""
+        area = self.rig.task.context
         for attempt in range(ATTEMPTS):
+            inner = np.clip(area.normalise(context), INWARD * attempt, 1 - INWARD * attempt)
             try:
-                ready = self.rig.set_up(context, TrialKey(number, attempt), cast(Operator, Nobody()))
+                ready = self.rig.set_up(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
                 files = ready.plan(action).execute().files()
                 with TemporaryDirectory() as folder:
                     for name, content in files.items():

@@ -45,17 +45,22 @@ def test_a_trial_in_the_lab_ends_near_that_of_a_rollout() -> None:
     assert seen.contexts[0] == pytest.approx(context)
 
 
-def test_an_object_that_is_never_found_ends_the_session_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried = list[int]()
+def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried, placed = list[int](), list[Array]()
 
     def lost(_: object, drawn: Array, key: Any, operator: object) -> None:
         tried.append(key.attempt)
+        placed.append(PUSHING.context.normalise(drawn))
         raise ObjectNotFound("no bottle in the picture")
 
     monkeypatch.setattr(OnRig, "set_up", lost)
     with lab_place.in_lab(job()) as place, pytest.raises(RolloutError, match="no bottle in the picture"):
-        place.play(PUSHING.reference_context[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
+        place.play(PUSHING.context.low[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
     assert tried == list(range(lab_place.ATTEMPTS))
+    inward = [np.full(len(PUSHING.context), lab_place.INWARD * attempt) for attempt in tried]
+    np.testing.assert_allclose(placed, inward, atol=1e-12)
 
 
 def test_only_methods_with_trials_go_to_the_lab(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,32 +34,40 @@ DEFAULT = "adaptsim"
 
 @dataclass(frozen=True)
 class Part:
-    """One benchmark."""
+    """The benchmarks of one task."""
 
     task: str
-    targets: str
-    seeds: int
+    seeds: Mapping[str, int]  # sessions of each method in each world, for sets of worlds
     budget: int = 20
     fresh: int = 0
     methods: str = "all"
     needs_tables: bool = True
 
-    def command(self, folder: Path) -> list[str]:
-        """Its command."""
+    def commands(self, folder: Path) -> list[list[str]]:
+        """One per number of seeds."""
         fresh = ["--fresh", str(self.fresh)] if self.fresh else []
         return [
-            "benchmark", "--task", self.task, "--targets", self.targets, "--methods", self.methods,
-            "--budget", str(self.budget), "--seeds", str(self.seeds), *fresh, "--out", str(folder / self.task),
+            [
+                "benchmark", "--task", self.task, "--targets", targets, "--methods", self.methods,
+                "--budget", str(self.budget), "--seeds", str(seeds), *fresh, "--out", str(folder / self.task),
+            ]
+            for targets, seeds in self.seeds.items()
         ]  # fmt: skip
+
+    @property
+    def sessions(self) -> str:
+        """How many sessions there are, in words."""
+        (_, first), *others = self.seeds.items()
+        return f"{first} of each method in each world" + "".join(f" ({n} in {targets})" for targets, n in others)
 
 
 WHOLE = (
-    Part("pendulum", "named", seeds=3, budget=10, needs_tables=False),
-    Part("pushing", "named,drawn,mujoco", seeds=1),
-    Part("scooping", "named,drawn,mujoco", seeds=1, fresh=8),
+    Part("pendulum", {"named": 3, "drawn": 1}, budget=10, needs_tables=False),
+    Part("pushing", {"named,drawn,mujoco": 1}),
+    Part("scooping", {"named,drawn,mujoco": 1}, fresh=8),
 )
 SHORT = (
-    Part("pendulum", "wd,ood-1", 1, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
+    Part("pendulum", {"wd,ood-1": 1}, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
 )
 
 HEAD = """Written by `{command}`. Mean reward of the policy that a session ends with, with its 95 % interval over worlds
@@ -96,8 +104,9 @@ def main() -> None:
     parts = SHORT if asked.short else WHOLE
     for part in () if asked.page_only else parts:
         if part.needs_tables:
-            call(["world-tables", "--task", part.task, "--targets", part.targets], asked.workers)
-        call(part.command(asked.folder), asked.workers)
+            call(["world-tables", "--task", part.task, "--targets", ",".join(part.seeds)], asked.workers)
+        for command in part.commands(asked.folder):
+            call(command, asked.workers)
     page = asked.page or (asked.folder / "methods.md" if asked.short else PAGE)
     found = {part.task: stored(asked.folder / part.task) for part in parts}
     page.write_text(written(parts, found, short=asked.short), encoding="utf-8")
@@ -154,15 +163,15 @@ def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return [
         f"## {part.task.capitalize()}",
         "",
-        f"Sessions of {part.budget} trials with {conditions.particles} particles, {part.seeds} of each method in "
-        f"each world; one training seed; tool driven directly. {answered}",
+        f"Sessions of {part.budget} trials with {conditions.particles} particles, {part.sessions}; one training seed; "
+        f"tool driven directly. {answered}",
         "",
         *_table(head, body),
         "",
         *paired(rows),
         "",
         *([] if part.fresh else curves(rows)),
-        f"    adaptsim {' '.join(part.command(FOLDER))}",
+        *(f"    adaptsim {' '.join(command)}" for command in part.commands(FOLDER)),
     ]
 
 

@@ -35,7 +35,8 @@ from sim.tasks.task import Task
 
 ATTEMPTS, INWARD = 6, 0.02
 """How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved
-inward by this share of the area, as the message asks: at the rim a hand's error puts every second object outside.
+inward by this share of the area, as the message asks: at the rim a hand's error, and that of the first look at the
+object, put most of them outside.
 """
 
 

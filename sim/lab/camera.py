@@ -21,7 +21,7 @@ from sim.render.studio import ProcessStudio, Studio, ThreadStudio
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure
 STILL_S = 0.3  # duration of a recording without any motion
-MOST_PROCESSES = 4  # that render; each takes 0.4 GB
+MOST_PROCESSES = 4  # that render; each takes 0.6 GB
 
 
 class _Film(Sequence[Frame]):

@@ -161,7 +161,7 @@ def _stacked(
 def _spread(
     source: str | Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
 ) -> Iterator[Rollouts]:
-    waiting, running, done = iter(_chunks(parts)), dict[Future[Rollouts], _Chunk](), 0
+    waiting, running, done = _chunks(parts), dict[Future[Rollouts], _Chunk](), 0
     finished: list[dict[int, Rollouts]] = [{} for _ in parts]
     try:
         for number, part in enumerate(parts):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -96,6 +95,14 @@ def test_a_folder_of_the_user_is_not_taken_for_our_package(tmp_path: Path, monke
     studio.close(finish=True)
 
 
+def test_one_picture_at_a_time_needs_one_process(processes: ProcessStudio) -> None:
+    for _ in range(3):
+        film(processes, 1)
+    assert len(pids(processes)) == 1
+    film(processes, 6)
+    assert len(pids(processes)) == 2
+
+
 def test_no_process_outlives_its_studio() -> None:
     studio = ProcessStudio(scene(), 2)
     started = pids(studio)
@@ -111,9 +118,6 @@ def test_a_process_ends_when_the_program_hangs_up() -> None:
     film(studio, 1)
     (child,) = studio._children
     child.connection.close()
-    until_s = time.monotonic() + 30.0
-    while child.alive and time.monotonic() < until_s:
-        time.sleep(0.01)
-    assert not child.alive
+    child._process.wait(30.0)
     studio._threads.shutdown()
     os.close(child._say)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cached_property
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Protocol
 
 from hw.child import Child, ChildGone
@@ -57,17 +57,15 @@ class ThreadStudio:
 
 
 class ProcessStudio:
-    """A picture per process at a time.
-
-    The first process starts at once and prepares the scene in the background, the others when pictures wait for them.
-    """
+    """A picture per process at a time. The processes start at once and prepare the scene in the background."""
 
     def __init__(self, scene: Scene, processes: int) -> None:
         self._scene = scene
         self._idle: SimpleQueue[Child] = SimpleQueue()
         self._threads = ThreadPoolExecutor(processes, thread_name_prefix="rendering")
         self._children: set[Child] = set()
-        self._idle.put(self._started())
+        for _ in range(processes):
+            self._threads.submit(self._open, self._started())
 
     def render(self, moment: Moment) -> Future[Picture]:
         """See `Studio`."""
@@ -83,21 +81,22 @@ class ProcessStudio:
     def _started(self) -> Child:
         child = Child("sim.render.served")
         self._children.add(child)
-        with suppress(ChildGone):  # its first picture will say so
-            child.send(self._scene)
         return child
 
+    def _open(self, child: Child) -> None:
+        with suppress(ChildGone):  # the first picture will say so
+            child.send(self._scene)
+        self._idle.put(child)
+
     def _render(self, moment: Moment) -> Picture:
-        try:
-            child = self._idle.get_nowait()
-        except Empty:
-            child = self._started()
+        child = self._idle.get()
         try:
             child.send(moment)
             picture: Picture = child.receive()
         except ChildGone as error:
             self._children.discard(child)
             child.close()
+            self._open(self._started())
             raise CameraError(
                 f"the process that renders the lab's pictures was lost: {error}; redo the trial"
             ) from error

@@ -95,14 +95,6 @@ def test_a_folder_of_the_user_is_not_taken_for_our_package(tmp_path: Path, monke
     studio.close(finish=True)
 
 
-def test_one_picture_at_a_time_needs_one_process(processes: ProcessStudio) -> None:
-    for _ in range(3):
-        film(processes, 1)
-    assert len(pids(processes)) == 1
-    film(processes, 6)
-    assert len(pids(processes)) == 2
-
-
 def test_no_process_outlives_its_studio() -> None:
     studio = ProcessStudio(scene(), 2)
     started = pids(studio)

@@ -5,9 +5,10 @@
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
-arm. With --all also for other steps and the other contact model, with --cenic also for an integrator that chooses its
-steps: against its own limit, and against that of training. Finished rollouts are kept in the cache; an interrupted run
-goes on where it stopped.
+arm. With --all also every candidate for something cheaper, against the same quarter: other steps, the other contact
+model, a coarser mesh, an integrator that chooses its steps (CENIC), another engine (MuJoCo). With --cenic also CENIC
+against its own limit. All settings take turns at each few draws, so that a busy computer slows all alike. Finished
+rollouts are kept in the cache; an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -15,40 +16,64 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
-from contextlib import nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import patch
 
 import cenic
 import numpy as np
 from scipy.stats import qmc
 
 from hw.types import Array
+from sim.lab.physics import Physics, simulate_of
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 from sim.tasks.task import Task
 
 COARSER = 4
+STEPS_S = (0.010, 0.005, 0.004)
+"""Longer than that of training."""
 ACCURACIES, LIMIT = (1e-2, 1e-3), 1e-6
 """Of CENIC, and the one that stands for its limit."""
+MESHES_M = {"pushing": 0.025}
+"""A coarser mesh, twice the edge; a piece of food has its triangles by design."""
+TURN = 10
+"""Draws that one setting runs before the next has its turn."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Setting:
-    """One way to step the same scene."""
+    """One way to compute the same rollout."""
 
     contact: str
     dt_s: float
     accuracy: float | None = None  # None: fixed steps; else CENIC's
+    mesh_m: float | None = None  # None: that of training
+    physics: Physics = "drake"
 
     def __str__(self) -> str:
-        return f"CENIC, {self.accuracy:g}" if self.accuracy else f"{self.contact:>6}, {1e3 * self.dt_s:5.3f} ms"
+        if self.physics != "drake":
+            return self.physics
+        if self.accuracy:
+            return f"CENIC, {self.accuracy:g}"
+        mesh = f", mesh {1e3 * self.mesh_m:g} mm" if self.mesh_m else ""
+        return f"{self.contact}, {1e3 * self.dt_s:g} ms{mesh}"
 
     @property
     def file(self) -> str:
         """Its part of the name in the cache."""
-        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us"
+        if self.physics != "drake":
+            return self.physics
+        mesh = f"-mesh-{1e6 * self.mesh_m:.0f}um" if self.mesh_m else ""
+        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us{mesh}"
+
+    def within(self, task: Task) -> AbstractContextManager[object]:
+        """Rollouts of this process are computed so, as far as no effect of a world says it."""
+        if self.accuracy:
+            return cenic.stepping(task, self.accuracy)
+        return patch(f"sim.tasks.{task.name}.scene.MESH_M", self.mesh_m) if self.mesh_m else nullcontext()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,34 +92,41 @@ def main() -> None:
     task = get_task(arguments.task)
     draws = draw(task, arguments.count)
     chosen = Setting(task.unmodelled().contact, task.require_hardware().time_step_s(None))
-    cache = Path(arguments.cache) / scene_key(task)
-    settings = [chosen]
-    if arguments.all:
-        settings += [Setting(c, dt) for c in ("sap", "lagged") for dt in (0.005, 0.002, 0.001)]
-        settings = [s for i, s in enumerate(settings) if str(s) not in map(str, settings[:i])]
+    limit = replace(chosen, dt_s=chosen.dt_s / COARSER)
+    candidates = list(dict.fromkeys([chosen, *(_candidates(task, chosen) if arguments.all else ())]))
+    own_limit = replace(chosen, accuracy=LIMIT)
+    by_cenic = [replace(chosen, accuracy=a) for a in ACCURACIES] if arguments.cenic else []
+    settings = list(dict.fromkeys([limit, *candidates, *([*by_cenic, own_limit] if arguments.cenic else ())]))
+    rows = measure(task, draws, settings, Path(arguments.cache) / scene_key(task))
+    print(f"{task.name}: {arguments.count} rollouts over the ranges, against {limit} (a quarter of training's step)")
     print(
-        f"{task.name}: {arguments.count} rollouts over the ranges, against a quarter of the step (same mesh and model)"
+        "setting | outcome agrees | success (limit) | XY apart, mm: median of all times, end median / p90, "
+        "end median where both succeed | CPU ms | of training's"
     )
-    print(
-        "setting | outcome agrees | success (quarter) | XY apart, mm: median of all times, end median / p90, "
-        "end median where both succeed | "
-        "CPU ms (quarter)"
-    )
-    for setting in settings:
-        coarse = measure(task, draws, setting, cache)
-        fine = measure(task, draws, Setting(setting.contact, setting.dt_s / COARSER), cache)
-        print(f"{setting} {'<- training' if setting is chosen else '':11} | {compare(coarse, fine)}", flush=True)
-    if arguments.cenic:
-        limits = [Setting(chosen.contact, chosen.dt_s, LIMIT), Setting(chosen.contact, chosen.dt_s / COARSER)]
-        for accuracy in ACCURACIES:
-            candidate = measure(task, draws, replace(chosen, accuracy=accuracy), cache)
-            for limit in limits:
-                row = compare(candidate, measure(task, draws, limit, cache))
-                print(f"CENIC, {accuracy:g}, against {limit} | {row}", flush=True)
+    trained_s = rows[chosen].cpu_s.mean()
+
+    def show(candidate: Setting, against: Setting, name: str) -> None:
+        share = rows[candidate].cpu_s.mean() / trained_s
+        print(f"{name} | {compare(rows[candidate], rows[against])} | {share:.2f}", flush=True)
+
+    for candidate in [*candidates, limit]:
+        show(candidate, limit, f"{candidate}{' <- training' if candidate is chosen else ''}")
+    for candidate in by_cenic:
+        show(candidate, own_limit, f"{candidate}, against {own_limit}")
+        show(candidate, limit, f"{candidate}, against {limit}")
     if arguments.arm:
-        alone_s = measure(task, draws, chosen, cache).cpu_s[: arguments.arm].mean()
+        alone_s = rows[chosen].cpu_s[: arguments.arm].mean()
         whole_s = whole_arm_cpu_s(task, draws, arguments.arm)
         print(f"with a whole arm: {1e3 * whole_s:.0f} ms, {whole_s / alone_s:.1f} times the rollout of training")
+
+
+def _candidates(task: Task, chosen: Setting) -> list[Setting]:
+    """Cheaper settings than the `chosen` one."""
+    other = "lagged" if chosen.contact == "sap" else "sap"
+    steps = [Setting(c, dt_s) for c in (chosen.contact, other) for dt_s in (*STEPS_S, chosen.dt_s)]
+    mesh_m = MESHES_M.get(task.name)
+    meshes = [replace(chosen, mesh_m=mesh_m)] if mesh_m else []
+    return [*steps, *meshes, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
 
 
 def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
@@ -109,33 +141,45 @@ def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
     return list(zip(parameters, actions, nuisance, strict=True))
 
 
-def measure(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting, cache: Path) -> Measured:
-    """Every draw with `setting`, from the cache as far as it goes."""
-    file = cache / f"{task.name}-{setting.file}-ends.jsonl"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
-    with file.open("a") as out:
-        for row in _rollouts(task, draws[len(rows) :], setting):
-            rows.append(row)
+def measure(
+    task: Task, draws: Sequence[tuple[Array, Array, Array]], settings: Sequence[Setting], cache: Path
+) -> dict[Setting, Measured]:
+    """Every draw with each setting, from the cache as far as it goes."""
+    cache.mkdir(parents=True, exist_ok=True)
+    files = {setting: cache / f"{task.name}-{setting.file}-ends.jsonl" for setting in settings}
+    for first in range(0, len(draws), TURN):
+        for setting, file in files.items():
+            done = len(file.read_text().splitlines()) if file.exists() else 0
+            _add(task, draws[max(done, first) : first + TURN], setting, file)
+    return {setting: _measured(task, file, len(draws)) for setting, file in files.items()}
+
+
+def _add(task: Task, draws: Sequence[tuple[Array, Array, Array]], setting: Setting, file: Path) -> None:
+    """Run the draws and add them to a file of the cache."""
+    unmodelled = task.unmodelled(contact=setting.contact, dt_s=setting.dt_s)
+    simulate = simulate_of(task.name, setting.physics)
+    with file.open("a") as out, setting.within(task):
+        for parameters, action, nuisance in draws:
+            before_s = time.process_time()
+            track = simulate(parameters, task.reference_context, action, nuisance, unmodelled)
+            cpu_s = time.process_time() - before_s
+            row = {
+                "outcome": track.outcome.value,
+                "succeeded": float(task.succeeded(track)),
+                "state": track.at(task.observation.times_s).tolist(),
+                "end": track.state[-1].tolist(),
+                "cpu_s": cpu_s,
+            }
             out.write(json.dumps(row) + "\n")
             out.flush()
-    rows = rows[: len(draws)]
+
+
+def _measured(task: Task, file: Path, count: int) -> Measured:
+    rows = [json.loads(line) for line in file.read_text().splitlines()[:count]]
     columns = list(task.observation.columns)
     xy_m = np.array([row["state"] for row in rows])[:, :, columns]
     succeeded, end_m, cpu_s = (np.array([row[name] for row in rows]) for name in ("succeeded", "end", "cpu_s"))
     return Measured([row["outcome"] for row in rows], succeeded, xy_m, end_m[:, columns], cpu_s)
-
-
-def _rollouts(task: Task, draws: list[tuple[Array, Array, Array]], setting: Setting) -> Iterator[dict[str, object]]:
-    unmodelled = task.unmodelled(contact=setting.contact, dt_s=setting.dt_s)
-    for parameters, action, nuisance in draws:
-        with cenic.stepping(task, setting.accuracy) if setting.accuracy else nullcontext():
-            before_s = time.process_time()
-            track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
-            cpu_s = time.process_time() - before_s
-        states = track.at(task.observation.times_s).tolist()
-        succeeded, end = float(task.succeeded(track)), track.state[-1].tolist()
-        yield {"outcome": track.outcome.value, "succeeded": succeeded, "state": states, "end": end, "cpu_s": cpu_s}
 
 
 def compare(coarse: Measured, fine: Measured) -> str:
@@ -150,8 +194,7 @@ def compare(coarse: Measured, fine: Measured) -> str:
     return (
         f"{share:.3f} +- {standard_error:.3f} | {success[0]:.2f} ({success[1]:.2f}) | {np.median(apart_mm):.1f}, "
         f"{np.median(end_mm):.1f} / {np.percentile(end_mm, 90):.0f}, {np.median(end_mm[both]):.1f} | "
-        f"{1e3 * coarse.cpu_s.mean():.0f} ({1e3 * fine.cpu_s.mean():.0f})"
-        + (f" | {failed} solver failures" if failed else "")
+        f"{1e3 * coarse.cpu_s.mean():.0f}" + (f" | {failed} solver failures" if failed else "")
     )
 
 
@@ -182,8 +225,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--arm", type=int, default=20, help="rollouts with a whole arm; 0 for none")
-    parser.add_argument("--all", action="store_true", help="also other steps and the other contact model")
-    parser.add_argument("--cenic", action="store_true", help="also CENIC, an integrator that chooses its steps")
+    parser.add_argument(
+        "--all", action="store_true", help="also every cheaper candidate: steps, contact, mesh, CENIC, MuJoCo"
+    )
+    parser.add_argument("--cenic", action="store_true", help="also CENIC against its own limit")
     parser.add_argument("--cache", default="build/convergence")
     return parser.parse_args()
 

@@ -59,7 +59,7 @@ class Body:
     def cast(self, X_body_ray: Array, directions: Array32) -> Hits:
         """Hits of rays from the origin of a frame along `directions` (n, 3) in it."""
         rays = _rays(X_body_ray, directions)
-        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))
+        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
         t_hit = answer["t_hit"].numpy()
         index = np.flatnonzero(np.isfinite(t_hit))
         t, triangle = t_hit[index], answer["primitive_ids"].numpy()[index]
@@ -75,7 +75,7 @@ class Body:
         rays = np.empty((len(points_m), 6), dtype=np.float32)
         rays[:, :3] = points_m
         rays[:, 3:] = direction
-        blocked: NDArray[np.bool_] = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), tnear=2e-4).numpy()
+        blocked: NDArray[np.bool_] = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), tnear=2e-4, nthreads=1).numpy()
         return blocked
 
 

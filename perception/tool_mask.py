@@ -29,7 +29,7 @@ class ToolMask:
         rays = np.empty((len(directions), 6), dtype=np.float32)
         rays[:, :3] = X_TV[:3, 3]
         rays[:, 3:] = directions @ X_TV[:3, :3].T.astype(np.float32)
-        depth: Array32 = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays))["t_hit"].numpy()
+        depth: Array32 = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
         return depth
 
     def near(self, X_BT: Array, points_B_m: Array, within_m: float) -> NDArray[np.bool_]:

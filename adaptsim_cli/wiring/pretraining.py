@@ -26,6 +26,7 @@ class Sizes:
 
     rollouts: int | None = None  # of the dataset, spread evenly over the space
     denser: int | None = None  # further ones where the outcome is uncertain
+    coarse: int | None = None  # further ones with a longer step
     steps: int | None = None  # adaptation steps from which the Q-policy learns
     judged: int | None = None  # unseen targets of the evaluation
 
@@ -35,6 +36,7 @@ class Sizes:
             budget,
             rollouts=_either(self.rollouts, budget.rollouts),
             denser=_either(self.denser, budget.denser),
+            coarse=_either(self.coarse, budget.coarse),
             meta=replace(budget.meta, steps=_either(self.steps, budget.meta.steps)),
             evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
         )
@@ -42,10 +44,14 @@ class Sizes:
     @property
     def label(self) -> str:
         """Part of the folder's name; empty if no size was requested."""
-        asked = zip(
-            ("", "denser", "steps", "judged"), (self.rollouts, self.denser, self.steps, self.judged), strict=True
-        )
-        return "-".join(f"{what}{size}" for what, size in asked if size is not None)
+        asked = {
+            "": self.rollouts,
+            "denser": self.denser,
+            "coarse": self.coarse,
+            "steps": self.steps,
+            "judged": self.judged,
+        }
+        return "-".join(f"{what}{size}" for what, size in asked.items() if size is not None)
 
 
 def _either(asked: int | None, usual: int) -> int:
@@ -70,7 +76,7 @@ def pretrain(
     from sim.pretraining.meta_training import TARGETS
     from sim.pretraining.pipeline import PretrainBudget, pretrain
 
-    budgets = {"full": PretrainBudget, "small": PretrainBudget.small}
+    budgets = {"full": PretrainBudget.full, "small": PretrainBudget.small}
     if budget not in budgets:
         raise UsageError(f"--budget {budget}: choose one of {', '.join(budgets)}")
     config = resolved.config
@@ -80,7 +86,8 @@ def pretrain(
     kind = next((known for known in TARGETS if known == targets), None)
     if kind is None:
         raise UsageError(f"--targets {targets}: choose one of {', '.join(TARGETS)}")
-    task, chosen = task_of(config), sizes.applied_to(budgets[budget]().on_targets(kind))
+    task = task_of(config)
+    chosen = sizes.applied_to(budgets[budget](task).on_targets(kind))
     unusual = (
         Path(config.object).stem,
         solver if solver != SOLVERS[0] else "",

@@ -44,16 +44,23 @@ def command(made: Pretrained) -> str:
     from sim.pretraining.pipeline import PretrainBudget
     from sim.tasks import get_task
 
-    words, planned, usual = ["adaptsim pretrain --task", made.task.name], made.plan["budget"], PretrainBudget()
-    if planned["meta"]["steps"] == PretrainBudget.small().meta.steps:
-        words, usual = [*words, "--budget small"], PretrainBudget.small()
+    words, planned, usual = (
+        ["adaptsim pretrain --task", made.task.name],
+        made.plan["budget"],
+        PretrainBudget.full(made.task),
+    )
+    small = PretrainBudget.small(made.task)
+    if planned["meta"]["steps"] == small.meta.steps:
+        words, usual = [*words, "--budget small"], small
     if made.task.object_name != get_task(made.task.name).object_name:
         words.append(f"--object {made.task.object_name}.toml")
     if made.wide:
         words.append("--targets wide")
     if made.emulator is not None:
         words += [
-            f"--{part} {planned[part]}" for part in ("rollouts", "denser") if planned[part] != getattr(usual, part)
+            f"--{part} {planned.get(part, 0)}"
+            for part in ("rollouts", "denser", "coarse")
+            if planned.get(part, 0) != getattr(usual, part)
         ]
     if planned["meta"]["steps"] != usual.meta.steps:
         words.append(f"--steps {planned['meta']['steps']}")

@@ -55,7 +55,7 @@ def trained(task: Task, folder: Path, seed: int) -> Checkpoint:
             print(f"  {folder.name}: {stage}", flush=True)
 
     with serial_executor() as crew:
-        path = pretrain(task, folder, PretrainBudget(), seed, crew, say, wanted=Wanted(evaluation=False))
+        path = pretrain(task, folder, PretrainBudget.full(task), seed, crew, say, wanted=Wanted(evaluation=False))
     return load_checkpoint(task, str(path))
 
 

@@ -79,10 +79,13 @@ EVERYTHING = Wanted()
 
 @dataclass(frozen=True)
 class PretrainBudget:
-    """The size of each stage. The defaults are full strength; `small` is for a first look."""
+    """The size of each stage: `full` strength, or `small` for a first look. The defaults fit a task without coarse
+    rollouts.
+    """
 
-    rollouts: int = 16_384  # of the dataset, spread evenly over the space
-    denser: int = 8_192  # further ones where the outcome is uncertain
+    rollouts: int = 10_240  # of the dataset, spread evenly over the space
+    denser: int = 6_144  # further ones where the outcome is uncertain
+    coarse: int = 0  # further ones with a longer step, spread evenly
     naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
     further_updates: int = 20_000  # gradient steps of the policies that learn from the first one's episodes
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
@@ -91,11 +94,18 @@ class PretrainBudget:
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
 
     @classmethod
-    def small(cls) -> PretrainBudget:
-        """For a first look: about 13,000 rollouts, ten minutes on two cores at 0.1 s per rollout."""
+    def full(cls, task: Task) -> PretrainBudget:
+        """The sizes that shipped checkpoints need, a quarter of an hour of two cores (docs/results/learning.md)."""
+        return cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
+
+    @classmethod
+    def small(cls, task: Task) -> PretrainBudget:
+        """For a first look: a third of the dataset, five minutes of two cores."""
+        full = cls.full(task)
         return cls(
-            rollouts=4096,
-            denser=2048,
+            rollouts=full.rollouts // 3,
+            denser=full.denser // 3,
+            coarse=full.coarse // 3,
             further_updates=4000,
             meta=MetaSettings(steps=1536, updates=4),
             evaluation=EvaluationSettings(targets=12),
@@ -218,6 +228,7 @@ def _learnt(
         executor,
         lambda i, n: progress(STAGES[0], i, n),
         Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
+        budget.coarse,
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -241,6 +252,7 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
         write_toml(path, plan)
         return
     before = read_report(path)
+    before["budget"] = {"coarse": 0, **before.get("budget", {})}  # a plan of an earlier version has no coarse rollouts
     different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(

@@ -75,7 +75,8 @@ class Body:
         rays = np.empty((len(points_m), 6), dtype=np.float32)
         rays[:, :3] = points_m
         rays[:, 3:] = direction
-        blocked: NDArray[np.bool_] = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), tnear=2e-4, nthreads=1).numpy()
+        answer = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), tnear=2e-4, nthreads=1)
+        blocked: NDArray[np.bool_] = answer.numpy()
         return blocked
 
 

@@ -4,15 +4,16 @@ A folder holds `dataset.toml` (the settings, and probe rollouts that detect a ch
 rollouts from i*SHARD on of a scrambled Sobol sequence. So this part is a function of (task, seed, size), a larger one
 extends a smaller one, and an interrupted run continues. A second part is denser where the outcome is uncertain: its
 rows come from further along the same sequence, are chosen with the help of the first part, and are listed in
-`denser.npz`.
+`denser.npz`. A third part is coarse: spread evenly too, but simulated with the longer step of `Task.coarse`.
 """
 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,8 @@ class Dataset:
     end_state: Array  # (N, k); nan: no end state
     succeeded: NDArray[np.bool_]  # (N,)
     outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
-    uniform: int  # how many of the first ones fill the space evenly; the others are denser where the outcome changes
+    coarse: NDArray[np.bool_]  # (N,) simulated with the step of `Task.coarse`; these come last
+    uniform: int  # how many of the first ones fill the space evenly; the other accurate ones are denser somewhere
     identity: str  # hash of all of the above
 
     def __len__(self) -> int:
@@ -103,36 +105,40 @@ def build_dataset(
     executor: Executor,
     progress: Progress | None = None,
     denser: Denser | None = None,
+    coarse: int = 0,
 ) -> Dataset:
-    """Simulate the missing rollouts in `folder` and return all: `size` rollouts, and those of the `denser` part.
+    """Simulate the missing rollouts in `folder` and return all: `size`, those of the `denser` part, and `coarse` ones.
 
     Raises DatasetError if the folder holds a dataset of another task, seed or scene.
     """
     more = 0 if denser is None else denser.count
-    _agree_on_manifest(task, folder, size, more, seed, executor)
+    _agree_on_manifest(task, folder, _Sizes(size, more, coarse), seed, executor)
 
-    def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
+    def simulate(task: Task, requests: Requests, kind: str, before: int) -> Rollouts:
         shards = dict(_shards(folder, requests, kind))
         there = {path: read_rollouts(path, part) for path, part in shards.items()}
         missing = {path: part for path, part in shards.items() if there[path] is None}
         before += len(requests) - sum(map(len, missing.values()))
-        show = _offset(progress, before, size + more)
+        show = _offset(progress, before, size + more + coarse)
         show(0, 0)
         for path, rollouts in zip(missing, run_parts(task, list(missing.values()), executor, show), strict=True):
             write_rollouts(path, missing[path], rollouts)
             there[path] = rollouts
         return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
 
-    requests = dataset_requests(task, seed, size)
-    results = simulate(requests, "shard", 0)
+    requests, cheap = dataset_requests(task, seed, size), _coarse_requests(task, seed, coarse)
+    results = simulate(task, requests, "shard", 0)
+    if coarse:
+        cheaply = simulate(_coarsely(task), cheap, "coarse", size)
+        requests, results = requests.followed_by(cheap), concatenate([results, cheaply])
     if denser is not None:
         pool = _pool(task, seed, size, more)
         if not (folder / DENSER).exists():
-            variance = denser.variance(_joined(requests, results, size), pool)
+            variance = denser.variance(_joined(requests, results, size, coarse), pool)
             rows = choose(variance, more, np.random.default_rng([seed, size]))
             with whole_file(folder / DENSER) as temporary, temporary.open("wb") as file:
                 np.savez(file, rows=rows)
-        simulate(pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size)
+        simulate(task, pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size + coarse)
     return load_dataset(folder, task)
 
 
@@ -141,10 +147,26 @@ def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
     return dataset_requests(task, seed, size + POOL * count)[size:]
 
 
-def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
+def _coarse_requests(task: Task, seed: int, size: int) -> Requests:
+    """Another sequence than that of the accurate rollouts, so that the two fill the space together."""
+    return draw_requests(task, size, np.random.default_rng([seed, 1]))
+
+
+def _coarsely(task: Task) -> Task:
+    """The task with the step of its coarse rollouts."""
+    if task.coarse is None:
+        raise DatasetError(f"{task.name} has no coarse rollouts that help: leave out --coarse")
+    return replace(task, simulate=partial(task.simulate, unmodelled=task.coarse), simulate_many=None)
+
+
+def _joined(requests: Requests, results: Rollouts, uniform: int, coarse: int) -> Dataset:
+    """The rollouts as a dataset: `uniform` ones, denser ones, `coarse` ones."""
     columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
     columns |= {f.name: getattr(results, f.name) for f in fields(Rollouts)}
-    return Dataset(**columns, uniform=uniform, identity=columns_digest(columns)[:16])
+    identity = columns_digest(columns)[:16]
+    return Dataset(
+        **columns, coarse=np.arange(len(requests)) >= len(requests) - coarse, uniform=uniform, identity=identity
+    )
 
 
 def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
@@ -173,16 +195,19 @@ def load_dataset(folder: Path, task: Task) -> Dataset:
             f"the dataset in {folder} was made for {manifest['task']} with other ranges "
             f"({manifest['interface']}, now {fingerprint(task)}): build one in a new folder"
         )
-    size, denser, seed = (int(manifest[key]) for key in ("size", "denser", "seed"))
-    requests, results = _loaded(folder, dataset_requests(task, seed, size), "shard")
-    if denser > 0:
-        pool = _pool(task, seed, size, denser)
-        more_requests, more = _loaded(folder, pool[_read_rows(folder / DENSER, denser, len(pool))], "denser")
-        requests, results = requests.followed_by(more_requests), concatenate([results, more])
-    return _joined(requests, results, size)
+    sizes, seed = _Sizes.of(manifest), int(manifest["seed"])
+    parts = [(dataset_requests(task, seed, sizes.size), "shard")]
+    if sizes.denser > 0:
+        pool = _pool(task, seed, sizes.size, sizes.denser)
+        parts.append((pool[_read_rows(folder / DENSER, sizes.denser, len(pool))], "denser"))
+    if sizes.coarse > 0:
+        parts.append((_coarse_requests(task, seed, sizes.coarse), "coarse"))
+    requests = reduce(Requests.followed_by, (part for part, _ in parts))
+    results = concatenate(_loaded(folder, part, kind) for part, kind in parts)
+    return _joined(requests, results, sizes.size, sizes.coarse)
 
 
-def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Rollouts]:
+def _loaded(folder: Path, requests: Requests, kind: str) -> Rollouts:
     parts = []
     for path, part in _shards(folder, requests, kind):
         rows = read_rollouts(path, part)
@@ -192,10 +217,24 @@ def _loaded(folder: Path, requests: Requests, kind: str) -> tuple[Requests, Roll
                 "that shard"
             )
         parts.append(rows)
-    return requests, concatenate(parts)
+    return concatenate(parts)
 
 
-def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: int, executor: Executor) -> None:
+@dataclass(frozen=True)
+class _Sizes:
+    """Rollouts of each part."""
+
+    size: int
+    denser: int
+    coarse: int
+
+    @classmethod
+    def of(cls, manifest: Mapping[str, Any]) -> _Sizes:
+        """The sizes in a manifest; one of an earlier version has no coarse part."""
+        return cls(int(manifest["size"]), int(manifest["denser"]), int(manifest.get("coarse", 0)))
+
+
+def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
     probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
@@ -211,15 +250,15 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, denser: int, seed: i
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 "differently): use a new folder"
             )
-        have = (manifest["size"], manifest["denser"])
-        if (folder / DENSER).exists() and have != (size, denser):
+        have = _Sizes.of(manifest)
+        if (folder / DENSER).exists() and have != sizes:
             raise DatasetError(
-                f"the dataset in {folder} has {have[0]} rollouts and {have[1]} chosen by those; wanted {size} "
-                f"and {denser}: use a new folder"
+                f"the dataset in {folder} has {have.size} rollouts, {have.coarse} coarse ones, and {have.denser} "
+                f"chosen by those; wanted {sizes.size}, {sizes.coarse} and {sizes.denser}: use a new folder"
             )
         probe = stored
-    sizes = {"seed": seed, "size": size, "denser": denser}
-    write_toml(folder / MANIFEST, {"task": task.name, "interface": fingerprint(task), **sizes, "probe": probe.tolist()})
+    made = {"task": task.name, "interface": fingerprint(task), "seed": seed, **asdict(sizes)}
+    write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
 
 
 def _probe_requests(task: Task) -> Requests:

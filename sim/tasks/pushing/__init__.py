@@ -25,7 +25,7 @@ from sim.tasks.pushing.params import (
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.rollout import simulate
-from sim.tasks.pushing.scene import build_scene, time_step_s
+from sim.tasks.pushing.scene import COARSE_STEP_S, build_scene, time_step_s
 from sim.tasks.task import Hardware, Standing, Task
 
 HARDWARE = Hardware(
@@ -54,6 +54,7 @@ TASK = Task(
     reuse=REUSE,
     unmodelled=Unmodelled,
     plausible=PLAUSIBLE,
+    coarse=Unmodelled(dt_s=COARSE_STEP_S),
     simulate=simulate,
     reference_context=REFERENCE_CONTEXT,
     relocate=relocate,

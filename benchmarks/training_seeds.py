@@ -30,7 +30,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--out", type=Path, required=True)
     asked = parser.parse_args()
-    task, budget = get_task(asked.task), PretrainBudget()
+    task = get_task(asked.task)
+    budget = PretrainBudget.full(task)
     dataset = load_dataset(asked.dataset, task)
     for seed in asked.seeds:
         if (asked.out / str(seed)).exists():

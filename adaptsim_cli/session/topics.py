@@ -9,7 +9,6 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.session import cdr
@@ -110,6 +109,8 @@ def derivative(t_s: Array, values: Array, order: int) -> Array:
     """The derivative (N, ...) of values (N, ...) at evenly spaced times; 0 if there are too few values."""
     if len(t_s) < 5:
         return np.zeros_like(values)
+    from scipy.signal import savgol_filter  # a second to import, and only a finished motion needs it
+
     step_s = float(np.median(np.diff(t_s)))
     odd = 2 * (round(SMOOTHED_S / step_s) // 2) + 1
     window = max(5, min(odd, len(t_s) - 1 + len(t_s) % 2))

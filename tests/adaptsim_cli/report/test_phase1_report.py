@@ -109,14 +109,14 @@ def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification:
     made = verification.pretrained
     learnt = dataclasses.replace(made, emulator=object())  # type: ignore[arg-type]
     assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
-    usual = dataclasses.asdict(PretrainBudget())
+    usual = dataclasses.asdict(PretrainBudget.full(made.task))
     assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
         "adaptsim pretrain --task pendulum"
     )
-    planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0}}
+    planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0, "coarse": 64}}
     told = wiring_verification.command(dataclasses.replace(learnt, plan=planned))
-    assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
-    small = dataclasses.asdict(PretrainBudget.small())
+    assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0 --coarse 64"
+    small = dataclasses.asdict(PretrainBudget.small(made.task))
     told = wiring_verification.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
     assert told == "adaptsim pretrain --task pendulum --budget small"
 

@@ -22,6 +22,7 @@ from sim.pretraining.pipeline import EVERYTHING, STAGES, PretrainBudget, Wanted,
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
+from sim.tasks import get_task
 
 TINY = PretrainBudget(
     rollouts=256,
@@ -223,3 +224,19 @@ def test_a_folder_of_another_plan_is_refused(tmp_path):
         run(tmp_path, seed=1)
     with pytest.raises(DatasetError, match="a different budget"):
         run(tmp_path, budget=dataclasses.replace(TINY, rollouts=400))
+
+
+@pytest.mark.long
+def test_a_plan_of_an_earlier_version_goes_on(tmp_path):
+    wanted = Wanted(policies=False, evaluation=False)
+    path, _ = run(tmp_path, wanted=wanted)
+    before, plan = load_checkpoint(TOY, str(path)).sha256, tmp_path / "plan.toml"
+    plan.write_text("\n".join(line for line in plan.read_text().splitlines() if not line.startswith("coarse")))
+    run(tmp_path, wanted=wanted)
+    assert load_checkpoint(TOY, str(path)).sha256 == before
+
+
+def test_full_strength_has_coarse_rollouts_where_they_help():
+    with_coarse, without = PretrainBudget.full(get_task("pushing")), PretrainBudget.full(get_task("scooping"))
+    assert with_coarse.coarse > 0 == without.coarse
+    assert with_coarse.rollouts < without.rollouts

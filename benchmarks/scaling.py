@@ -164,7 +164,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
     parser.add_argument("--predict", type=int, nargs="*", default=[], help="numbers of workers")
-    parser.add_argument("--total", type=int, default=24_576, help="rollouts of the predicted dataset")
+    parser.add_argument("--total", type=int, default=16_384, help="rollouts of the predicted dataset")
     parser.add_argument("--rollout-ms", type=float, default=130.0)
     parser.add_argument("--scheduler-ms", type=float, default=1.0, help="what Dask's documentation says of a task")
     parser.add_argument("--count", type=int, default=256, help="rollouts that are timed")

@@ -28,6 +28,10 @@ def draw(task: Task, seed: int) -> tuple[np.ndarray, ...]:
     return tuple(space.spread(rng.random(len(space))) for space in spaces)
 
 
+def test_coarse_rollouts_are_effects_of_the_task(task: Task) -> None:
+    assert task.coarse is None or isinstance(task.coarse, task.unmodelled)
+
+
 def test_names_and_sizes_agree(task: Task) -> None:
     assert get_task(task.name) is task
     assert task.parameters.names == task.margin.names

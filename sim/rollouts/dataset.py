@@ -236,7 +236,8 @@ class _Sizes:
 
 def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
-    probe = run_many(task, _probe_requests(task), executor).observation
+    probed = [task, *([_coarsely(task)] if sizes.coarse else [])]
+    probe = np.concatenate([run_many(one, _probe_requests(task), executor).observation for one in probed])
     manifest = _read_manifest(folder)
     if manifest is not None:
         for key, wanted in (("task", task.name), ("interface", fingerprint(task)), ("seed", seed)):
@@ -245,7 +246,8 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                     f"the dataset in {folder} has {key} = {manifest[key]}, wanted {wanted}: use a new folder"
                 )
         stored = np.asarray(manifest["probe"], dtype=np.float64)
-        if stored.shape != probe.shape or np.abs(stored - probe).max() > PROBE_TOLERANCE:
+        both = min(len(stored), len(probe))  # coarse rollouts may have been added since, or be left out
+        if stored[:both].shape != probe[:both].shape or np.abs(stored[:both] - probe[:both]).max() > PROBE_TOLERANCE:
             raise DatasetError(
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 "differently): use a new folder"
@@ -256,7 +258,7 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                 f"the dataset in {folder} has {have.size} rollouts, {have.coarse} coarse ones, and {have.denser} "
                 f"chosen by those; wanted {sizes.size}, {sizes.coarse} and {sizes.denser}: use a new folder"
             )
-        probe = stored
+        probe = stored if both == len(probe) else probe
     made = {"task": task.name, "interface": fingerprint(task), "seed": seed, **asdict(sizes)}
     write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
 

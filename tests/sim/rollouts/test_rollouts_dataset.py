@@ -131,6 +131,19 @@ def test_coarse_rollouts_come_last_and_leave_the_others_as_they_are(tmp_path):
 def test_a_task_without_coarse_rollouts_refuses_them(tmp_path):
     with pytest.raises(DatasetError, match="no coarse rollouts that help: leave out --coarse"):
         build(tmp_path, 256, coarse=100)
+    assert not list(tmp_path.iterdir())  # before anything was simulated
+
+
+def test_another_coarse_step_is_refused(tmp_path):
+    build(tmp_path, 100, task=CHEAP, coarse=100)
+    with pytest.raises(DatasetError, match="scene of toy has changed"):
+        build(tmp_path, 100, task=dataclasses.replace(TOY, coarse=Unmodelled(pitch_bias_rad=0.04)), coarse=100)
+    assert len(build(tmp_path, 100)) == 100
+
+
+def test_coarse_rollouts_may_be_added_later(tmp_path):
+    build(tmp_path, 100)
+    assert build(tmp_path, 100, task=CHEAP, coarse=100).coarse.sum() == 100
 
 
 def test_a_dataset_of_an_earlier_version_has_no_coarse_part(tmp_path):

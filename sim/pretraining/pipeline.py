@@ -95,7 +95,7 @@ class PretrainBudget:
 
     @classmethod
     def full(cls, task: Task) -> PretrainBudget:
-        """The sizes that shipped checkpoints need, a quarter of an hour of two cores (docs/results/learning.md)."""
+        """The default: a quarter of an hour of two cores for a contact task (docs/results/learning.md)."""
         return cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
 
     @classmethod

@@ -46,7 +46,7 @@ TOOL = "pusher"
 OBJECT = "bottle"
 STEP_S = 0.0025
 COARSE_STEP_S = 0.010
-"""A third of the cost; the outcome agrees as often to within 3 % (docs/results/pushing.md)."""
+"""Step of the coarse rollouts: a third of the cost, and nearly the same outcomes (docs/results/pushing.md)."""
 MESH_M = 0.0125
 """Edge length of the bottle's mesh: sixteen sides around."""
 DISSIPATION_S_M = 10.0

@@ -18,7 +18,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ import numpy as np
 from hw.types import Array
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.cache import CachedRollouts
-from sim.rollouts.dataset import SHARD, Dataset, draw_requests
+from sim.rollouts.dataset import SHARD, Dataset, coarsely, draw_requests
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts, concatenate, run_parts
@@ -69,8 +68,7 @@ class Mix:
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
-    settings = task.unmodelled(dt_s=arguments.coarse_step)
-    cheap = replace(task, simulate=partial(task.simulate, unmodelled=settings))
+    cheap = coarsely(replace(task, coarse=task.unmodelled(dt_s=arguments.coarse_step)))
     mixes = [Mix.parse(text) for text in arguments.mixes]
     with process_pool(arguments.workers) as executor:
         named = f"{task.name}-{{}}".format

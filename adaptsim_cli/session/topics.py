@@ -109,7 +109,7 @@ def derivative(t_s: Array, values: Array, order: int) -> Array:
     """The derivative (N, ...) of values (N, ...) at evenly spaced times; 0 if there are too few values."""
     if len(t_s) < 5:
         return np.zeros_like(values)
-    from scipy.signal import savgol_filter  # a second to import, and only a finished motion needs it
+    from scipy.signal import savgol_filter  # slow to import, and only a finished motion needs it
 
     step_s = float(np.median(np.diff(t_s)))
     odd = 2 * (round(SMOOTHED_S / step_s) // 2) + 1

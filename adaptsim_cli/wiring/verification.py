@@ -44,12 +44,8 @@ def command(made: Pretrained) -> str:
     from sim.pretraining.pipeline import PretrainBudget
     from sim.tasks import get_task
 
-    words, planned, usual = (
-        ["adaptsim pretrain --task", made.task.name],
-        made.plan["budget"],
-        PretrainBudget.full(made.task),
-    )
-    small = PretrainBudget.small(made.task)
+    words, planned = ["adaptsim pretrain --task", made.task.name], made.plan["budget"]
+    usual, small = PretrainBudget.full(made.task), PretrainBudget.small(made.task)
     if planned["meta"]["steps"] == small.meta.steps:
         words, usual = [*words, "--budget small"], small
     if made.task.object_name != get_task(made.task.name).object_name:

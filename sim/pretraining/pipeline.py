@@ -95,12 +95,12 @@ class PretrainBudget:
 
     @classmethod
     def full(cls, task: Task) -> PretrainBudget:
-        """The default: a quarter of an hour of two cores for a contact task (docs/results/learning.md)."""
+        """The default: about a quarter of an hour of two quiet cores for a contact task (docs/results/learning.md)."""
         return cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
 
     @classmethod
     def small(cls, task: Task) -> PretrainBudget:
-        """For a first look: a third of the dataset, five minutes of two cores."""
+        """For a first look: a third of the dataset."""
         full = cls.full(task)
         return cls(
             rollouts=full.rollouts // 3,

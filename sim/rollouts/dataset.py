@@ -129,7 +129,7 @@ def build_dataset(
     requests, cheap = dataset_requests(task, seed, size), _coarse_requests(task, seed, coarse)
     results = simulate(task, requests, "shard", 0)
     if coarse:
-        cheaply = simulate(_coarsely(task), cheap, "coarse", size)
+        cheaply = simulate(coarsely(task), cheap, "coarse", size)
         requests, results = requests.followed_by(cheap), concatenate([results, cheaply])
     if denser is not None:
         pool = _pool(task, seed, size, more)
@@ -152,8 +152,8 @@ def _coarse_requests(task: Task, seed: int, size: int) -> Requests:
     return draw_requests(task, size, np.random.default_rng([seed, 1]))
 
 
-def _coarsely(task: Task) -> Task:
-    """The task with the step of its coarse rollouts."""
+def coarsely(task: Task) -> Task:
+    """The task with its coarse rollouts in place of the accurate ones. Raises DatasetError if it has none."""
     if task.coarse is None:
         raise DatasetError(f"{task.name} has no coarse rollouts that help: leave out --coarse")
     return replace(task, simulate=partial(task.simulate, unmodelled=task.coarse), simulate_many=None)
@@ -236,7 +236,7 @@ class _Sizes:
 
 def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
-    probed = [task, *([_coarsely(task)] if sizes.coarse else [])]
+    probed = [task, *([coarsely(task)] if sizes.coarse else [])]
     probe = np.concatenate([run_many(one, _probe_requests(task), executor).observation for one in probed])
     manifest = _read_manifest(folder)
     if manifest is not None:
@@ -246,8 +246,11 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                     f"the dataset in {folder} has {key} = {manifest[key]}, wanted {wanted}: use a new folder"
                 )
         stored = np.asarray(manifest["probe"], dtype=np.float64)
-        both = min(len(stored), len(probe))  # coarse rollouts may have been added since, or be left out
-        if stored[:both].shape != probe[:both].shape or np.abs(stored[:both] - probe[:both]).max() > PROBE_TOLERANCE:
+        shared = min(len(stored), len(probe))  # coarse rollouts may have been added since, or be left out
+        if (
+            stored[:shared].shape != probe[:shared].shape
+            or np.abs(stored[:shared] - probe[:shared]).max() > PROBE_TOLERANCE
+        ):
             raise DatasetError(
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 "differently): use a new folder"
@@ -258,7 +261,7 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                 f"the dataset in {folder} has {have.size} rollouts, {have.coarse} coarse ones, and {have.denser} "
                 f"chosen by those; wanted {sizes.size}, {sizes.coarse} and {sizes.denser}: use a new folder"
             )
-        probe = stored if both == len(probe) else probe
+        probe = stored if shared == len(probe) else probe
     made = {"task": task.name, "interface": fingerprint(task), "seed": seed, **asdict(sizes)}
     write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
 

@@ -221,7 +221,7 @@ class Task:
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     coarse: Any | None = None
     """An instance of `unmodelled` with a longer step: cheap rollouts from which an emulator learns beside true ones.
-    None: those that were tried do not help."""
+    None: it learns from true ones alone."""
     exact: Callable[[Task], SolverOf[Task]] | None = None
     """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None

@@ -21,9 +21,9 @@ from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, 
 from hw.workcell import Workcell
 from sim.errors import SimError
 from sim.lab.board import BODY, HeldBoard
-from sim.lab.camera import SLICES
 from sim.lab.cell import Cell
 from sim.lab.chance import camera_stream, joint_zeros, view_stream
+from sim.lab.film import SLICES
 from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.world import World

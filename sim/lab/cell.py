@@ -7,7 +7,7 @@ the table follow from this; nothing is added by hand.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
 DAMPING_NMS_RAD = (150.0, 165.0, 130.0, 100.0, 20.0, 20.0, 15.0)
 """About critical damping for the inertia that each joint moves with the arm at the table; the maker publishes none."""
 
-SETTLE_MIN_S, SETTLE_CHUNK_S = 0.3, 0.1
+SETTLE_MIN_S, PIECE_S = 0.3, 0.1
 
 
 class Cell:
@@ -69,6 +69,7 @@ class Cell:
         self._simulator = Simulator(diagram)
         root = self._simulator.get_mutable_context()
         self._context = self._plant.GetMyMutableContextFromRoot(root)
+        self._drawn = self._plant.CreateDefaultContext()  # for poses: a running simulation keeps its own
         self._scene_graph, self._scene_context = scene_graph, scene_graph.GetMyContextFromRoot(root)
         self._joints = np.array([self._plant.GetJointByName(n).position_start() for n in JOINT_NAMES])
         self._object = self._plant.GetBodyByName(self.bodies.object)
@@ -100,10 +101,10 @@ class Cell:
         """(4, 4) the object in the world."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
-    def simulate(self, t_s: Array, q_rad: Array) -> Motion:
+    def simulate(self, t_s: Array, q_rad: Array, so_far: Callable[[Motion], None]) -> Motion:
         """Follow the joint path (N,), (N, 7), then hold its end until the object rests, at most `SETTLE_S`.
 
-        Raises DivergedError.
+        Calls `so_far` every `PIECE_S` with the motion until then. Raises DivergedError.
         """
         self._reference.UpdateTrajectory(PiecewisePolynomial.FirstOrderHold(t_s, q_rad.T))
         root = self._simulator.get_mutable_context()
@@ -112,14 +113,12 @@ class Cell:
         log = self._log.FindMutableLog(root)
         log.Clear()
         self._simulator.Initialize()
-        end_s = float(t_s[-1]) + SETTLE_MIN_S
-        try:
-            self._simulator.AdvanceTo(end_s)
-            while not self._rests(log) and end_s < t_s[-1] + SETTLE_S:
-                end_s = min(end_s + SETTLE_CHUNK_S, float(t_s[-1]) + SETTLE_S)
-                self._simulator.AdvanceTo(end_s)
-        except RuntimeError as error:
-            raise DivergedError(root.get_time(), str(error), self._motion(log)) from error
+        end_s, last_s = float(t_s[-1]) + SETTLE_MIN_S, float(t_s[-1]) + SETTLE_S
+        for until_s in (*np.arange(PIECE_S, end_s, PIECE_S), end_s):
+            so_far(self._advanced(until_s, log))
+        while not self._rests(log) and end_s < last_s:
+            end_s = min(end_s + PIECE_S, last_s)
+            so_far(self._advanced(end_s, log))
         motion = self._motion(log)
         self.positions = motion.positions[-1]
         return motion
@@ -161,21 +160,24 @@ class Cell:
 
     def poses(self, positions: Array) -> Mapping[str, Array]:
         """(S, nq) -> poses (S, 4, 4) in the base frame of all visible bodies, by name."""
-        before = self.positions
         bodies = [self._plant.GetBodyByName(name) for name in self._seen]
         poses = {name: np.empty((len(positions), 4, 4)) for name in self._seen}
         for i, row in enumerate(positions):
-            self._plant.SetPositions(self._context, row)
+            self._plant.SetPositions(self._drawn, row)
             for name, body in zip(self._seen, bodies, strict=True):
-                poses[name][i] = self._pose(body)
-        self.positions = before
+                poses[name][i] = self._plant.EvalBodyPoseInWorld(self._drawn, body).GetAsMatrix4()
         return poses
-
-    def _pose(self, body: Any) -> Array:
-        return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4())
 
     def _set_object(self, X_BO: Array) -> None:
         self._plant.SetFreeBodyPose(self._context, self._object, RigidTransform(X_BO))
+
+    def _advanced(self, until_s: float, log: Any) -> Motion:
+        """The motion until then. Raises DivergedError."""
+        try:
+            self._simulator.AdvanceTo(until_s)
+        except RuntimeError as error:
+            raise DivergedError(self._simulator.get_context().get_time(), str(error), self._motion(log)) from error
+        return self._motion(log)
 
     def _rests(self, log: Any) -> bool:
         """Whether the object has been slow for the time that a trial requires. The tool rests meanwhile."""

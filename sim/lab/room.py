@@ -11,6 +11,7 @@ import numpy as np
 from hw.types import Array, Execution, JointPath
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance, joint_zeros
+from sim.lab.film import Filming
 from sim.lab.motion import DivergedError, Motion
 from sim.lab.world import World
 from sim.tasks.task import Task
@@ -28,14 +29,6 @@ _AWAY_M = (0.0, 0.0, -5.0)
 """The object's place before it is first placed: under the floor, out of sight."""
 
 
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """A recorded motion, from `t_start_s` on the lab's clock."""
-
-    t_start_s: float
-    motion: Motion
-
-
 @dataclass(eq=False)
 class Room:
     """The present state of the lab. Its clock advances only during events."""
@@ -49,8 +42,7 @@ class Room:
     chance: Chance = field(init=False)
     zeros_rad: Array = field(init=False)  # (7,) true minus reported joint positions
     faults_due: set[str] = field(default_factory=set)  # of this trial, not yet triggered
-    recording_since_s: float | None = None
-    shots: list[Shot] = field(default_factory=list)  # motions of the recording
+    filming: Filming | None = None  # the running recording
     history: list[dict[str, Any]] = field(default_factory=list)  # true data of every placing, oldest first
 
     def __post_init__(self) -> None:
@@ -75,7 +67,7 @@ class Room:
         """Put the object at rest near `xy_m`, the arm at home, clock and random numbers to those of this attempt."""
         self.chance = Chance.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
-        self.recording_since_s, self.shots = None, []
+        self.filming = None
         due = vars(self.world.faults).items()
         self.faults_due = {name for name, trials in due if trial in trials and attempt == 0}
         X_BO = self._X_BO_reference()
@@ -97,7 +89,7 @@ class Room:
     def travel(self, path: JointPath) -> Execution:
         """Play a path without contact; it costs time only for a recording."""
         times_s = np.array([0.0, path.duration_s])
-        if self.recording_since_s is not None:
+        if self.filming is not None:
             times_s = np.linspace(0.0, path.duration_s, 2 + int(path.duration_s / TRAVEL_PERIOD_S))
         rows = np.stack([np.interp(times_s, path.t_s, column) for column in path.q_rad.T], axis=-1)
         t_start_s = self._happened(self.cell.travel(times_s, rows + self.zeros_rad))
@@ -109,7 +101,7 @@ class Room:
         Raises DivergedError, with everything at rest.
         """
         try:
-            motion = self.cell.simulate(t_s, q_rad + self.zeros_rad + self.chance.joint_offset_rad)
+            motion = self.cell.simulate(t_s, q_rad + self.zeros_rad + self.chance.joint_offset_rad, self._shown)
         except DivergedError as error:
             self._happened(error.motion)
             raise
@@ -122,23 +114,18 @@ class Room:
         positions = np.tile(self.cell.positions, (2, 1))
         self._happened(Motion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
 
-    def positions_at(self, times_s: Array) -> Array:
-        """(S, nq) of the plant at times of the recording; the present state at other times."""
-        rows = np.tile(self.cell.positions, (len(times_s), 1))
-        for shot in self.shots:
-            chosen = times_s >= shot.t_start_s
-            rows[chosen] = shot.motion.at(times_s[chosen] - shot.t_start_s)
-        return rows
-
     def _X_BO_reference(self) -> Array:
         task, world = self.task, self.world
         rest_pose = task.require_hardware().rest_pose
         return np.array(rest_pose(task.reference_context, world.parameters, world.nuisance, world.unmodelled))
 
+    def _shown(self, motion: Motion) -> None:
+        if self.filming is not None:
+            self.filming.saw(self.t_s, motion)
+
     def _happened(self, motion: Motion) -> float:
+        self._shown(motion)
         t_start_s = self.t_s
-        if self.recording_since_s is not None:
-            self.shots.append(Shot(t_start_s, motion))
         self.t_s = t_start_s + float(motion.t_s[-1])
         return t_start_s
 

@@ -45,6 +45,10 @@ class Sensing:
     board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
     """Printed size of the calibration board over its stated size."""
 
+    def stamped(self, t_s: float) -> float:
+        """A time of the arm's clock on the camera's own clock."""
+        return t_s + 1e-3 * self.clock_offset_ms
+
 
 @dataclass(frozen=True)
 class Mount:

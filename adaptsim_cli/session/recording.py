@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -46,7 +47,7 @@ _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
-Message = tuple[int, str, bytes]  # time in ns, topic, CDR
+Message = tuple[int, str, bytes | Future[bytes]]  # time in ns, topic, CDR
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +83,18 @@ def encode(
     An execution without samples has no tool poses: the arm stopped, and its joints are unknown. `camera_late_s` is
     already subtracted from the camera's stamps; it is stored only to make that reversible.
     """
-    messages = [
-        *_images([before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png),
-        *_images(frames, _COLOUR, _DEPTH, _jpeg),
-        *_images([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH, _png),
-    ]
     times_s, start_ns = [frame.t_s for frame in frames], _ns(before.t_s)
-    messages += [*topics.cameras(model, start_ns), topics.description(arm, start_ns), *topics.joints(execution)]
-    messages += topics.transforms(times_s or [before.t_s], execution, X_BT_at, model, X_BC)
-    return as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    with _threads() as pool:
+        messages = [
+            *_images(pool, [before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png),
+            *_images(pool, frames, _COLOUR, _DEPTH, _jpeg),
+            *_images(pool, [] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH, _png),
+            *topics.cameras(model, start_ns),
+            topics.description(arm, start_ns),
+            *topics.joints(execution),
+            *topics.transforms(times_s or [before.t_s], execution, X_BT_at, model, X_BC),
+        ]
+        return as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
 
 
 def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
@@ -122,7 +126,10 @@ def as_mcap(
     attached: Mapping[str, bytes],
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
-    """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata."""
+    """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata.
+
+    Messages that are still being encoded are waited for while the earlier ones are compressed.
+    """
     stream = io.BytesIO()
     writer = McapWriter(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="adaptsim")
@@ -133,7 +140,8 @@ def as_mcap(
     if metadata:
         writer.add_metadata("adaptsim", dict(metadata))
     for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
-        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
+        content = message if isinstance(message, bytes) else message.result()
+        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=content)
     writer.finish()
     return stream.getvalue()
 
@@ -174,17 +182,19 @@ def _read(reader: object) -> Recording:
             camera = json.loads(attachment.data)
     if camera is None:
         raise SessionError("the recording has no camera.json")
-    images: dict[str, dict[int, Bytes | Depth]] = {topic: {} for topic in _IMAGES}
+    images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
-    for schema, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
-        fields, topic = cdr.Reader(message.data), channel.topic
-        if topic in images:
-            t_ns, _ = fields.header()
-            images[topic][t_ns] = _depth(fields) if schema.name == _DEPTH_TYPE else _compressed(fields)
-        elif topic in joints:
-            t_ns, _ = fields.header()
-            fields.strings()
-            joints[topic].append((t_ns, fields.doubles()))
+    with _threads() as pool:
+        for schema, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
+            fields, topic = cdr.Reader(message.data), channel.topic
+            if topic in images:
+                t_ns, _ = fields.header()
+                decoded = _decode_colour if topic in COLOURS else _DEPTHS[schema.name]
+                images[topic][t_ns] = pool.submit(decoded, fields)
+            elif topic in joints:
+                t_ns, _ = fields.header()
+                fields.strings()
+                joints[topic].append((t_ns, fields.doubles()))
     (before,) = _frames(images[_BEFORE_COLOUR], images[_BEFORE_DEPTH])
     start_s = float(camera["t_start_s"])
     execution = Execution(
@@ -200,27 +210,31 @@ def _read(reader: object) -> Recording:
     return Recording(before, frames, _camera_model(camera), X_BC, execution, after[0] if after else None)
 
 
-def _frames(colour: dict[int, Bytes | Depth], depth: dict[int, Bytes | Depth]) -> tuple[Frame, ...]:
-    def decoded(t_ns: int) -> Frame:
-        return Frame(t_ns * 1e-9, _decode_colour(colour[t_ns]), _decode_depth(depth[t_ns]))
+def _frames(colour: Mapping[int, Future[Bytes]], depth: Mapping[int, Future[Depth]]) -> tuple[Frame, ...]:
+    return tuple(Frame(t_ns * 1e-9, colour[t_ns].result(), depth[t_ns].result()) for t_ns in colour)
 
-    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
-        return tuple(pool.map(decoded, colour))
+
+def _threads() -> ThreadPoolExecutor:
+    """Two are enough: OpenCV releases the interpreter while it encodes and decodes."""
+    return ThreadPoolExecutor(max_workers=2)
 
 
 def _images(
-    frames: Sequence[Frame], colour_topic: str, depth_topic: str, as_colour: Callable[[Bytes], tuple[str, bytes]]
-) -> list[Message]:
-    def encoded(frame: Frame) -> list[Message]:
-        t_ns = _ns(frame.t_s)
-        kind, colour = as_colour(frame.colour)
-        return [
-            (t_ns, colour_topic, cdr.compressed_image(t_ns, "camera_colour", kind, colour)),
-            (t_ns, depth_topic, cdr.image(t_ns, "camera_depth", frame.depth_mm)),
-        ]
+    pool: Executor,
+    frames: Sequence[Frame],
+    colour_topic: str,
+    depth_topic: str,
+    as_colour: Callable[[Bytes], tuple[str, bytes]],
+) -> Iterator[Message]:
+    def coloured(frame: Frame) -> bytes:
+        return cdr.compressed_image(_ns(frame.t_s), "camera_colour", *as_colour(frame.colour))
 
-    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it encodes
-        return [message for pair in pool.map(encoded, frames) for message in pair]
+    def deep(frame: Frame) -> bytes:
+        return cdr.image(_ns(frame.t_s), "camera_depth", frame.depth_mm)
+
+    for frame in frames:
+        yield _ns(frame.t_s), colour_topic, pool.submit(coloured, frame)
+        yield _ns(frame.t_s), depth_topic, pool.submit(deep, frame)
 
 
 def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
@@ -247,12 +261,11 @@ def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     return bytes(content.tobytes())
 
 
-def _compressed(fields: cdr.Reader) -> Bytes:
-    fields.string()
-    return np.frombuffer(fields.blob(), np.uint8)
+def _decode_colour(fields: cdr.Reader) -> Bytes:
+    return np.ascontiguousarray(decode_image(_compressed(fields), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def _depth(fields: cdr.Reader) -> Depth:
+def _decode_depth(fields: cdr.Reader) -> Depth:
     """The depth image of a message. Raises ValueError for another encoding, or another length than stated."""
     height, width, encoding = fields.count(), fields.count(), fields.string()
     fields.byte(), fields.count()
@@ -261,18 +274,20 @@ def _depth(fields: cdr.Reader) -> Depth:
     return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
 
 
-def _decode_colour(content: Bytes | Depth) -> Bytes:
-    return np.ascontiguousarray(decode_image(content.tobytes(), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
-
-
-def _decode_depth(content: Bytes | Depth) -> Depth:
-    """The raw image, or decoded from the PNG of an earlier version."""
-    if content.dtype == np.uint16:
-        return np.asarray(content, np.uint16)
-    image = decode_image(content.tobytes(), cv2.IMREAD_UNCHANGED)
+def _decode_png(fields: cdr.Reader) -> Depth:
+    """The depth image of an earlier version."""
+    image = decode_image(_compressed(fields), cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16:
         raise ValueError("a depth image cannot be decoded")
     return np.asarray(image, np.uint16)
+
+
+_DEPTHS = {_DEPTH_TYPE: _decode_depth, _PICTURE: _decode_png}
+
+
+def _compressed(fields: cdr.Reader) -> bytes:
+    fields.string()
+    return bytes(fields.blob())
 
 
 def _ns(t_s: float) -> int:

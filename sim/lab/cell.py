@@ -101,7 +101,7 @@ class Cell:
         """(4, 4) the object in the world."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
-    def simulate(self, t_s: Array, q_rad: Array, so_far: Callable[[Motion], None]) -> Motion:
+    def simulate(self, t_s: Array, q_rad: Array, so_far: Callable[[Motion], object] = lambda _: None) -> Motion:
         """Follow the joint path (N,), (N, 7), then hold its end until the object rests, at most `SETTLE_S`.
 
         Calls `so_far` every `PIECE_S` with the motion until then. Raises DivergedError.

@@ -34,6 +34,7 @@ from sim.rollouts.shards import read_rollouts, write_rollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import held_out_errors, train_emulator
+from sim.solvers.solver import Solver
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -85,13 +86,13 @@ def main() -> None:
         emulators = {}
         for mix in mixes:
             emulators[mix] = [trained(task, mixed(mix, fine, coarse, seed), seed) for seed in arguments.seeds]
-            errors = np.array([_figures(emulator, held) for emulator in emulators[mix]])
+            errors = np.array([figures(emulator, held) for emulator in emulators[mix]])
             told = [f"{m:.4g} ({s:.2g})" for m, s in zip(errors.mean(axis=0), errors.std(axis=0), strict=True)]
             cost = mix.fine + ratio * mix.coarse
             print(f"{mix} | {cost:.0f} | {told[0]} | {told[1]} | {told[2]} / {told[3]} | {told[4]}", flush=True)
         if arguments.policies:
             roll = CachedRollouts(task, arguments.folder / "judged", executor)
-            show_policies(task, emulators, arguments.policies, roll)
+            show_policies(emulators, arguments.policies, roll)
 
 
 def pool(task: Task, size: int, seed: int, folder: Path, executor: Executor) -> Pool:
@@ -143,7 +144,7 @@ def trained(task: Task, dataset: Dataset, seed: int) -> Emulator:
     return train_emulator(task, dataset, seed)[0]
 
 
-def _figures(emulator: Emulator, held: Pool) -> Array:
+def figures(emulator: Emulator, held: Pool) -> Array:
     """(5,) held-out errors; lengths in mm."""
     errors = held_out_errors(emulator, *held)
     position, end = errors["position_error_median"], errors["end_state_error_median"]
@@ -151,12 +152,10 @@ def _figures(emulator: Emulator, held: Pool) -> Array:
     return np.array([errors["accuracy"].mean(), errors["brier"].mean(), *lengths_mm])
 
 
-def show_policies(task: Task, emulators: dict[Mix, list[Emulator]], environments: int, roll: CachedRollouts) -> None:
+def show_policies(emulators: dict[Mix, list[Emulator]], environments: int, roll: CachedRollouts) -> None:
     """Print what the policies earn in their own environments, and the differences to the first mix."""
-    E = cover(task.parameters, environments, np.random.default_rng(4))
-    contexts = cover(task.context, CONTEXTS, np.random.default_rng(5))
     earned = {
-        mix: np.array([_earned(task, emulator, E, contexts, roll) for emulator in made])
+        mix: np.array([earned_by(EmulatorSolver(emulator), environments, roll) for emulator in made])
         for mix, made in emulators.items()
     }
     first = next(iter(earned.values()))
@@ -164,15 +163,18 @@ def show_policies(task: Task, emulators: dict[Mix, list[Emulator]], environments
         f"mix | reward in {environments} E by {CONTEXTS * REPEATS} true rollouts each | minus the first (95 %, over E)"
     )
     for mix, rewards in earned.items():
-        low, high = _interval((rewards - first).mean(axis=0))
+        low, high = interval((rewards - first).mean(axis=0))
         by_seed = ", ".join(f"{r:+.3f}" for r in (rewards - first).mean(axis=1))
         apart = (rewards - first).mean()
         print(f"{mix} | {rewards.mean():.4f} | {apart:+.4f} ({low:+.4f} to {high:+.4f}); by seed {by_seed}", flush=True)
 
 
-def _earned(task: Task, emulator: Emulator, E: Array, contexts: Array, roll: CachedRollouts) -> Array:
-    """(environments,) mean true reward of the emulator's policies."""
-    policies = EmulatorSolver(emulator).policies(E[:, None], np.random.default_rng(6))
+def earned_by(solver: Solver, environments: int, roll: CachedRollouts) -> Array:
+    """(environments,) mean true reward of the solver's policies, each in its own environment."""
+    task = solver.task
+    E = cover(task.parameters, environments, np.random.default_rng(4))
+    contexts = cover(task.context, CONTEXTS, np.random.default_rng(5))
+    policies = solver.policies(E[:, None], np.random.default_rng(6))
     actions = np.stack([policy.actions(contexts) for policy in policies])  # (E, CONTEXTS, a)
     repeated = np.repeat(actions.reshape(-1, actions.shape[-1]), REPEATS, axis=0)
     where = np.repeat(np.tile(contexts, (len(E), 1)), REPEATS, axis=0)
@@ -181,7 +183,7 @@ def _earned(task: Task, emulator: Emulator, E: Array, contexts: Array, roll: Cac
     return np.asarray(roll(requests).rewards(task, where).reshape(len(E), -1).mean(axis=1))
 
 
-def _interval(differences: Array) -> tuple[float, float]:
+def interval(differences: Array) -> tuple[float, float]:
     """95 % of bootstrapped means of (n,) differences."""
     rng = np.random.default_rng(9)
     means: Sequence[float] = differences[rng.integers(len(differences), size=(4000, len(differences)))].mean(axis=1)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from lab_runs import CELL, HOME_RAD, XY_M, shove, world
-from slider import TASK
+from lab_runs import CELL, XY_M, shove, world
+from slider import HOME_RAD, TASK
 
 from hw.joint_limits import LIMITS
 from hw.types import Array

@@ -121,7 +121,7 @@ def main() -> None:
         task.name, arguments.checkpoint, arguments.visits, arguments.scale, arguments.rollouts, arguments.seed
     )
     checkpoint = load_checkpoint(task, settings.checkpoint)
-    dataset = checkpoint.card.get("emulator", {}).get("rollouts", 0)
+    dataset = checkpoint.card.emulator.rollouts if checkpoint.card.emulator else 0
     rules = rules_of(task, settings.scale)
     cache = Path(arguments.cache or f"build/solvers-{task.name}") / scene_key(task)
     means = cover(task.parameters, arguments.policies, np.random.default_rng(settings.seed))

@@ -13,11 +13,12 @@ import argparse
 from functools import partial
 from pathlib import Path
 
+from sim.adaptation.card import MethodScore, Targets
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.q_policy import QPolicy
-from sim.pretraining.evaluation import EvaluationSettings, MethodScore, evaluate
-from sim.pretraining.meta_training import TARGETS, Targets
+from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.meta_training import TARGETS
 from sim.pretraining.pipeline import stage_seeds
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.cache import CachedRollouts
@@ -31,7 +32,7 @@ def main() -> None:
     checkpoints = {name: load_checkpoint(task, name) for name in arguments.checkpoints}
     first = next(iter(checkpoints.values()))
     methods: dict[str, Method] = {
-        f"{memory}, trained on {checkpoint.card['budget']['meta']['targets']}": QPolicy(
+        f"{memory}, trained on {checkpoint.card.budget.meta.targets}": QPolicy(
             task, checkpoint.networks[memory], memory
         )
         for checkpoint in checkpoints.values()

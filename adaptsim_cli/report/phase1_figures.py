@@ -96,12 +96,12 @@ def learning(verification: Verification) -> Figure:
     middle.plot(loss, color=COLOURS[0], linewidth=1)
     middle.set(xlabel="round", ylabel="loss", yscale="log" if (loss > 0).all() else "linear")
     middle.set_title("Q-learning", fontsize=10)
-    for i, score in enumerate(made.evaluation["methods"]):
-        closed, interval = np.asarray(score["gap_closed"]), np.asarray(score["gap_closed_ci95"])
+    for i, score in enumerate(made.evaluation.methods):
+        closed, interval = np.asarray(score.gap_closed), np.asarray(score.gap_closed_ci95)
         x = np.arange(1, len(closed) + 1) + 0.08 * i
         low, high = np.maximum(closed - interval[:, 0], 0.0), np.maximum(interval[:, 1] - closed, 0.0)
         colour = COLOURS[i % len(COLOURS)]
-        right.errorbar(x, closed, [low, high], fmt="o-", markersize=4, capsize=3, color=colour, label=score["name"])
+        right.errorbar(x, closed, [low, high], fmt="o-", markersize=4, capsize=3, color=colour, label=score.name)
     right.axhline(0.0, color="black", linewidth=0.8)
     right.axhline(1.0, color="black", linewidth=0.8, linestyle=":")
     right.set(xlabel="iteration", ylabel="share of the gap closed (95 %)")

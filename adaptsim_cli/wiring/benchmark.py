@@ -272,7 +272,7 @@ def _found_again(name: str, checkpoint: Checkpoint) -> str:
     """A shipped checkpoint by its name, any other by its absolute path, because workers run in another folder."""
     from sim.tasks import files_of
 
-    is_shipped = checkpoint.path.is_relative_to(files_of(str(checkpoint.card["task"]), "checkpoints"))
+    is_shipped = checkpoint.path.is_relative_to(files_of(checkpoint.card.task, "checkpoints"))
     return name if is_shipped else str(checkpoint.path.absolute())
 
 

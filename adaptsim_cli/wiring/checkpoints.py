@@ -58,7 +58,7 @@ def _pretrained(task: Task) -> list[Path]:
 
     def fits(folder: Path) -> bool:
         try:
-            return bool(read_card(folder, task.name)["fingerprint"] == fingerprint(task))
+            return read_card(folder, task.name).fingerprint == fingerprint(task)
         except CheckpointError:
             return False
 
@@ -129,9 +129,10 @@ def list_checkpoints() -> list[dict[str, str]]:
     def row(name: str, folder: Path) -> dict[str, str]:
         try:
             card = read_card(folder, "any task")
+            task, created = card.task, str(card.created or "")
         except CheckpointError as error:
-            card = {"task": "?", "created": f"cannot be read: {error}"}
-        return {"task": str(card["task"]), "name": name, "created": str(card.get("created", "")), "folder": str(folder)}
+            task, created = "?", f"cannot be read: {error}"
+        return {"task": task, "name": name, "created": created, "folder": str(folder)}
 
     named = [(name, folder) for _, name, folder in list_checkpoints()]
     named += [(folder.parent.name, folder) for folder in own_checkpoints()]
@@ -142,7 +143,7 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
     from sim.adaptation.checkpoint import read_card
 
-    text = json.dumps(read_card(folder, task), default=str)
+    text = json.dumps(read_card(folder, task).facts(), default=str)
     card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
     return card
 
@@ -179,9 +180,9 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     task = task_of(replace(load().config, task=facts.task, object=facts.object))
     for folder in _folders(facts.task):
         try:
-            if str(read_card(folder, task.name)["sha256"]) == facts.checkpoint_sha256:
+            if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
                 return load_checkpoint(task, str(folder))
-        except (CheckpointError, KeyError):
+        except CheckpointError:
             continue
     raise CheckpointError(
         f"session {facts.name!r} was begun with the checkpoint {facts.checkpoint} ({facts.checkpoint_sha256[:12]}), "

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from hw.bounded import Unreadable
+from sim.adaptation.card import CARD, FORMAT, Card, card_of
 from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import Solver
-from sim.storage.files import read_toml, sha256, write_toml
+from sim.storage.files import sha256, write_toml
 from sim.storage.tensors import Tensors, load_tensors, save_tensors
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import fingerprint, interface
@@ -44,16 +44,11 @@ __all__ = [
     "verify_weights",
 ]
 
-MODEL, CARD = "model.safetensors", "card.toml"
-FORMAT = 1
+MODEL = "model.safetensors"
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
 """Prefix of the adaptation policies' tensors, by memory."""
 ATTAINABLE = "q_attainable."
 PROSPECTS = "prospects."
-PAPERS = "adaptsim-iteration"
-"""The paper's method: the one that "adaptsim" means for a card that names none."""
-DEFAULTS = (PAPERS, "adaptsim-belief", "adaptsim-history", "adaptsim-state")
-"""The methods that a card may name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +56,10 @@ class Checkpoint:
     """A loaded checkpoint, verified against its card and its task."""
 
     path: Path
-    card: Mapping[str, Any]
+    card: Card
     solver: Solver
     emulator: Emulator | None  # None: the solver does not use one
     prospects: Prospects | None  # None with NAF, which cannot answer without simulating
-    method: str  # the method that "adaptsim" meant
     tensors: Tensors  # everything in the checkpoint's weights file
 
     @cached_property
@@ -88,12 +82,17 @@ class Checkpoint:
     @property
     def naf(self) -> Mapping[str, Any] | None:
         """The facts from which `restore_naf` builds the solver; None unless the policies are NAF's."""
-        return self.card["naf"] if self.card.get("solver") == "naf" and not self.solver.task.exact else None
+        return self.card.naf if self.card.solver == "naf" and not self.solver.task.exact else None
 
     @property
     def sha256(self) -> str:
         """SHA-256 of the weights, which a session records."""
-        return str(self.card["sha256"])
+        return self.card.sha256
+
+    @property
+    def method(self) -> str:
+        """The method that "adaptsim" meant."""
+        return self.card.method
 
 
 def save_checkpoint(
@@ -138,9 +137,9 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     shipped = files_of(task.name, "checkpoints") / name
     path = shipped if (shipped / CARD).exists() else Path(name)
     card = read_card(path, task.name)
-    if card["task"] != task.name:
-        raise CheckpointError(f"the checkpoint in {path} is for {card['task']}, not for {task.name}")
-    if card["fingerprint"] != fingerprint(task):
+    if card.task != task.name:
+        raise CheckpointError(f"the checkpoint in {path} is for {card.task}, not for {task.name}")
+    if card.fingerprint != fingerprint(task):
         raise CheckpointError(
             f"the checkpoint in {path} was trained with different {_difference(card, task)} of {task.name}"
             f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the file of that "
@@ -148,18 +147,14 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         )
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
-    ahead, method = _part(tensors, PROSPECTS), card.get("method", PAPERS)
-    if method not in DEFAULTS:
-        raise CheckpointError(f"{path / CARD}: method is {method!r}, not one of {', '.join(DEFAULTS)}: pretrain again")
-    by_naf = card.get("solver") == "naf"
-    emulator = None if task.exact or by_naf else Emulator(task, _part(tensors, "emulator."))
+    ahead = _part(tensors, PROSPECTS)
+    emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
     return Checkpoint(
         path=path,
         card=card,
         solver=EmulatorSolver(emulator) if emulator else _solver(task, path, card),
         emulator=emulator,
         prospects=restore_prospects(task, ahead) if ahead else None,
-        method=method,
         tensors=tensors,
     )
 
@@ -170,51 +165,39 @@ def list_checkpoints() -> list[tuple[str, str, Path]]:
     return sorted((task, card.parent.name, card.parent) for task in folders for card in folders[task].glob(f"*/{CARD}"))
 
 
-def read_card(path: Path, task: str) -> dict[str, Any]:
+def read_card(path: Path, task: str) -> Card:
     """The card of the checkpoint in `path`. Raises CheckpointError."""
-    if not (path / CARD).exists():
+    try:
+        return card_of(path)
+    except FileNotFoundError as error:
         have = ", ".join(f"{t}/{n}" for t, n, _ in list_checkpoints()) or "none"
         raise CheckpointError(
             f"no checkpoint {str(path)!r} for {task} (shipped: {have}): give the name of a shipped one or a folder "
             f"that holds {CARD}, or make one with `adaptsim pretrain --task {task}`"
-        )
-    try:
-        card = read_toml(path / CARD)
-    except Unreadable as error:
-        raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
-    missing = {"format", "task", "fingerprint", "sha256", "interface"} - card.keys()
-    if missing:
-        raise CheckpointError(
-            f"{path / CARD} has no {', '.join(sorted(missing))}: install or make the checkpoint again"
-        )
-    if card["format"] != FORMAT:
-        raise CheckpointError(
-            f"{path} has checkpoint format {card['format']}, this version reads {FORMAT}: pretrain again"
-        )
-    return card
+        ) from error
 
 
-def verify_weights(path: Path, card: Mapping[str, Any]) -> None:
+def verify_weights(path: Path, card: Card) -> None:
     """Raises CheckpointError unless the weights in `path` match the card."""
     model = path / MODEL
     if not model.exists():
         raise CheckpointError(f"{model} is missing: install or make the checkpoint again")
     found = sha256(model)
-    if found != card["sha256"]:
+    if found != card.sha256:
         raise CheckpointError(
             f"{model} is damaged or was changed: its SHA-256 is {found[:12]}..., the card says "
-            f"{card['sha256'][:12]}...; install or make the checkpoint again"
+            f"{card.sha256[:12]}...; install or make the checkpoint again"
         )
 
 
-def _solver(task: Task, path: Path, card: Mapping[str, Any]) -> Solver:
+def _solver(task: Task, path: Path, card: Card) -> Solver:
     """The solver without an emulator: exact, or NAF's."""
     if task.exact:
         return task.exact(task)
     from sim.solvers.naf.solver import restore_naf  # noqa: PLC0415 - torch is slow to load, and few checkpoints need it
 
     try:
-        return restore_naf(task, card["naf"])
+        return restore_naf(task, card.naf or {})
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
 
@@ -223,12 +206,11 @@ def _part(tensors: Tensors, prefix: str) -> dict[str, NDArray[Any]]:
     return {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
 
 
-def _difference(card: Mapping[str, Any], task: Task) -> str:
-    now, then = interface(task), card["interface"]
+def _difference(card: Card, task: Task) -> str:
+    now, then = interface(task), card.interface
     return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"
 
 
-def _own(card: Mapping[str, Any], task: Task) -> str:
+def _own(card: Card, task: Task) -> str:
     """The object of the card's ranges, if it is known and differs from the present one; else ""."""
-    name = card.get("object", task.object_name)
-    return f" (those of {name})" if name != task.object_name else ""
+    return f" (those of {card.object})" if card.object not in (None, task.object_name) else ""

@@ -141,9 +141,9 @@ def _simulations(method: str, checkpoint: Checkpoint) -> int:
     if method in WITHOUT_SIMULATION:
         return 0
     if method in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
-        return int(checkpoint.card.get("simulations", 0)) if method in LEARNT_FROM_EPISODES else 0
-    budget = checkpoint.card.get("budget", {})
-    return int(budget.get("rollouts", 0)) + int(budget.get("denser", 0))
+        return checkpoint.card.simulations if method in LEARNT_FROM_EPISODES else 0
+    budget = checkpoint.card.budget
+    return budget.rollouts + budget.denser + budget.coarse
 
 
 @lru_cache(maxsize=8)

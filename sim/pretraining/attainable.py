@@ -77,7 +77,7 @@ def repair(checkpoint: Checkpoint, out: Path, seed: int, steps: int, progress: P
         judged = max(16, min(GATE_TARGETS, GATE_TARGETS * steps // MetaSettings().steps))
         gate = learning_gate(solver, network, roll, seed + 1, judged)
     progress("gate", 1, 1)
-    facts = {key: value for key, value in checkpoint.card.items() if key not in RENEWED}
+    facts = {key: value for key, value in checkpoint.card.facts().items() if key not in RENEWED}
     learnt = {"threshold": threshold, "steps": steps, "updates": updates, "seed": seed, "gate": asdict(gate)}
     facts |= {"attainable": learnt}
     save_checkpoint(task, out, checkpoint.emulator, checkpoint.networks, facts, checkpoint.prospects, network)

@@ -10,10 +10,11 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.best import choose_best
+from sim.adaptation.card import EvaluationReport, MethodScore, Targets
 from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.adaptation.methods.udr import udr_policies
 from sim.pretraining.episodes import simulated_trials
-from sim.pretraining.meta_training import Targets, sample_targets
+from sim.pretraining.meta_training import sample_targets
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import Requests, Roll
 from sim.solvers.solver import SolvedPolicy, Solver, policy_for
@@ -36,34 +37,6 @@ class EvaluationSettings:
     iterations: int = 5
     rollouts: int = 8  # true ones behind each final reward
     oracle: int = 128  # candidate parameter vectors of the oracle in Omega
-
-
-@dataclass(frozen=True)
-class MethodScore:
-    """The score of a method after each iteration: of its final policy at that point, by true rollouts."""
-
-    name: str
-    reward: tuple[float, ...]  # mean over the targets
-    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 if there is none
-    gap_closed_ci95: tuple[tuple[float, float], ...]  # bootstrap over targets
-    above_udr_ci95: tuple[float, float]  # of the mean difference to UDR after the last iteration, all targets
-
-
-@dataclass(frozen=True)
-class EvaluationReport:
-    """Mean rewards over the targets, all by true rollouts."""
-
-    kind: Targets
-    targets: int
-    trials: int  # per session
-    rollouts: int  # behind each reward
-    udr: float  # mean over several of its policies
-    oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
-    targets_with_gap: int  # oracle - udr at least LEAST_GAP
-    methods: tuple[MethodScore, ...]
-    pairs: int  # of (policy, target), behind the next two figures
-    emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
-    emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.adaptation.card import Targets
 from sim.adaptation.memory import MemoryName, inputs, new_policy
 from sim.adaptation.q_network import QNetwork
 from sim.pretraining.episodes import Episodes, EpisodeSettings, Visit, join_episodes, sparse, visit
@@ -21,9 +22,6 @@ from sim.tasks.task import Task
 
 BATCH = 64
 EPSILON_FIRST, EPSILON_LAST = 1.0, 0.1
-
-Targets = Literal["paper", "wide"]
-"""The region of the training targets: Omega, as in the paper, or also the margin around it."""
 
 TARGETS: tuple[Targets, ...] = get_args(Targets)
 

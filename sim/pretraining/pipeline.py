@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from hw.bounded import Unreadable
-from sim.adaptation.checkpoint import CARD, read_card, save_checkpoint
+from sim.adaptation.card import CARD, Targets
+from sim.adaptation.checkpoint import save_checkpoint
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
@@ -34,7 +35,7 @@ from sim.errors import DatasetError
 from sim.pretraining.episodes import Episodes
 from sim.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
 from sim.pretraining.logs import Log, tensorboard
-from sim.pretraining.meta_training import MetaCurve, MetaSettings, Targets, learn_from, train_adaptation
+from sim.pretraining.meta_training import MetaCurve, MetaSettings, learn_from, train_adaptation
 from sim.pretraining.timing import Stopwatch
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
@@ -178,7 +179,7 @@ def pretrain(
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
         facts |= {"evaluation": results, "method": best_method(results)}
     path = folder / "checkpoint"
-    stored = read_card(path, task.name) if (path / CARD).exists() else {}
+    stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
         facts["simulations"] = means.simulated()
         save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)

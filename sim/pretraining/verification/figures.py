@@ -7,13 +7,14 @@ The draws are new, so nothing is compared digit by digit: a figure holds unless 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.card import Card
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
@@ -23,6 +24,7 @@ from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Progress, Roll, roll_in_parts
 from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.training import held_out_errors
 from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
@@ -80,15 +82,17 @@ def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int,
     draws = max(AT_ONCE, 2 * rollouts // 3)
     targets = max(4, (rollouts - draws) // (2 * PER_TARGET))
     return [
-        *_emulator(checkpoint.emulator, card.get("emulator", {}), counted, draws, rng),
+        *_emulator(checkpoint.emulator, card.emulator, counted, draws, rng),
         *_policies(solver, card, counted, targets, rng),
     ]
 
 
 def _emulator(
-    emulator: Emulator, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
+    emulator: Emulator, stated: EmulatorReport | None, roll: Roll, count: int, rng: np.random.Generator
 ) -> list[Figure]:
-    """Held-out errors of the emulator on `count` draws over the margin, as in its report."""
+    """Held-out errors of the emulator on `count` draws over the margin, as in its report; none without a report."""
+    if stated is None or not stated.held_out:
+        return []
     requests = draw_requests(emulator.task, count, rng)
     errors = held_out_errors(emulator, requests, roll(requests))
     figures: dict[str, tuple[Better, Callable[[Array], float]]] = {
@@ -97,22 +101,17 @@ def _emulator(
         "position_error_median": ("less", _median),
         "end_state_error_median": ("less", _median),
     }
-    held_out = int(card.get("held_out", 0))
     return [
-        _figure(
-            f"emulator: {name.replace('_', ' ')}", float(card[name]), held_out, errors[name], better, statistic, rng
-        )
+        _figure(f"emulator: {name.replace('_', ' ')}", said, stated.held_out, errors[name], better, statistic, rng)
         for name, (better, statistic) in figures.items()
-        if math.isfinite(card.get(name, math.nan)) and held_out and len(errors[name]) > 1
+        if math.isfinite(said := getattr(stated, name)) and len(errors[name]) > 1
     ]
 
 
-def _policies(
-    solver: Solver, card: Mapping[str, Any], roll: Roll, count: int, rng: np.random.Generator
-) -> list[Figure]:
+def _policies(solver: Solver, card: Card, roll: Roll, count: int, rng: np.random.Generator) -> list[Figure]:
     """Rewards of the policy for all of Omega in `count` random targets, and the emulator's errors about them."""
-    task, stored = solver.task, card.get("evaluation", {})
-    targets = sample_targets(task, _settings(card).kind, count, rng)
+    task, stated = solver.task, card.evaluation
+    targets = sample_targets(task, card.budget.evaluation.kind, count, rng)
     udr = udr_policies(solver, rng)
     own = solver.policies(task.parameters.sample(rng, count)[:, None], rng)
     earned, bias = np.zeros((count, 2)), np.zeros((count, 2))
@@ -124,15 +123,12 @@ def _policies(
             rewards = roll(asked).rewards(task, contexts)
             said = solver.trial_rewards(asked.parameters, contexts, asked.action, asked.nuisance)
             earned[i, j], bias[i, j] = rewards.mean(), (said - rewards).mean()
-    samples: dict[str, tuple[str, Array, Better]] = {
-        "udr": ("mean reward of the policy for all ranges", earned[:, 0], "more"),
-        "emulator_bias": ("reward that the emulator adds", bias.mean(axis=1), "neither"),
-    }
-    behind = int(stored.get("targets", 0))
+    if stated is None:
+        return []
+    of_all, added = "mean reward of the policy for all ranges", "reward that the emulator adds"
     return [
-        _figure(label, float(stored[name]), behind, values, better, _mean, rng)
-        for name, (label, values, better) in samples.items()
-        if name in stored and behind
+        _figure(of_all, stated.udr, stated.targets, earned[:, 0], "more", _mean, rng),
+        _figure(added, stated.emulator_bias, stated.targets, bias.mean(axis=1), "neither", _mean, rng),
     ]
 
 
@@ -145,7 +141,8 @@ def _sessions(
 ) -> list[Figure]:
     """Whole sessions in `count` fresh targets, for a task with nearly free rollouts."""
     solver, card = checkpoint.solver, checkpoint.card
-    task, settings, stored = solver.task, _settings(card), card.get("evaluation", {})
+    task, judging, stated = solver.task, card.budget.evaluation, card.evaluation
+    settings = EvaluationSettings(kind=judging.kind, particles=judging.particles, iterations=judging.iterations)
     name = checkpoint.method  # the best of those that the card judges
     method, udr = make_method(name, task, checkpoint), udr_policies(solver, rng)
     earned: dict[str, list[float]] = {name: [], "udr": []}
@@ -154,13 +151,13 @@ def _sessions(
         earned[name].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
         earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
         progress(i + 1, count)
-    behind = int(stored.get("targets", 0))
-    last = {score["name"]: score["reward"][-1] for score in stored.get("methods", ())}
-    said = {name: last.get(name), "udr": stored.get("udr")}
+    if stated is None:
+        return []
+    said = {score.name: score.reward[-1] for score in stated.methods} | {"udr": stated.udr}
     return [
-        _figure(f"mean reward of {of}", float(said[of]), behind, np.array(values), "more", _mean, rng)
+        _figure(f"mean reward of {of}", said[of], stated.targets, np.array(values), "more", _mean, rng)
         for of, values in earned.items()
-        if said[of] is not None and behind
+        if of in said
     ]
 
 
@@ -169,13 +166,6 @@ def _earned(task: Task, policy: SolvedPolicy, target: Array, roll: Roll, rng: np
     return float(
         roll(trial_requests(task, target[None], contexts, policy.actions(contexts), rng)).rewards(task, contexts)[0]
     )
-
-
-def _settings(card: Mapping[str, Any]) -> EvaluationSettings:
-    """The settings of the card's sessions."""
-    planned = card.get("budget", {}).get("evaluation", {})
-    known = {name: planned[name] for name in ("kind", "particles", "iterations") if name in planned}
-    return EvaluationSettings(**known)
 
 
 def _figure(

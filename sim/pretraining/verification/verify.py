@@ -14,7 +14,8 @@ from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from sim.adaptation.checkpoint import CARD, read_card
+from sim.adaptation.card import CARD, Card, EvaluationReport
+from sim.adaptation.checkpoint import read_card
 from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
@@ -76,7 +77,7 @@ class Pretrained:
     task: Task
     folder: Path
     plan: Mapping[str, Any]
-    card: Mapping[str, Any]
+    card: Card
     curve: Mapping[str, Any]  # policy.toml: the training curve of the adaptation policy
     networks: Mapping[MemoryName, QNetwork]
     episodes: Episodes
@@ -85,10 +86,11 @@ class Pretrained:
     dataset: Dataset | None
 
     @property
-    def evaluation(self) -> Mapping[str, Any]:
-        """The card's results of the methods on unseen targets."""
-        found: Mapping[str, Any] = self.card["evaluation"]
-        return found
+    def evaluation(self) -> EvaluationReport:
+        """The card's results of the methods on unseen targets. Raises DatasetError if it has none."""
+        if self.card.evaluation is None:
+            raise DatasetError(f"the checkpoint in {self.folder} was not evaluated: run its command with --evaluate")
+        return self.card.evaluation
 
     @property
     def by_naf(self) -> bool:
@@ -180,7 +182,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     rounds = meta.rounds(task.adaptation.horizon)
     episodes = (rounds + rounds // task.adaptation.horizon) * meta.parallel * task.adaptation.trials_per_iteration
     drawn = len(made.dataset) if made.dataset is not None else 0
-    counted = int(made.card["simulations"])
+    counted = made.card.simulations
     evaluated = counted - drawn - episodes
     simulations = dict(zip(STAGES, (drawn, 0, 0, episodes, 0, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # NAF simulates for every policy, in every stage

@@ -20,6 +20,7 @@ from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
 from sim.solvers.emulator.network import PRIOR_SCALE, Array32, Emulator, encode
+from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
@@ -45,23 +46,6 @@ class EmulatorSettings:
     least_steps: int = 800
     most_steps: int = 12000
     held_out: float = 0.15  # share of the evenly spread rollouts: half for calibration, half for the report
-
-
-@dataclass(frozen=True)
-class EmulatorReport:
-    """Held-out figures: rollouts that neither training nor calibration has seen."""
-
-    rollouts: int  # trained on
-    held_out: int
-    base_rate: float  # share of successes; it or its complement is the accuracy of a constant guess
-    accuracy: float
-    brier: float
-    calibration_error: float  # expected, ten bins
-    position_error_median: float  # last observed position, in state units (m)
-    position_error_p90: float
-    end_state_error_median: float  # of successes, in units
-    temperature: float
-    misfit_limit: float
 
 
 def train_emulator(

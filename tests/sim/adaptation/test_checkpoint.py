@@ -1,11 +1,14 @@
 import dataclasses
+import tomllib
 
 import numpy as np
 import pytest
+import tomli_w
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import MODEL, list_checkpoints, load_checkpoint, read_card, save_checkpoint
 from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.q_policy import QPolicy
@@ -54,9 +57,9 @@ def test_it_comes_back_as_it_was(stored):
     assert np.array_equal(checkpoint.networks["iteration"].directions(states), original.directions(states))
     assert chosen(FORMER_DEFAULT, checkpoint).memory == "history"
     assert chosen("adaptsim-iteration", checkpoint).network is checkpoint.networks["iteration"]
-    assert checkpoint.card["seed"] == 7
-    assert checkpoint.card["interface"]["parameters"][0]["name"] == "mu"
-    assert {"torch", "drake", "numpy"} <= checkpoint.card["versions"].keys()
+    assert checkpoint.card.seed == 7
+    assert checkpoint.card.interface["parameters"][0]["name"] == "mu"
+    assert {"torch", "drake", "numpy"} <= checkpoint.card.versions.keys()
     assert sorted(p.name for p in stored.iterdir()) == [CARD, MODEL]
 
 
@@ -64,7 +67,7 @@ def test_a_card_that_names_no_adaptsim_is_refused(tmp_path):
     emulator, _ = trained()
     networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     folder = save_checkpoint(TOY, tmp_path / "odd", emulator, networks, {"method": "adaptsim"})
-    with pytest.raises(CheckpointError, match="method is 'adaptsim', not one of adaptsim-iteration"):
+    with pytest.raises(CheckpointError, match=r"wrong method \(Input should be 'adaptsim-iteration'"):
         load_checkpoint(TOY, str(folder))
 
 
@@ -98,6 +101,34 @@ def test_a_broken_card_says_what_to_do(stored, card, message):
         load_checkpoint(TOY, str(stored))
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("sha256 = 5", r"wrong sha256 \(Input should be a valid string\)"),
+        ('interface = "all"', "wrong interface"),
+        ('simulations = "many"', "wrong simulations"),
+        ("[emulator]\naccuracy = 0.9", r"has no .*emulator\.brier"),
+        ("[budget]\nrollouts = []", r"wrong budget\.rollouts"),
+    ],
+)
+def test_a_card_with_a_wrong_value_names_it(stored, line, message):
+    known = tomllib.loads((stored / CARD).read_text())
+    (stored / CARD).write_text(tomli_w.dumps(known | tomllib.loads(line)))
+    with pytest.raises(CheckpointError, match=message):
+        load_checkpoint(TOY, str(stored))
+
+
+def test_a_card_is_written_again_as_it_was(stored):
+    assert read_card(stored, "toy").facts() == tomllib.loads((stored / CARD).read_text())
+
+
+@pytest.mark.parametrize(("task", "name"), [(task, name) for task, name, _ in list_checkpoints()])
+def test_shipped_cards_are_written_again_as_they_were(task, name):
+    folder = load_checkpoint(get_task(task), name).path
+    written = tomllib.loads(tomli_w.dumps(read_card(folder, task).facts()))
+    assert written == tomllib.loads((folder / CARD).read_text())
+
+
 def test_another_format_and_missing_weights_are_refused(stored):
     (stored / MODEL).unlink()
     with pytest.raises(CheckpointError, match=r"model\.safetensors is missing"):
@@ -111,4 +142,4 @@ def test_another_format_and_missing_weights_are_refused(stored):
 @pytest.mark.parametrize(("task", "name"), [(task, name) for task, name, _ in list_checkpoints()])
 def test_shipped_checkpoints_load(task, name):
     checkpoint = load_checkpoint(get_task(task), name)
-    assert checkpoint.card["task"] == task
+    assert checkpoint.card.task == task

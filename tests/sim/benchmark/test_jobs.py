@@ -117,7 +117,7 @@ def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):
 def test_rows_say_what_simulations_they_rest_on():
     assert run_job(job("learn-in-target")).simulations == 0
     assert run_job(job("random")).simulations == 0  # the pendulum's policies are exact
-    assert run_job(job("adaptsim-iteration")).simulations == load_checkpoint(PENDULUM).card["simulations"]
+    assert run_job(job("adaptsim-iteration")).simulations == load_checkpoint(PENDULUM).card.simulations
 
 
 def test_the_same_job_earns_the_same_and_another_seed_something_else():

@@ -165,11 +165,11 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     checkpoint = load_checkpoint(TOY, str(path))
     assert list(dict.fromkeys(stage for stage, _, _ in seen)) == list(STAGES)
     assert all(0 <= done <= total for _, done, total in seen)
-    assert checkpoint.card["emulator"]["held_out"] > 0
-    assert checkpoint.card["evaluation"]["targets"] == 2
-    assert checkpoint.card["budget"]["meta"]["targets"] == "paper"
+    assert checkpoint.card.emulator is not None and checkpoint.card.emulator.held_out > 0
+    assert checkpoint.card.evaluation is not None and checkpoint.card.evaluation.targets == 2
+    assert checkpoint.card.budget.meta.targets == "paper"
     dataset = TINY.rollouts + TINY.denser
-    assert dataset < checkpoint.card["simulations"] <= dataset + TINY.uncached(TOY)
+    assert dataset < checkpoint.card.simulations <= dataset + TINY.uncached(TOY)
     particles = make_method("adaptsim", TOY, checkpoint).start(2, np.random.default_rng(0))
     assert len(particles) == 2
 
@@ -179,24 +179,26 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     path, seen = run(tmp_path, wanted=Wanted(policies=False, evaluation=False))
     first = load_checkpoint(TOY, str(path))
     assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
-    assert first.card["simulations"] == TINY.rollouts + TINY.denser
-    assert first.method == "adaptsim-belief" and not first.networks and "evaluation" not in first.card
+    assert first.card.simulations == TINY.rollouts + TINY.denser
+    assert first.method == "adaptsim-belief" and not first.networks and first.card.evaluation is None
     assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2
     with pytest.raises(CheckpointError, match="--methods"):
         make_method("adaptsim-iteration", TOY, first)
 
     run(tmp_path, wanted=Wanted(policies=False))
     judged = load_checkpoint(TOY, str(path))
-    assert {score["name"] for score in judged.card["evaluation"]["methods"]} == {"adaptsim-belief", "random"}
+    assert judged.card.evaluation is not None
+    assert {score.name for score in judged.card.evaluation.methods} == {"adaptsim-belief", "random"}
 
     run(tmp_path, wanted=Wanted(evaluation=False))
     taught = load_checkpoint(TOY, str(path))
     assert taught.networks.keys() == {"iteration", "history", "state"}
-    assert taught.card["evaluation"] == judged.card["evaluation"]
+    assert taught.card.evaluation == judged.card.evaluation
 
     run(tmp_path)
     everything = load_checkpoint(TOY, str(path))
-    assert "adaptsim-iteration" in {score["name"] for score in everything.card["evaluation"]["methods"]}
+    assert everything.card.evaluation is not None
+    assert "adaptsim-iteration" in {score.name for score in everything.card.evaluation.methods}
     assert everything.sha256 == taught.sha256
 
 
@@ -210,8 +212,8 @@ def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts
     resumed = load_checkpoint(TOY, str(run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))[0]))
     whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
     assert resumed.sha256 == whole.sha256
-    assert resumed.card["evaluation"] == whole.card["evaluation"]
-    assert before + len(calls) <= whole.card["simulations"] + 4 + 32  # two times two probes, one interrupted request
+    assert resumed.card.evaluation == whole.card.evaluation
+    assert before + len(calls) <= whole.card.simulations + 4 + 32  # two times two probes, one interrupted request
     calls.clear()
     run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))
     assert len(calls) == 2

@@ -104,8 +104,8 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     with serial_executor() as executor:
         path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda stage, done, total: None)
     checkpoint = load_checkpoint(heavy, str(path))
-    assert checkpoint.card["object"] == "heavy pendulum"
-    assert [(d["low"], d["high"]) for d in checkpoint.card["interface"]["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]
+    assert checkpoint.card.object == "heavy pendulum"
+    assert [(d["low"], d["high"]) for d in checkpoint.card.interface["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]
     assert checkpoint.solver.task is heavy
     target = heavy.parameters.sample(np.random.default_rng(0), 1)[0]
     assert 2.0 <= target[1] <= 2.6

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from sim.adaptation.q_network import QNetwork
 
 __all__ = [
-    "CARD",
     "MODEL",
     "Checkpoint",
     "list_checkpoints",

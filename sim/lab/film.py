@@ -44,7 +44,7 @@ class Film(Sequence[Frame]):
 
 @dataclass(eq=False)
 class Filming:
-    """Asks for each picture as soon as the whole exposure has been simulated. The pictures depend on nothing else."""
+    """Asks for each picture as soon as its exposure has been simulated. A motion in pieces gives the same pictures."""
 
     studio: Studio
     cell: Cell
@@ -95,7 +95,7 @@ class Filming:
         return held
 
     def _positions_at(self, times_s: Array) -> Array:
-        """(S, nq) of the plant."""
+        """(S, nq) of the plant at `times_s` (S,)."""
         first, *later = self._motions.items()
         rows = first[1].at(times_s - first[0])
         for t_start_s, motion in later:

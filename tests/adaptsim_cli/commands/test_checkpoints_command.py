@@ -10,7 +10,8 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.wiring.checkpoints import task_of
-from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import TASKS, files_of

@@ -5,7 +5,8 @@ import pytest
 from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.adaptation.checkpoint import CARD, load_checkpoint, save_checkpoint
+from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName

@@ -1,7 +1,7 @@
 """The log of a session: questions, answers, plans, steps and warnings, one JSON object per line.
 
 No record depends on the log. Each line is written at once and in one piece. A power cut may truncate the last line, and
-readers skip such a line.
+readers skip such a line. While the disk fails, lines are missing.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class SessionLog:
     """`Listener` and `Watcher` that write each call as a line of the log in the session's folder."""
 
     def __init__(self, folder: Path, screen: Screen) -> None:
-        self._path, self._screen, self._is_lost = folder / FILE, screen, False
+        self._path, self._screen, self._is_failing = folder / FILE, screen, False
         self._is_torn = _is_torn(self._path)
 
     def doing(self, what: str, expected_s: float | None) -> None:
@@ -98,19 +98,18 @@ class SessionLog:
         self.write("reported", path.name)
 
     def write(self, event: Kind, text: str = "", took_s: float | None = None, **data: Any) -> None:
-        """Append one line. If that fails, the screen says so once and the session continues without a log."""
-        if self._is_lost:
-            return
+        """Append one line. If that fails, the screen says so, once until a line succeeds, and the session goes on."""
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         took_s = None if took_s is None else round(took_s, 3)
         line = LogLine(at=at, event=event, text=text, took_s=took_s, data=data)
         try:
             with durable.explained(self._path):
                 _append(self._path, ("\n" if self._is_torn else "") + _as_line(line))
-            self._is_torn = False
+            self._is_torn = self._is_failing = False
         except SessionError as error:
-            self._is_lost = True
-            self._screen.note(f"The session goes on without its log: {error}")
+            self._is_torn, was_failing, self._is_failing = _is_torn(self._path), self._is_failing, True
+            if not was_failing:
+                self._screen.note(f"The session goes on without this line of its log: {error}")
 
 
 @contextmanager

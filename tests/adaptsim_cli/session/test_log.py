@@ -84,6 +84,26 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypat
     assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
 
 
+def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, text: str) -> None:
+        with path.open("a") as file:
+            file.write(text[:5])
+        raise OSError(28, "No space left on device")
+
+    screen, notes, append = silent(), list[str](), log._append
+    monkeypatch.setattr(screen, "note", notes.append)
+    written = log.SessionLog(tmp_path, screen)
+    for disk, texts in ((append, "a"), (full, "bc"), (append, "de"), (full, "f"), (append, "g")):
+        monkeypatch.setattr(log, "_append", disk)
+        for text in texts:
+            written.write("noted", text)
+    assert [line.text for line in log.read(tmp_path)] == ["a", "d", "e", "g"]
+    assert len(notes) == 2
+    assert all("the disk is full" in note for note in notes)
+
+
 def test_answers_are_kept_with_the_time_they_took(tmp_path: Path) -> None:
     written = log.SessionLog(tmp_path, silent())
     written.asking("Is the work area clear?")

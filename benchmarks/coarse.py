@@ -1,14 +1,14 @@
 """Whether coarse rollouts help an emulator: the same cost spent on accurate rollouts alone, or on both kinds.
 
     python benchmarks/coarse.py --task pushing --coarse-step 0.010 --fine 10240 --coarse 16384 --folder build/coarse \
-        --mixes 7000+0 3500+10500 4096+12288
+        --mixes 7000+0/one-sided 3500+10500/one-sided 3500+10500
 
 Draws accurate rollouts, coarse ones (the contact law of training, a longer step) and 2,048 held-out accurate ones,
 evenly over the margin. For each mix A+C and each seed it trains an emulator on A accurate and C coarse rollouts, chosen
-at random, and prints the errors on the held-out ones. `cost` is in accurate rollouts, from the CPU times of both kinds,
-measured in turns. With --policies N also what the emulators' policies earn in N environments of Omega by true rollouts,
-each mix minus the first one, in the same environments, contexts and disturbances. Rollouts are kept in the folder, so a
-stopped run goes on.
+at random, and prints the errors on the held-out ones. In a task with a mirror symmetry A+C/one-sided learns without the
+mirror images. `cost` is in accurate rollouts, from the CPU times of both kinds, measured in turns. With --policies N
+also what the emulators' policies earn in N environments of Omega by true rollouts, each mix minus the first one, in the
+same environments, contexts and disturbances. Rollouts are kept in the folder, so a stopped run goes on.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ FINE, COARSE, HELD_OUT = 1, 2, 3
 HELD = 2048
 TIMED = 40
 """Rollouts of each kind for the ratio of their costs."""
+ONE_SIDED = "/one-sided"
 CONTEXTS, REPEATS = 4, 4
 """Per environment: contexts, and true rollouts at each."""
 
@@ -51,19 +52,21 @@ Pool = tuple[Requests, Rollouts]
 
 @dataclass(frozen=True)
 class Mix:
-    """Numbers of accurate and coarse rollouts."""
+    """Numbers of accurate and coarse rollouts, and whether each counts twice in a task with a mirror symmetry."""
 
     fine: int
     coarse: int
+    mirrored: bool = True
 
     @classmethod
     def parse(cls, text: str) -> Mix:
-        """From "A+C"."""
-        fine, coarse = map(int, text.split("+"))
-        return cls(fine, coarse)
+        """From "A+C", or "A+C/one-sided"."""
+        numbers = text.removesuffix(ONE_SIDED)
+        fine, coarse = map(int, numbers.split("+"))
+        return cls(fine, coarse, mirrored=numbers == text)
 
     def __str__(self) -> str:
-        return f"{self.fine}+{self.coarse}"
+        return f"{self.fine}+{self.coarse}{'' if self.mirrored else ONE_SIDED}"
 
 
 def main() -> None:
@@ -85,7 +88,8 @@ def main() -> None:
         )
         emulators = {}
         for mix in mixes:
-            emulators[mix] = [trained(task, mixed(mix, fine, coarse, seed), seed) for seed in arguments.seeds]
+            learnt = task if mix.mirrored else replace(task, mirror=None)
+            emulators[mix] = [trained(learnt, mixed(mix, fine, coarse, seed), seed) for seed in arguments.seeds]
             errors = np.array([figures(emulator, held) for emulator in emulators[mix]])
             told = [f"{m:.4g} ({s:.2g})" for m, s in zip(errors.mean(axis=0), errors.std(axis=0), strict=True)]
             cost = mix.fine + ratio * mix.coarse

@@ -6,9 +6,9 @@ Draws parameters, actions and nuisance over their ranges, runs each with the ste
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
 arm. With --all also every candidate for something cheaper, against the same quarter: other steps, the other contact
-model, a coarser mesh, an integrator that chooses its steps (CENIC), another engine (MuJoCo). With --cenic also CENIC
-against its own limit. All settings take turns at each few draws, so that a busy computer slows all alike. Finished
-rollouts are kept in the cache; an interrupted run goes on where it stopped.
+model, a coarser mesh, a longer step after the impact, an integrator that chooses its steps (CENIC), another engine
+(MuJoCo). With --cenic also CENIC against its own limit. All settings take turns at each few draws, so that a busy
+computer slows all alike. Finished rollouts are kept in the cache; an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from unittest.mock import patch
 
 import cenic
 import numpy as np
+import two_steps
 from scipy.stats import qmc
+from two_steps import Later
 
 from hw.types import Array
 from sim.lab.physics import Physics, simulate_of
@@ -39,6 +41,8 @@ ACCURACIES, LIMIT = (1e-2, 1e-3), 1e-6
 """Of CENIC, and the one that stands for its limit."""
 MESHES_M = {"pushing": 0.025}
 """A coarser mesh, twice the edge; a piece of food has its triangles by design."""
+LATER = {"pushing": (Later(0.06, 0.005),), "scooping": (Later(0.3, 0.010), Later(0.4, 0.010))}
+"""Longer steps after the impact."""
 TURN = 10
 """Draws that one setting runs before the next has its turn."""
 
@@ -52,6 +56,7 @@ class Setting:
     accuracy: float | None = None  # None: fixed steps; else CENIC's
     mesh_m: float | None = None  # None: that of training
     physics: Physics = "drake"
+    later: Later | None = None
 
     def __str__(self) -> str:
         if self.physics != "drake":
@@ -59,7 +64,9 @@ class Setting:
         if self.accuracy:
             return f"CENIC, {self.accuracy:g}"
         mesh = f", mesh {1e3 * self.mesh_m:g} mm" if self.mesh_m else ""
-        return f"{self.contact}, {1e3 * self.dt_s:g} ms{mesh}"
+        then = self.later
+        after = f", {1e3 * then.step_s:g} ms from {then.delay_s:g} s after the impact on" if then else ""
+        return f"{self.contact}, {1e3 * self.dt_s:g} ms{mesh}{after}"
 
     @property
     def file(self) -> str:
@@ -67,12 +74,16 @@ class Setting:
         if self.physics != "drake":
             return self.physics
         mesh = f"-mesh-{1e6 * self.mesh_m:.0f}um" if self.mesh_m else ""
-        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us{mesh}"
+        then = self.later
+        after = f"-then-{1e6 * then.step_s:.0f}us-{then.delay_s:g}s" if then else ""
+        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us{mesh}{after}"
 
     def within(self, task: Task) -> AbstractContextManager[object]:
         """Rollouts of this process are computed so, as far as no effect of a world says it."""
         if self.accuracy:
             return cenic.stepping(task, self.accuracy)
+        if self.later:
+            return two_steps.stepping(task, self.later)
         return patch(f"sim.tasks.{task.name}.scene.MESH_M", self.mesh_m) if self.mesh_m else nullcontext()
 
 
@@ -126,7 +137,8 @@ def _candidates(task: Task, chosen: Setting) -> list[Setting]:
     steps = [Setting(c, dt_s) for c in (chosen.contact, other) for dt_s in (*STEPS_S, chosen.dt_s)]
     mesh_m = MESHES_M.get(task.name)
     meshes = [replace(chosen, mesh_m=mesh_m)] if mesh_m else []
-    return [*steps, *meshes, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
+    later = [replace(chosen, later=then) for then in LATER.get(task.name, ())]
+    return [*steps, *meshes, *later, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
 
 
 def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:

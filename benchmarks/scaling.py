@@ -1,15 +1,16 @@
 """What more workers and more data give.
 
-    python benchmarks/scaling.py --task scooping --workers 1 2 --count 256
+    python benchmarks/scaling.py --task scooping --workers 1 2 --count 256 --cluster
     python benchmarks/scaling.py --task scooping --workers --dataset build/dataset-scooping --sizes 1000 4000 16000
     python benchmarks/scaling.py --task scooping --workers --predict 2 32 64 1000
 
 First table: rollouts a second on pools of so many processes, once they have started and imported what they need; and
-rollouts a CPU second, which tells a machine that has other work from cores that do not add up. Second table, with
-`--dataset` (that folder of `adaptsim pretrain`): what it costs to train the emulator on so many rollouts drawn from it,
-and its errors on `--held` others, the same for all sizes. `--predict`: how long a dataset takes on so many workers,
-from the cost of a rollout (`--rollout-ms`), what the scheduler spends on a task (`--scheduler-ms`), and how tasks are
-cut.
+rollouts a CPU second, which tells a machine that has other work from cores that do not add up. With `--cluster` also on
+a Dask cluster of so many workers on this machine, and what its scheduler spends on a task: the time of tasks that
+return a finished result of the usual size at once. With `--dataset` (that folder of `adaptsim pretrain`): what it costs
+to train the emulator on so many rollouts drawn from it, and its errors on `--held` others, the same for all sizes.
+`--predict`: how long a dataset takes on so many workers, from the cost of a rollout (`--rollout-ms`), what the
+scheduler spends on a task (`--scheduler-ms`), and how tasks are cut.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ import os
 import pickle
 import resource
 import time
-from concurrent.futures import wait
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, wait
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -31,33 +34,64 @@ from numpy.typing import NDArray
 from sim.rollouts import Dataset, Requests, Rollouts, load_dataset, process_pool, run_many, serial_executor
 from sim.rollouts.dataset import SHARD
 from sim.rollouts.draws import sobol
+from sim.rollouts.executors import dask_cluster
 from sim.rollouts.run import CALLS, CHUNK
 from sim.solvers.emulator.training import held_out_errors, train_emulator
 from sim.tasks import get_task
 from sim.tasks.task import Task
+
+EMPTY_TASKS = 4000
 
 
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
     if arguments.workers:
-        print(f"| workers | {task.name} rollouts a second | of one worker | rollouts a CPU second |\n|---|---|---|---|")
-        first = 0.0
-        for workers in arguments.workers:
-            per_s, per_cpu_s = speed(task, workers, arguments.count)
-            first = first or per_s
-            print(f"| {workers} | {per_s:.2f} | {per_s / first:.2f} | {per_cpu_s:.2f} |", flush=True)
-        print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end.")
+        show_speeds(task, arguments.workers, arguments.count, arguments.cluster)
     if arguments.predict:
         predict(task, arguments.total, arguments.predict, arguments.rollout_ms / 1e3, arguments.scheduler_ms / 1e3)
     if arguments.dataset:
         by_size(task, load_dataset(Path(arguments.dataset), task), arguments.sizes, arguments.held, arguments.seed)
 
 
-def speed(task: Task, workers: int, count: int) -> tuple[float, float]:
+def show_speeds(task: Task, workers: list[int], count: int, cluster: bool) -> None:
+    """Print the rollouts a second of each executor with each number of workers."""
+    kinds: dict[str, Opened] = {"processes": process_pool}
+    if cluster:
+        kinds["Dask"] = local_cluster
+    print(f"| executor | workers | {task.name} rollouts a second | of one worker | rollouts a CPU second |")
+    print("|---|---|---|---|---|")
+    for kind, opened in kinds.items():
+        first = 0.0
+        for number in workers:
+            per_s, per_cpu_s = speed(task, opened, number, count)
+            first = first or per_s
+            print(f"| {kind} | {number} | {per_s:.2f} | {per_s / first:.2f} | {per_cpu_s:.2f} |", flush=True)
+    print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end.")
+    if cluster:
+        show_overhead(task)
+
+
+Opened = Callable[[int], AbstractContextManager[Executor]]
+"""From a number of workers to an executor."""
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[Executor]:
+    """A Dask cluster of processes on this machine, used as `--executor dask` uses any cluster."""
+    from distributed import LocalCluster  # noqa: PLC0415 - an extra
+
+    with (
+        LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster,
+        dask_cluster(cluster.scheduler_address) as executor,
+    ):
+        yield executor
+
+
+def speed(task: Task, opened: Opened, workers: int, count: int) -> tuple[float, float]:
     """Rollouts a second, and a CPU second of the workers."""
     before_s = _children_s()
-    with process_pool(workers) as pool:
+    with opened(workers) as pool:
         warm = [pool.submit(_warm, task.name) for _ in range(4 * workers)]
         wait(warm)
         started: dict[int, float] = {}
@@ -67,6 +101,23 @@ def speed(task: Task, workers: int, count: int) -> tuple[float, float]:
         run_many(task, draws(task, count), pool)
         took_s = time.perf_counter() - began_s
     return count / took_s, count / (_children_s() - before_s - sum(started.values()))
+
+
+def show_overhead(task: Task) -> None:
+    """Print the size of a task, and the time that Dask's scheduler needs for one."""
+    requests = draws(task, CHUNK)
+    with serial_executor() as here:
+        result = run_many(task, requests, here)
+    with local_cluster(1) as cluster:
+        wait([cluster.submit(_hand_back, requests, result) for _ in range(100)])
+        began_s = time.perf_counter()
+        wait([cluster.submit(_hand_back, requests, result) for _ in range(EMPTY_TASKS)])
+        each_s = (time.perf_counter() - began_s) / EMPTY_TASKS
+    sent, returned = len(pickle.dumps(requests)), len(pickle.dumps(result))
+    print(
+        f"A task of {CHUNK} rollouts: {sent} bytes out, {returned} back. {EMPTY_TASKS} tasks that return a finished "
+        f"result take {1e3 * each_s:.2f} ms each: client, scheduler and one worker together."
+    )
 
 
 def predict(task: Task, total: int, workers: list[int], rollout_s: float, scheduler_s: float) -> None:
@@ -109,6 +160,11 @@ def _warm(task_name: str) -> tuple[int, float]:
     with serial_executor() as executor:
         run_many(task, draws(task, 1), executor)
     return os.getpid(), time.process_time()
+
+
+def _hand_back(requests: Requests, result: Rollouts) -> Rollouts:
+    """A task without work."""
+    return result
 
 
 def _children_s() -> float:
@@ -163,10 +219,11 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
+    parser.add_argument("--cluster", action="store_true", help="also a Dask cluster on this machine")
     parser.add_argument("--predict", type=int, nargs="*", default=[], help="numbers of workers")
     parser.add_argument("--total", type=int, default=16_384, help="rollouts of the predicted dataset")
     parser.add_argument("--rollout-ms", type=float, default=130.0)
-    parser.add_argument("--scheduler-ms", type=float, default=1.0, help="what Dask's documentation says of a task")
+    parser.add_argument("--scheduler-ms", type=float, default=1.0, help="a task; `--cluster` measures it")
     parser.add_argument("--count", type=int, default=256, help="rollouts that are timed")
     parser.add_argument("--dataset", default="", help="folder of a dataset")
     parser.add_argument("--sizes", type=int, nargs="*", default=[1000, 2000, 4000, 8000, 16000, 32000, 64000])

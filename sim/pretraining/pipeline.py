@@ -96,8 +96,16 @@ class PretrainBudget:
 
     @classmethod
     def full(cls, task: Task) -> PretrainBudget:
-        """The default: about a quarter of an hour of two quiet cores for a contact task (docs/results/learning.md)."""
-        return cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
+        """The default: at most a quarter of an hour of two quiet cores for a contact task (docs/results/learning.md).
+
+        Where the mirror image of a rollout counts too, three quarters as many are simulated.
+        """
+        whole = cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
+        if task.mirror is None:
+            return whole
+        return replace(
+            whole, rollouts=whole.rollouts * 3 // 4, denser=whole.denser * 3 // 4, coarse=whole.coarse * 3 // 4
+        )
 
     @classmethod
     def small(cls, task: Task) -> PretrainBudget:

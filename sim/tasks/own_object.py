@@ -90,7 +90,8 @@ def with_ranges(task: Task, own: OwnObject) -> Task:
             raise ObjectError(f"the object {own.name}: {task.name} has no parameter {key!r}{hint} There are: {known}")
     pairs = [_narrowed(d, m, own) for d, m in zip(task.parameters.dimensions, task.margin.dimensions, strict=True)]
     parameters, margin = (Space(tuple(column)) for column in zip(*pairs, strict=True))
-    return replace(task, parameters=parameters, margin=margin, object_name=own.name)
+    mirror = task.mirror if task.mirror is not None and task.mirror.keeps(margin) else None
+    return replace(task, parameters=parameters, margin=margin, mirror=mirror, object_name=own.name)
 
 
 def _narrowed(usual: Dimension, tried: Dimension, own: OwnObject) -> tuple[Dimension, Dimension]:

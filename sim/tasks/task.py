@@ -115,6 +115,25 @@ class Observation:
         return self.normalise(states + noise)
 
 
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """The left-right symmetry of a task: a trial mirrored at the plane y = 0 is another possible trial.
+
+    Each array holds +1 for a value that stays, and -1 for one that changes its sign.
+    """
+
+    parameters: Array  # (p,)
+    action: Array  # (a,)
+    nuisance: Array  # (n,)
+    observed: Array  # (len(columns),) of the observation, in state units
+    end_state: Array  # (k,)
+
+    def keeps(self, parameters: Space) -> bool:
+        """Whether the mirror images of a box of parameters fill the same box."""
+        turned = self.parameters < 0.0
+        return bool(np.allclose(parameters.low[turned], -parameters.high[turned]))
+
+
 class Simulate(Protocol):
     """One training rollout: the tool driven directly, no arm, no camera."""
 
@@ -222,6 +241,8 @@ class Task:
     coarse: Any | None = None
     """An instance of `unmodelled` with a longer step: cheap rollouts from which an emulator learns beside true ones.
     None: it learns from true ones alone."""
+    mirror: Mirror | None = None
+    """With it an emulator learns from every rollout twice, once mirrored. None: there is no such symmetry."""
     exact: Callable[[Task], SolverOf[Task]] | None = None
     """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None

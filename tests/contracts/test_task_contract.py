@@ -32,6 +32,25 @@ def test_coarse_rollouts_are_effects_of_the_task(task: Task) -> None:
     assert task.coarse is None or isinstance(task.coarse, task.unmodelled)
 
 
+def test_a_mirrored_rollout_ends_like_the_mirror_image_of_the_rollout(task: Task) -> None:
+    if task.mirror is None:
+        return
+    mirror, times_s = task.mirror, task.observation.times_s
+    assert mirror.keeps(task.parameters)
+    assert mirror.keeps(task.margin)
+    for seed in (0, 1, 2):
+        parameters, context, action, nuisance = draw(task, seed)
+        straight = task.simulate(parameters, context, action, nuisance)
+        turned = task.simulate(
+            parameters * mirror.parameters, context, action * mirror.action, nuisance * mirror.nuisance
+        )
+        assert turned.outcome is straight.outcome
+        columns = list(task.observation.columns)
+        apart = turned.at(times_s)[:, columns] - straight.at(times_s)[:, columns] * mirror.observed
+        assert np.abs(apart / (task.observation.high - task.observation.low)).max() < 0.005
+        assert np.allclose(task.end_state(turned), task.end_state(straight) * mirror.end_state, atol=0.005)
+
+
 def test_names_and_sizes_agree(task: Task) -> None:
     assert get_task(task.name) is task
     assert task.parameters.names == task.margin.names

@@ -19,6 +19,7 @@ from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
+from sim.solvers.emulator.mirror import with_mirror_images
 from sim.solvers.emulator.network import PRIOR_SCALE, Array32, Emulator, encode
 from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -30,6 +31,11 @@ Rows = NDArray[np.intp]
 
 SMALLEST = 64
 """Fewest rollouts for training."""
+
+TEMPERATURE_SPREAD = 0.5
+"""Prior standard deviation of the logarithm of the temperature. Without a prior, 150 held-out rollouts that happen to be
+predicted well make every prediction certain.
+"""
 
 
 @dataclass(frozen=True)
@@ -61,16 +67,18 @@ def train_emulator(
         raise DatasetError(f"{len(dataset)} rollouts are too few to learn from: simulate {SMALLEST} or more")
     rng = np.random.default_rng(seed)
     calibrate, judge, train = split(dataset, rng, settings)
-    targets = _targets(task, dataset)
-    y_mean, y_std = _scaling(targets.y[train], targets.known[train])
+    learnt = with_mirror_images(task, dataset)
+    rows = np.concatenate([train + first for first in range(0, len(learnt), len(dataset))])
+    targets = _targets(task, learnt)
+    y_mean, y_std = _scaling(targets.y[rows], targets.known[rows])
     data = _Data(
-        x=torch.from_numpy(_features(task, dataset)),
+        x=torch.from_numpy(_features(task, learnt)),
         y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
         known=torch.from_numpy(targets.known).float(),
-        success=torch.from_numpy(dataset.succeeded.copy()).float(),
+        success=torch.from_numpy(learnt.succeeded.copy()).float(),
     )
     with one_thread():
-        weights = _at_full_accuracy(dataset, _fit(data, train, calibrate, settings, rng, progress))
+        weights = _at_full_accuracy(dataset, _fit(data, rows, calibrate, settings, rng, progress))
     # The last output is the success logit, which is not scaled.
     tensors = {name: weight.detach().numpy() for name, weight in weights.items()} | {
         "depth": np.array(settings.layers),
@@ -222,16 +230,16 @@ def _inputs(dataset: Dataset, rows: Rows) -> tuple[Array, Array, Array]:
 
 
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
-    """The softening of the logits with the best held-out likelihood of the ensemble's mean probability."""
+    """The softening of the logits that is most probable, given the held-out outcomes and a prior about 1."""
     success, _ = emulator.outcomes(*_inputs(dataset, rows))
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
     logit = np.log(clipped / (1.0 - clipped))
     candidates = np.geomspace(0.1, 8.0, 81)
-    likelihood = []
-    for temperature in candidates:
+    posterior = -0.5 * (np.log(candidates) / TEMPERATURE_SPREAD) ** 2
+    for i, temperature in enumerate(candidates):
         p = np.clip((1.0 / (1.0 + np.exp(-logit / temperature))).mean(axis=0), 1e-4, 1.0 - 1e-4)
-        likelihood.append(float(np.where(dataset.succeeded[rows], np.log(p), np.log(1.0 - p)).mean()))
-    return float(candidates[int(np.argmax(likelihood))])
+        posterior[i] += np.where(dataset.succeeded[rows], np.log(p), np.log(1.0 - p)).sum()
+    return float(candidates[int(np.argmax(posterior))])
 
 
 def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, rng: np.random.Generator) -> float:

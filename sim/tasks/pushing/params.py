@@ -10,7 +10,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.errors import OutOfRange
 from sim.tasks.pushing.mount import mounting
-from sim.tasks.task import AdaptationSettings, Observation, ReuseRules
+from sim.tasks.task import AdaptationSettings, Mirror, Observation, ReuseRules
 from sim.types import Dimension, Space
 
 PARAMETERS = Space(
@@ -134,6 +134,15 @@ OBSERVATION = Observation(
     noise_mean=frozen_array([0.0, 0.0]),
     noise_std=frozen_array([0.001, 0.001]),  # error of tracking a bottle in a point cloud
 )
+
+MIRROR = Mirror(
+    parameters=frozen_array([1.0, 1.0, 1.0, -1.0]),
+    action=frozen_array([-1.0, 1.0]),
+    nuisance=frozen_array([1.0, -1.0]),
+    observed=frozen_array([1.0, -1.0]),
+    end_state=frozen_array([1.0, -1.0]),
+)
+"""A push to the left, with the patch on the left, ends where the same push to the right ends, mirrored."""
 
 ADAPTATION = AdaptationSettings(
     horizon=8, delta=0.15, discount=0.9, threshold=0.8, trials_per_iteration=2, learning_rate=3e-4

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.types import Array
+from hw.types import Array, frozen_array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
 from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M
@@ -28,6 +29,7 @@ class Piece:
     unit_inertia_m2: Array  # (3, 3) about the centre, per unit of mass, of a homogeneous body
 
 
+@lru_cache(maxsize=4)  # a rollout asks for its piece three times: to lay it down, for contact, for looks
 def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> Piece:
     """Shape `g` (0 ellipsoid, 1 cylinder, 2 box) of a height and half widths along X and Y.
 
@@ -46,6 +48,7 @@ def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> P
     return _solid(points * [*half_widths_m, height_m / 2.0])
 
 
+@cache
 def blade() -> Piece:
     """The blade in the tool frame: flat on top, `EDGE_M` thick, its last `BEVEL_M` bevelled to a lip.
 
@@ -81,7 +84,9 @@ def _solid(vertices_m: Array) -> Piece:
     total = corners.sum(axis=1)
     second = np.einsum("f,fvi,fvj->ij", volumes, corners, corners) + np.einsum("f,fi,fj->ij", volumes, total, total)
     covariance = second / (20.0 * volumes.sum())
-    return Piece(vertices_m, triangles, float(volumes.sum()), np.trace(covariance) * np.eye(3) - covariance)
+    triangles.flags.writeable = False
+    inertia_m2 = np.trace(covariance) * np.eye(3) - covariance
+    return Piece(frozen_array(vertices_m), triangles, float(volumes.sum()), frozen_array(inertia_m2))
 
 
 def obj_text(piece: Piece) -> str:

@@ -242,3 +242,10 @@ def test_full_strength_has_coarse_rollouts_where_they_help():
     with_coarse, without = PretrainBudget.full(get_task("pushing")), PretrainBudget.full(get_task("scooping"))
     assert with_coarse.coarse > 0 == without.coarse
     assert with_coarse.rollouts < without.rollouts
+
+
+def test_fewer_rollouts_are_simulated_where_their_mirror_images_count():
+    pushing = get_task("pushing")
+    full, one_sided = PretrainBudget.full(pushing), PretrainBudget.full(dataclasses.replace(pushing, mirror=None))
+    sizes = [(budget.rollouts, budget.denser, budget.coarse) for budget in (full, one_sided)]
+    assert [4 * n for n in sizes[0]] == [3 * n for n in sizes[1]]

@@ -11,7 +11,7 @@ from toy_task import TOY, Unmodelled
 from sim.errors import CheckpointError, DatasetError
 from sim.rollouts import Dataset, build_dataset, serial_executor
 from sim.solvers.emulator.network import Emulator, encode
-from sim.solvers.emulator.training import forward, train_emulator
+from sim.solvers.emulator.training import _temperature, forward, train_emulator
 from sim.types import Dimension, Space
 
 COLUMNS = [field.name for field in dataclasses.fields(Dataset) if field.name not in ("uniform", "identity")]
@@ -47,6 +47,14 @@ def test_coarse_rollouts_help_and_are_told_apart():
 
     assert error(both) < 0.8 * error(few)
     assert error(both) < 0.8 * error(blind)
+
+
+def test_few_held_out_rollouts_do_not_make_it_certain():
+    """All of them may happen to be predicted well: the likelihood alone then asks for the sharpest temperature."""
+    emulator, _ = trained()
+    said = emulator.predict(*(getattr(dataset(), name) for name in ("parameters", "action", "nuisance"))).success
+    well = np.flatnonzero(np.abs(said - dataset().succeeded) < 0.2)[:150]
+    assert 0.3 < _temperature(emulator, dataset(), well) < 1.0
 
 
 def test_its_predictions_agree_with_fresh_rollouts():

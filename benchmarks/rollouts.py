@@ -7,8 +7,9 @@ Draws parameters, actions and nuisance over their ranges, runs each with the ste
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
 arm. With --all also every candidate for something cheaper, against the same quarter: other steps, the other contact
 model, a coarser mesh, a longer step after the impact, an integrator that chooses its steps (CENIC), another engine
-(MuJoCo). With --cenic also CENIC against its own limit. All settings take turns at each few draws, so that a busy
-computer slows all alike. Finished rollouts are kept in the cache; an interrupted run goes on where it stopped.
+(MuJoCo); with --later of these only the longer step. With --cenic also CENIC against its own limit. All settings take
+turns at each few draws, so that a busy computer slows all alike. Finished rollouts are kept in the cache; a stopped run
+goes on.
 """
 
 from __future__ import annotations
@@ -104,7 +105,9 @@ def main() -> None:
     draws = draw(task, arguments.count)
     chosen = Setting(task.unmodelled().contact, task.require_hardware().time_step_s(None))
     limit = replace(chosen, dt_s=chosen.dt_s / COARSER)
-    candidates = list(dict.fromkeys([chosen, *(_candidates(task, chosen) if arguments.all else ())]))
+    later = [replace(chosen, later=then) for then in LATER.get(task.name, ())]
+    wanted = [*_candidates(task, chosen), *later] if arguments.all else later if arguments.later else []
+    candidates = list(dict.fromkeys([chosen, *wanted]))
     own_limit = replace(chosen, accuracy=LIMIT)
     by_cenic = [replace(chosen, accuracy=a) for a in ACCURACIES] if arguments.cenic else []
     settings = list(dict.fromkeys([limit, *candidates, *([*by_cenic, own_limit] if arguments.cenic else ())]))
@@ -137,8 +140,7 @@ def _candidates(task: Task, chosen: Setting) -> list[Setting]:
     steps = [Setting(c, dt_s) for c in (chosen.contact, other) for dt_s in (*STEPS_S, chosen.dt_s)]
     mesh_m = MESHES_M.get(task.name)
     meshes = [replace(chosen, mesh_m=mesh_m)] if mesh_m else []
-    later = [replace(chosen, later=then) for then in LATER.get(task.name, ())]
-    return [*steps, *meshes, *later, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
+    return [*steps, *meshes, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
 
 
 def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
@@ -240,6 +242,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--all", action="store_true", help="also every cheaper candidate: steps, contact, mesh, CENIC, MuJoCo"
     )
+    parser.add_argument("--later", action="store_true", help="of these only the longer steps after the impact")
     parser.add_argument("--cenic", action="store_true", help="also CENIC against its own limit")
     parser.add_argument("--cache", default="build/convergence")
     return parser.parse_args()

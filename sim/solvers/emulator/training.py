@@ -33,8 +33,9 @@ SMALLEST = 64
 """Fewest rollouts for training."""
 
 TEMPERATURE_SPREAD = 0.5
-"""Prior standard deviation of the logarithm of the temperature. Without a prior, 150 held-out rollouts that happen to be
-predicted well make every prediction certain.
+"""Prior standard deviation of the logarithm of the temperature.
+
+Without a prior, 150 held-out rollouts that happen to be predicted well make every prediction certain.
 """
 
 

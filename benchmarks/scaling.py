@@ -6,7 +6,7 @@
 
 First table: rollouts a second on pools of so many processes, once they have started and imported what they need; and
 rollouts a CPU second, which tells a machine that has other work from cores that do not add up. With `--cluster` also on
-a Dask cluster of so many workers on this machine, and what its scheduler spends on a task: the time of tasks that
+a Dask cluster of so many workers on this machine, and the cost of a task to client and scheduler, from tasks that
 return a finished result of the usual size at once. With `--dataset` (that folder of `adaptsim pretrain`): what it costs
 to train the emulator on so many rollouts drawn from it, and its errors on `--held` others, the same for all sizes.
 `--predict`: how long a dataset takes on so many workers, from the cost of a rollout (`--rollout-ms`), what the
@@ -41,6 +41,10 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 
 EMPTY_TASKS = 4000
+"""Tasks without work, for the cost of a task."""
+
+Opened = Callable[[int], AbstractContextManager[Executor]]
+"""From a number of workers to an executor."""
 
 
 def main() -> None:
@@ -70,10 +74,6 @@ def show_speeds(task: Task, workers: list[int], count: int, cluster: bool) -> No
     print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the end.")
     if cluster:
         show_overhead(task)
-
-
-Opened = Callable[[int], AbstractContextManager[Executor]]
-"""From a number of workers to an executor."""
 
 
 @contextmanager

@@ -24,8 +24,8 @@ PARAMETERS = Space(
             1e4,
             1e6,
             "log",
-            plain="bottle stiffness",
-            meaning="hydroelastic modulus of the bottle; a low value is a soft bottle",
+            plain="band stiffness",
+            meaning="hydroelastic modulus of the rubber band around the bottle; a low value is a soft band",
         ),
         Dimension(
             "mu_p", "", 0.2, 0.8, plain="patch friction", meaning="friction coefficient between bottle and patch"
@@ -156,6 +156,14 @@ START_M: Array = frozen_array([0.56, 0.0], (2,))
 BOTTLE_RADIUS_M = 0.03
 BOTTLE_HEIGHT_M = 0.10
 BOTTLE_MASS_KG = 0.3
+COM_HEIGHT_M = 0.035
+"""Centre of mass over the table: a small glass bottle, two thirds full of water (docs/decisions/0012)."""
+
+BASE_HEIGHT_M = 0.02
+BASE_RADIUS_M = 0.028
+BASE_E_PA = 1e7
+"""The hard base below the rubber band. It stands on the table; the plate meets the band (paper, A4.1)."""
+
 TIPPED_RAD = float(np.deg2rad(30.0))
 """A bottle that leans more than this counts as fallen."""
 
@@ -184,7 +192,7 @@ class Unmodelled:
     """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
 
     bottle_mass_scale: float = 1.0
-    com_height_m: float = BOTTLE_HEIGHT_M / 2  # of the part that does not slosh, above the bottom
+    com_height_m: float = COM_HEIGHT_M  # of the part that does not slosh, above the bottom
     slosh_share: float = 0.0  # share of the bottle's mass that moves to and fro, like the liquid of a half-full bottle
     slosh_height_m: float = 0.03  # of that mass above the bottom
     patch_size_scale: float = 1.0

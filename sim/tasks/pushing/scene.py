@@ -29,6 +29,9 @@ from sim.tasks.pushing import table
 from sim.tasks.pushing.looks import bottle_visual, patch_visual, pusher_visuals
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
 from sim.tasks.pushing.params import (
+    BASE_E_PA,
+    BASE_HEIGHT_M,
+    BASE_RADIUS_M,
     BOTTLE_HEIGHT_M,
     BOTTLE_MASS_KG,
     BOTTLE_RADIUS_M,
@@ -106,15 +109,19 @@ def _add_bottle(plant: MultibodyPlant, e_Pa: float, effects: Unmodelled) -> None
     central = UnitInertia.SolidCylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, vector(0.0, 0.0, 1.0)) * solid_kg
     p_OC_m = vector(0.0, 0.0, effects.com_height_m - BOTTLE_HEIGHT_M / 2)
     body = plant.AddRigidBody(OBJECT, instance, SpatialInertia.MakeFromCentralInertia(solid_kg, p_OC_m, central))
-    properties = compliant(
-        BOTTLE_COEFFICIENT,
-        e_Pa,
-        resolution_m=MESH_M,
-        dissipation_s_m=DISSIPATION_S_M / effects.plate_restitution_scale,
-        relaxation_time_s=RELAXATION_S / effects.plate_restitution_scale,
-    )
-    shape = Cylinder(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M)
-    plant.RegisterCollisionGeometry(body, RigidTransform(), shape, OBJECT, properties)
+    for name, radius_m, (low_m, high_m), modulus_Pa in (
+        ("base", BASE_RADIUS_M, (0.0, BASE_HEIGHT_M), BASE_E_PA),
+        ("band", BOTTLE_RADIUS_M, (BASE_HEIGHT_M, BOTTLE_HEIGHT_M), e_Pa),
+    ):
+        middle = RigidTransform(vector(0.0, 0.0, (low_m + high_m - BOTTLE_HEIGHT_M) / 2))
+        properties = compliant(
+            BOTTLE_COEFFICIENT,
+            modulus_Pa,
+            resolution_m=MESH_M,
+            dissipation_s_m=DISSIPATION_S_M / effects.plate_restitution_scale,
+            relaxation_time_s=RELAXATION_S / effects.plate_restitution_scale,
+        )
+        plant.RegisterCollisionGeometry(body, middle, Cylinder(radius_m, high_m - low_m), name, properties)
     if effects.slosh_share > 0.0:
         _add_slosh(plant, body, mass_kg * effects.slosh_share, effects.slosh_height_m)
 

@@ -12,6 +12,10 @@ from sim.errors import UnknownName
 from sim.tasks.task import Task
 
 
+SMALLEST_HALF_M, LARGEST_HALF_M = 0.004, 0.025
+"""Half widths along X of the pieces that are searched for."""
+
+
 def tracker_of(task: Task) -> Tracker:
     """The tracker of a task. Raises UnknownName, NoHardware."""
     name = task.require_hardware().tracker
@@ -21,13 +25,14 @@ def tracker_of(task: Task) -> Tracker:
 
 
 def _piece(task: Task) -> Tracker:
-    """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's place."""
+    """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's near side."""
     from perception import piece
     from sim.tasks.tool_mesh import tool_mesh
 
     mesh = tool_mesh(task)
     x, y = task.context.dimensions[:2]
     area = (x.low, x.high, y.low, y.high)
+    centres = (x.low + SMALLEST_HALF_M, x.high + LARGEST_HALF_M, y.low, y.high)
 
     def track(request: TrackRequest) -> ObjectTrack:
         return piece.track_piece(
@@ -43,11 +48,11 @@ def _piece(task: Task) -> Tracker:
         )
 
     return Tracker(
-        find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, area),
+        find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, centres),
         overlay=lambda frame, model, X_BC, found, drawn: piece.overlay(frame, model, X_BC, found, area, drawn[:2]),
         track=track,
         placement=lambda drawn: drawn,
-        context=lambda drawn, detection: np.asarray(detection.xy_m),
+        context=lambda drawn, detection: detection.near_m,
         outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
     )
 

@@ -50,6 +50,11 @@ class PieceDetection:
         return 2 * self.proxy.half_m[2]
 
     @property
+    def near_m(self) -> Array:
+        """(2,) middle of the side that faces the robot: x, y in the base frame."""
+        return self.xy_m - [self.proxy.half_m[0], 0.0]
+
+    @property
     def shape(self) -> Shape:
         """The shape that explains the picture best; a hint, not a measurement."""
         return self.proxy.shape

@@ -64,21 +64,24 @@ class Room:
         return np.asarray(self.cell.q_rad - self.zeros_rad)
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """Put the object at rest near `xy_m`, the arm at home, clock and random numbers to those of this attempt."""
+        """Put the object at rest near `xy_m` (on its mark, or with its near side there), the arm at home, clock and
+        random numbers to those of this attempt.
+        """
         self.chance = Chance.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
         self.filming = None
         due = vars(self.world.faults).items()
         self.faults_due = {name for name, trials in due if trial in trials and attempt == 0}
-        X_BO = self._X_BO_reference()
-        X_BO[:2, 3] = xy_m + self.chance.placing_m
+        X_BO = self._X_BO_at(xy_m)
+        X_BO[:2, 3] += self.chance.placing_m
         self.cell.reset(self.home_q_rad + self.zeros_rad, X_BO)
         self.history.append({"trial": trial, "attempt": attempt, "X_BO_placed": X_BO.tolist(), "motions": []})
 
     @property
     def reference_xy_m(self) -> Array:
-        """(2,) the object's place in the task's reference context."""
-        return self._X_BO_reference()[:2, 3]
+        """(2,) the object's mark, or its place in the task's reference context."""
+        standing = self.task.require_hardware().standing
+        return np.array(self.task.reference_context[:2] if standing is None else standing.mark_m)
 
     def needs_physics(self, path: JointPath) -> bool:
         """Whether the tool touches anything on the way, or carries the object. If not, the object lies still."""
@@ -114,10 +117,14 @@ class Room:
         positions = np.tile(self.cell.positions, (2, 1))
         self._happened(Motion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
 
-    def _X_BO_reference(self) -> Array:
-        task, world = self.task, self.world
-        rest_pose = task.require_hardware().rest_pose
-        return np.array(rest_pose(task.reference_context, world.parameters, world.nuisance, world.unmodelled))
+    def _X_BO_at(self, xy_m: Array) -> Array:
+        world, hardware = self.world, self.task.require_hardware()
+        standing = hardware.standing
+        context = np.asarray(xy_m) if standing is None else self.task.reference_context
+        X_BO = np.array(hardware.rest_pose(context, world.parameters, world.nuisance, world.unmodelled))
+        if standing is not None:
+            X_BO[:2, 3] = xy_m
+        return X_BO
 
     def _shown(self, motion: Motion) -> None:
         if self.filming is not None:

@@ -1,7 +1,7 @@
 """Pushing in MuJoCo.
 
-The bottle's bottom is a bed of points on a plane, and its wall a stack of discs against the plate; each has its share
-of the stiffness by the modulus. The two rings of points have the load, tilting stiffness and spinning resistance of a
+The bottle's base is a bed of points on a plane, and its band a stack of discs against the plate; each has its share of
+the stiffness by its modulus. The two rings of points have the load, tilting stiffness and spinning resistance of a
 full disc under even pressure. Each point has the friction of the surface under it.
 """
 
@@ -22,6 +22,8 @@ from sim.lab.foreign.stepping import OBJECT, TOOL, add_carriage, new_scene, run,
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
 from sim.tasks.pushing.params import (
     ACTION,
+    BASE_HEIGHT_M,
+    BASE_RADIUS_M,
     BOTTLE_HEIGHT_M,
     BOTTLE_MASS_KG,
     BOTTLE_RADIUS_M,
@@ -47,12 +49,15 @@ from sim.types import ToolMotion
 STEP_S = 0.0005
 
 _RINGS = ((1.0, 16, 1.0 / 3.0), (0.5, 8, 2.0 / 3.0))
-"""Radius as a share of the bottle's, number of points, and share of the load (Radau's quadrature of a disc)."""
+"""Radius as a share of the base's, number of points, and share of the load (Radau's quadrature of a disc)."""
 
 _POINT_M = 0.0005
 """Radius of a point."""
 
 _DISCS = 8
+BAND_M = BOTTLE_HEIGHT_M - BASE_HEIGHT_M
+"""Height of the band, which starts above the base."""
+
 SPEED_M_S = float(ACTION.low[1] + ACTION.high[1]) / 2.0
 """The impact for which wall and plate match the stiffness and bounce of hydroelastic contact: mid-range."""
 
@@ -117,9 +122,9 @@ def _add_bottle(spec: Any, effects: Unmodelled) -> None:
     set_inertia(bottle, solid_kg, (0.0, 0.0, effects.com_height_m - BOTTLE_HEIGHT_M / 2), central)
     for name, p_m, _ in _points():
         bottle.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_POINT_M, 0, 0), pos=p_m, **_UNTOUCHED)
-    half_m = BOTTLE_HEIGHT_M / _DISCS / 2
+    half_m = BAND_M / _DISCS / 2
     for i in range(_DISCS):
-        at = (0.0, 0.0, (2 * i + 1) * half_m - BOTTLE_HEIGHT_M / 2)
+        at = (0.0, 0.0, (2 * i + 1) * half_m + BASE_HEIGHT_M - BOTTLE_HEIGHT_M / 2)
         size = (BOTTLE_RADIUS_M, half_m, 0)
         bottle.add_geom(name=f"disc_{i}", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=size, pos=at, **_UNTOUCHED)
     if effects.slosh_share > 0.0:
@@ -133,7 +138,7 @@ def _points() -> list[tuple[str, tuple[float, float, float], float]]:
     for ring, (radius, n, share) in enumerate(_RINGS):
         for i in range(n):
             angle = 2.0 * math.pi * (i + 0.5) / n
-            r = radius * BOTTLE_RADIUS_M
+            r = radius * BASE_RADIUS_M
             points.append((f"point_{ring}_{i}", (r * math.cos(angle), r * math.sin(angle), height_m), share / n))
     return points
 
@@ -168,21 +173,21 @@ def _soften(model: Any, e_Pa: float, effects: Unmodelled, shares: dict[str, floa
     dissipation_s_m = DISSIPATION_S_M / effects.plate_restitution_scale
     weight_N = mass_kg * GRAVITY_M_S2
     for name, share in shares.items():
-        set_softness(model, name, share * weight_N / sink_m(mass_kg, e_Pa), share * weight_N * dissipation_s_m)
+        set_softness(model, name, share * weight_N / sink_m(mass_kg), share * weight_N * dissipation_s_m)
     stiffness, damping = wall(mass_kg, e_Pa, dissipation_s_m)
     for i in range(_DISCS):
         set_softness(model, f"disc_{i}", stiffness / _DISCS, damping / _DISCS)
 
 
 def wall(mass_kg: float, e_Pa: float, dissipation_s_m: float) -> tuple[float, float]:
-    """Spring (N/m) and damper (Ns/m) of a bottle's wall when the plate hits it at `SPEED_M_S`.
+    """Spring (N/m) and damper (Ns/m) of a bottle's band when the plate hits it at `SPEED_M_S`.
 
-    A plane pressed by delta into a cylinder of radius R and length L meets the force 4/3 e L sqrt(2 / R) delta^1.5
+    A plane pressed by delta into a band of radius R and length L meets the force 4/3 e L sqrt(2 / R) delta^1.5
     (the pressure is e depth / R). The spring absorbs the energy of the impact over the same depth; the damper gives the
     same bounce.
     """
     energy_J = mass_kg * SPEED_M_S**2 / 2.0
-    rise = 4.0 / 3.0 * e_Pa * BOTTLE_HEIGHT_M * math.sqrt(2.0 / BOTTLE_RADIUS_M)
+    rise = 4.0 / 3.0 * e_Pa * BAND_M * math.sqrt(2.0 / BOTTLE_RADIUS_M)
     depth_m = (2.5 * energy_J / rise) ** 0.4
     stiffness = 2.0 * energy_J / depth_m**2
     ratio = damping_ratio(bounce(dissipation_s_m * SPEED_M_S))

@@ -21,19 +21,19 @@ from sim.lab.foreign.contact import add_pair, set_softness
 from sim.lab.foreign.stepping import OBJECT, TOOL, add_carriage, new_scene, quaternion, run, set_inertia
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import (
-    BEVEL_M,
     CORNER_M,
     EDGE_M,
     HANDLE_RISE_RAD,
     LIP_M,
     PIECE_DENSITY_KG_M3,
+    SQUARE_LIP_M,
     Unmodelled,
 )
-from sim.tasks.scooping.piece import CLEARANCE_M, Piece, blade
+from sim.tasks.scooping.piece import SLOPE, Piece, blade
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M, plan
 from sim.tasks.scooping.rest import GRAVITY_M_S2, sink_m
 from sim.tasks.scooping.rollout import course_of, rest_pose, track_of
-from sim.tasks.scooping.scene import BLADE_MASS_KG, EDGE_STIFFNESS_N_M, FLEX_TIME_S, piece_of
+from sim.tasks.scooping.scene import BLADE_MASS_KG, FLEX_TIME_S, piece_of
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.contact import RELAXATION_TIME_S
 from sim.tasks.shared.drake_types import vector
@@ -45,7 +45,7 @@ STEP_S = 0.00025
 EDGE_DAMPING_S = 0.002
 """Ratio of damper to spring for the corners on the table, s."""
 
-_SHARP_M, _BELOW_M = 0.0025, 0.005
+_SHARP_M, _BELOW_M = 0.0025, 0.005  # the first with training's lip; a square edge has none
 _CORNERS = {"corner_left": 1.0, "corner_right": -1.0}
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
 """Contact flags of every geom: only named pairs touch."""
@@ -85,7 +85,8 @@ def scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled)
     for corner in _CORNERS:
         add_pair(spec, corner, corner, "table", 0.0)
     model = spec.compile()
-    _soften(model, bed.stiffness_N_m(mass_kg * GRAVITY_M_S2, sink_m(piece, mass_kg, float(parameters[1]))))
+    springs_N_m = bed.stiffness_N_m(mass_kg * GRAVITY_M_S2, sink_m(piece, mass_kg, float(parameters[1])))
+    _soften(model, springs_N_m, effects.edge_stiffness_N_m)
     return model
 
 
@@ -114,7 +115,7 @@ def _add_spatula(spec: Any, parent: Any, effects: Unmodelled) -> None:
         hinge = turner.add_joint(name="root", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 1.0, 0.0))
         hinge.pos = (-BLADE_LENGTH_M, 0.0, 0.0)
         hinge.stiffness, hinge.damping = (stiffness_Nm, 0.0, 0.0), (stiffness_Nm * FLEX_TIME_S, 0.0, 0.0)
-    _add_blade(spec, turner)
+    _add_blade(spec, turner, effects.lip_m)
     tilt = RigidTransform(RollPitchYaw(0.0, HANDLE_RISE_RAD, 0.0), vector(*(ROOT_M + NECK_M / 2 * UP)))
     half_m = np.array(NECK_SIZE_M) / 2
     box = mujoco.mjtGeom.mjGEOM_BOX
@@ -124,21 +125,22 @@ def _add_spatula(spec: Any, parent: Any, effects: Unmodelled) -> None:
         turner.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(CORNER_M, 0, 0), pos=p_m, **_UNTOUCHED)
 
 
-def _add_blade(spec: Any, body: Any) -> None:
-    """The blade for contact with the points: the bevel continues for `_SHARP_M` beyond the edge, down into the table,
-    and the whole blade reaches `_BELOW_M` further down, so that a point inside is pushed upwards.
+def _add_blade(spec: Any, body: Any, lip_m: float) -> None:
+    """The blade for contact with the points: the bevel continues beyond the edge, down into the table, and the whole
+    blade reaches `_BELOW_M` further down, so that a point inside is pushed upwards.
     """
-    solid, slope = blade().vertices_m, (EDGE_M - CLEARANCE_M - LIP_M) / BEVEL_M
-    face = solid[solid[:, 2] > -EDGE_M / 4]
-    tip = solid[solid[:, 0] == 0.0][:2] * [0.0, 1.0, 0.0] + [_SHARP_M, 0.0, -slope * (BEVEL_M + _SHARP_M)]
+    solid, sharp_m = blade(lip_m).vertices_m, _SHARP_M * (SQUARE_LIP_M - lip_m) / (SQUARE_LIP_M - LIP_M)
+    lip = solid[(solid[:, 0] == 0.0) & (solid[:, 2] > -SQUARE_LIP_M)]
+    face = solid[(solid[:, 0] < 0.0) & (solid[:, 2] == 0.0)]
+    tip = lip + [sharp_m, 0.0, -SLOPE * sharp_m]
     vertices_m = np.concatenate([face, tip, tip - [0.0, 0.0, _BELOW_M], face - [0.0, 0.0, _BELOW_M]])
     spec.add_mesh(name="blade", uservert=vertices_m.ravel())
     body.add_geom(name="blade", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="blade", **_UNTOUCHED)
 
 
-def _soften(model: Any, stiffness_N_m: Array) -> None:
+def _soften(model: Any, stiffness_N_m: Array, edge_N_m: float) -> None:
     for corner in _CORNERS:
-        set_softness(model, corner, EDGE_STIFFNESS_N_M, EDGE_STIFFNESS_N_M * EDGE_DAMPING_S)
+        set_softness(model, corner, edge_N_m, edge_N_m * EDGE_DAMPING_S)
     for i, each in enumerate(stiffness_N_m):
         for other in ("table", "blade", "neck"):
             set_softness(model, f"{other}_{i}", each, each * RELAXATION_TIME_S)

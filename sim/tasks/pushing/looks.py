@@ -15,7 +15,7 @@ from sim.tasks.pushing.mount import (
     STEM_M,
     block_axes,
 )
-from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M
+from sim.tasks.pushing.params import BASE_HEIGHT_M, BASE_RADIUS_M, BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M
 from sim.tasks.shared.shapes import Shape, box, turned_body
 from sim.types import Visual
 
@@ -33,9 +33,17 @@ def patch_visual(x_m: tuple[float, float], y_m: tuple[float, float]) -> Visual:
 
 
 def bottle_visual(body: str) -> Visual:
-    """The bottle as the cylinder that stands for it in tracking."""
+    """The bottle: its base, and above it the band."""
     half_m = BOTTLE_HEIGHT_M / 2
-    outline = np.array([[BOTTLE_RADIUS_M, -half_m], [BOTTLE_RADIUS_M, half_m]])
+    seam_m = BASE_HEIGHT_M - half_m
+    outline = np.array(
+        [
+            [BASE_RADIUS_M, -half_m],
+            [BASE_RADIUS_M, seam_m],
+            [BOTTLE_RADIUS_M, seam_m],
+            [BOTTLE_RADIUS_M, half_m],
+        ]
+    )
     return Visual(body, *turned_body(outline, _SIDES), _BOTTLE)
 
 

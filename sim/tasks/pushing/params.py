@@ -224,7 +224,7 @@ class Unmodelled:
 
 PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "bottle_mass_scale": (0.3, 3.0),
-    "com_height_m": (0.025, 0.06),
+    "com_height_m": (0.025, 0.05),
     "slosh_share": (0.0, 0.5),
     "patch_size_scale": (0.6, 1.5),
     "table_tilt_rad": ((-0.04, -0.04), (0.04, 0.04)),

@@ -1,6 +1,7 @@
 """Table, patch, bottle and pusher in a Drake plant: the same physics whether an arm carries the pusher or not.
 
-The bottle is compliant hydroelastic (it has the modulus e), everything else is rigid. Each of its three pairs has its
+The bottle is compliant hydroelastic: a band with the modulus e that the plate meets, and a hard base that stands on the
+table. Everything else is rigid. Each of its three pairs has its
 own friction: Drake combines two coefficients harmonically. So the bottle has `BOTTLE_COEFFICIENT`, and table, patch and
 plate have the coefficients that give the right pair. The plate stays clear of the table.
 """
@@ -51,7 +52,7 @@ STEP_S = 0.0025
 COARSE_STEP_S = 0.010
 """Step of the coarse rollouts: a third of the cost, and nearly the same outcomes (docs/results/pushing.md)."""
 MESH_M = 0.0125
-"""Edge length of the bottle's mesh: sixteen sides around."""
+"""Edge length of the meshes of base and band: sixteen sides around."""
 DISSIPATION_S_M = 10.0
 """Hunt-Crossley: a bottle hit at 0.6 m/s hardly bounces (docs/decisions/0008)."""
 

@@ -53,10 +53,10 @@ CONTEXT = Space(
         Dimension(
             "x",
             "m",
-            0.64,
-            0.72,
+            0.625,
+            0.705,
             plain="piece ahead",
-            meaning="how far ahead of the arm's base the centre of the piece lies",
+            meaning="how far ahead of the arm's base the near side of the piece lies",
         ),
         Dimension(
             "y",
@@ -68,7 +68,11 @@ CONTEXT = Space(
         ),
     )
 )
-"""Place of the piece's centre on the table, in the base frame."""
+"""Place of the middle of the piece's near side on the table, in the base frame.
+
+The centres of the largest pieces of training lie in the 8 x 6 cm of the public code, X 0.64 to 0.72 m. The near side
+decides where the blade starts, so a piece of any size is scooped alike.
+"""
 
 ACTION = Space(
     (
@@ -94,7 +98,7 @@ ACTION = Space(
             0.005,
             0.020,
             plain="initial distance",
-            meaning="from the blade's edge to the nearest side of the largest piece",
+            meaning="from the blade's edge to the near side of the piece",
         ),
     )
 )
@@ -105,7 +109,7 @@ NUISANCE = Space((Dimension("radius", "m", 0.010, 0.015, plain="piece radius", m
 ACTION_NOISE: Array = frozen_array([0.04, 0.012, 0.0], (3,))
 """Half-width of the uniform error of an executed action, in the order of `ACTION`."""
 
-REFERENCE_CONTEXT: Array = frozen_array([0.68, 0.0], (2,))
+REFERENCE_CONTEXT: Array = frozen_array([0.665, 0.0], (2,))
 
 OBSERVATION_TIMES_S: Array = frozen_array([0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0])
 
@@ -129,7 +133,15 @@ EDGE_M = 0.0012
 
 BEVEL_M = 0.005
 LIP_M = 0.0002
-"""The top face is bevelled over the last `BEVEL_M` down to a lip of `LIP_M` (docs/decisions/0003)."""
+"""The top face of training's blade is bevelled over the last `BEVEL_M` down to a lip of `LIP_M` (docs/decisions/0003).
+"""
+
+SQUARE_LIP_M = 0.0011
+"""The highest lip, a square edge without a bevel: the underside lies 0.1 mm above the corners that ride on the table,
+so that only these touch."""
+
+EDGE_STIFFNESS_N_M = 2e5
+"""Stiffness of each corner of the edge against the table in training: nearly rigid."""
 
 CORNER_M = 0.0003
 """Radius of the rounded corners of the edge, on which the blade rides over the table."""
@@ -186,6 +198,9 @@ class Unmodelled:
     pitch_bias_rad: float = 0.0  # added to the pitch of the whole motion, about the edge; positive: edge down
     blade_flex_rad: float = 0.0  # bend of the blade when pressed into the table by the full depth
     distance_bias_m: float = 0.0  # the edge starts this much farther from the piece than commanded
+    lip_m: float = LIP_M  # height of the blunt lip in front of the bevel, which keeps its slope
+    edge_stiffness_N_m: float = EDGE_STIFFNESS_N_M  # of each corner of the edge against the table
+    colour: tuple[float, float, float] = (0.55, 0.13, 0.03)  # of the piece in pictures, linear RGB
     contact: Literal["sap", "lagged"] = "sap"
     dt_s: float | None = None  # step of the plant; None: the step of training
 
@@ -194,6 +209,7 @@ class Unmodelled:
             "semi_axis_scale": min(self.semi_axis_scale),
             "density_scale": self.density_scale,
             "second_friction_scale": self.second_friction_scale,
+            "edge_stiffness_N_m": self.edge_stiffness_N_m,
             "dt_s": 1.0 if self.dt_s is None else self.dt_s,
         }
         for name, value in positive.items():
@@ -201,6 +217,10 @@ class Unmodelled:
                 raise OutOfRange(f"{name} = {value:g} must be positive")
         if self.second_friction_scale >= 2.0:
             raise OutOfRange(f"second_friction_scale = {self.second_friction_scale:g} must stay below 2")
+        if not 0.0 < self.lip_m <= SQUARE_LIP_M:
+            raise OutOfRange(f"lip_m = {self.lip_m:g} must lie above 0 and up to {SQUARE_LIP_M:g}, the blade's thickness")
+        if not all(0.0 <= part <= 1.0 for part in self.colour):
+            raise OutOfRange(f"colour = {self.colour} must have three parts between 0 and 1")
         if self.blade_flex_rad < 0.0:
             raise OutOfRange(f"blade_flex_rad = {self.blade_flex_rad:g} must not be negative: the table bends it up")
         if self.contact not in ("sap", "lagged"):
@@ -223,6 +243,8 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "pitch_bias_rad": (-0.06, 0.06),
     "blade_flex_rad": (0.0, 0.12),
     "distance_bias_m": (-0.004, 0.008),
+    "lip_m": (LIP_M, SQUARE_LIP_M),
+    "edge_stiffness_N_m": (4e3, 4e4),
     "contact": ("sap", "lagged"),
 }
 """The plausible range of each effect; for the contact law, training's and the other one."""

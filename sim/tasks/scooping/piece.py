@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
-from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M
+from sim.tasks.scooping.params import BEVEL_M, LIP_M, SQUARE_LIP_M
 
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 _ROUND_SEGMENTS, _STRAIGHT_SEGMENTS = 16, 12
-CLEARANCE_M = 1e-4
 _RING_ELEVATIONS_RAD = np.deg2rad(np.linspace(-75.0, 75.0, 11))
 
 
@@ -48,20 +47,20 @@ def make_piece(g: int, height_m: float, half_widths_m: tuple[float, float]) -> P
     return _solid(points * [*half_widths_m, height_m / 2.0])
 
 
-@cache
-def blade() -> Piece:
-    """The blade in the tool frame: flat on top, `EDGE_M` thick, its last `BEVEL_M` bevelled to a lip.
+SLOPE = (SQUARE_LIP_M - LIP_M) / BEVEL_M
+"""Fall of the bevel per length."""
 
-    Its underside is slightly higher than the corners that ride on the table (scene.py), so that only these touch.
+
+@cache
+def blade(lip_m: float = LIP_M) -> Piece:
+    """The blade in the tool frame: flat on top, `EDGE_M` thick, its end bevelled down to a lip of `lip_m`.
+
+    A blunter edge has a shorter bevel of the same slope; `SQUARE_LIP_M` has none.
     """
-    half_m, under_m = BLADE_WIDTH_M / 2.0, -EDGE_M + CLEARANCE_M
-    outline = [
-        (-BLADE_LENGTH_M, 0.0),
-        (-BEVEL_M, 0.0),
-        (0.0, under_m + LIP_M),
-        (0.0, under_m),
-        (-BLADE_LENGTH_M, under_m),
-    ]
+    half_m, under_m, bevel_m = BLADE_WIDTH_M / 2.0, -SQUARE_LIP_M, (SQUARE_LIP_M - lip_m) / SLOPE
+    outline = [(-BLADE_LENGTH_M, 0.0), (0.0, under_m + lip_m), (0.0, under_m), (-BLADE_LENGTH_M, under_m)]
+    if bevel_m > 0.0:
+        outline.insert(1, (-bevel_m, 0.0))
     return _solid(np.array([[x, y, z] for x, z in outline for y in (-half_m, half_m)]))
 
 

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from hw.types import PATH_RATE_HZ, Array, ContactWindow
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, NUISANCE, WRIST_IN_TOOL_M
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, WRIST_IN_TOOL_M
 from sim.types import ToolMotion
 
 DURATION_S = 1.0
@@ -37,14 +37,13 @@ _RELEASE_S = 0.05
 
 
 def plan(context: Array, action: Array) -> ToolMotion:
-    """The motion for `action` (pitch rate, pitch, distance) at a piece lying at `context` (x, y), in units.
+    """The motion for `action` (pitch rate, pitch, distance) at a piece with its near side at `context` (x, y), in units.
 
-    It starts with the edge on the table, `distance` behind the nearest side of the largest piece, and is at rest with
-    zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
+    It starts with the edge on the table, `distance` behind that side, and is at rest with zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
     """
     pitch_rad, p_m = edge_path(float(action[0]), float(action[1]))
     t_s = _times()
-    start_m = np.array([context[0] - NUISANCE.high[0] - action[2], context[1]])
+    start_m = np.array([context[0] - action[2], context[1]])
     X_BT = np.tile(np.eye(4), (len(t_s), 1, 1))
     cos, sin = np.cos(pitch_rad), np.sin(pitch_rad)
     X_BT[:, 0, 0], X_BT[:, 0, 2], X_BT[:, 2, 0], X_BT[:, 2, 2] = cos, sin, -sin, cos

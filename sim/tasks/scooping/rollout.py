@@ -57,10 +57,17 @@ _ASIDE_M = 0.02
 
 
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
-    """(4, 4) pose X_BO of the piece at rest on the table, before the trial."""
+    """(4, 4) pose X_BO of the piece at rest on the table with its near side at `context`, before the trial."""
     piece = piece_of(parameters, nuisance, unmodelled)
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
-    return lying(context, float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1])))
+    ahead_m = _half_width_m(nuisance, unmodelled)
+    height_m = float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1]))
+    return lying(context + [ahead_m, 0.0], height_m)
+
+
+def _half_width_m(nuisance: Array, unmodelled: Unmodelled | None) -> float:
+    """From the piece's centre to its near side."""
+    return float(nuisance[0]) * (unmodelled or Unmodelled()).semi_axis_scale[0]
 
 
 def simulate(
@@ -95,9 +102,8 @@ def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmo
 
 def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
     """A time shortly before the edge reaches the piece, on the grid of readings."""
-    effects = unmodelled or Unmodelled()
-    side_m = x_m - nuisance[0] * effects.semi_axis_scale[0]
-    reached = motion.X_BT[:, 0, 3] - effects.distance_bias_m >= side_m
+    side_m, late_m = x_m - _half_width_m(nuisance, unmodelled), (unmodelled or Unmodelled()).distance_bias_m
+    reached = motion.X_BT[:, 0, 3] - late_m >= side_m
     touch_s = float(motion.t_s[reached][0]) if reached.any() else 0.0
     return reading_before_s(touch_s - LEAD_S)
 

@@ -26,7 +26,7 @@ from hw.types import Array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.looks import piece_visual, spatula_visuals
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, HANDLE_RISE_RAD, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, HANDLE_RISE_RAD, LIP_M, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.shared.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
@@ -37,8 +37,9 @@ from sim.tasks.task import SceneBodies
 TOOL = "spatula"
 OBJECT = "piece"
 STEP_S = 0.0025
+BLUNT_STEP_S = 0.001
+"""With a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
 
-EDGE_STIFFNESS_N_M = 2e5
 EDGE_RELAXATION_S = 0.0
 """With a larger value, SAP lets a pressed edge creep into the table, by 0.3 mm in a tenth of a second."""
 
@@ -49,7 +50,8 @@ FLEX_TIME_S = 0.010
 
 def time_step_s(unmodelled: Unmodelled | None) -> float:
     """The time step of the plant for `build_scene`, s."""
-    return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
+    effects = unmodelled or Unmodelled()
+    return effects.dt_s or (BLUNT_STEP_S if effects.lip_m > LIP_M else STEP_S)
 
 
 def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None = None) -> Piece:
@@ -75,15 +77,15 @@ def build_scene(
     add_piece(plant, parameters, nuisance, effects)
     handle, turner = _add_spatula(plant, tool_parent, X_PT, effects)
     face = plant.RegisterCollisionGeometry(
-        turner, RigidTransform(), _polyhedron(blade()), "blade", rigid(effects.friction_of_blade(mu))
+        turner, RigidTransform(), _polyhedron(blade(effects.lip_m)), "blade", rigid(effects.friction_of_blade(mu))
     )
     neck = _add_neck(plant, handle, effects.friction_of_blade(mu))
     for side in (-1.0, 1.0):
-        _add_corner(plant, turner, side)
+        _add_corner(plant, turner, side, effects.edge_stiffness_N_m)
     visuals = (
         table_visual(),
-        piece_visual(OBJECT, piece_of(parameters, nuisance, effects)),
-        *spatula_visuals(TOOL, handle.name()),
+        piece_visual(OBJECT, piece_of(parameters, nuisance, effects), effects.colour),
+        *spatula_visuals(TOOL, handle.name(), effects.lip_m),
     )
     return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
@@ -141,8 +143,8 @@ def _add_neck(plant: MultibodyPlant, handle: RigidBody, friction: float) -> Geom
     return neck
 
 
-def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float) -> None:
-    properties = relaxing(material(0.0, EDGE_STIFFNESS_N_M), EDGE_RELAXATION_S)
+def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float, stiffness_N_m: float) -> None:
+    properties = relaxing(material(0.0, stiffness_N_m), EDGE_RELAXATION_S)
     X_TG = RigidTransform(vector(0.0, side * (BLADE_WIDTH_M - EDGE_M) / 2, -EDGE_M + CORNER_M))
     name = "corner_left" if side > 0 else "corner_right"
     plant.RegisterCollisionGeometry(blade, X_TG, Sphere(CORNER_M), name, properties)

@@ -15,9 +15,6 @@ def pretrain(
     denser: Annotated[
         int | None, typer.Option("--denser", min=0, help="Further trials where the outcome is uncertain.")
     ] = None,
-    coarse: Annotated[
-        int | None, typer.Option("--coarse", min=0, help="Further trials with a longer step, where they help.")
-    ] = None,
     steps: Annotated[
         int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
     ] = None,
@@ -87,7 +84,7 @@ def pretrain(
         if report and out is not None and verification.is_finished(out):
             folder = out / "checkpoint"
         else:
-            sizes = pretraining.Sizes(rollouts, denser, coarse, steps, judged)
+            sizes = pretraining.Sizes(rollouts, denser, steps, judged)
             wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
             folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
         document = None

@@ -11,7 +11,6 @@ from perception.types import ObjectTrack, Outcome
 from sim.errors import UnknownName
 from sim.tasks.task import Task
 
-
 SMALLEST_HALF_M, LARGEST_HALF_M = 0.004, 0.025
 """Half widths along X of the pieces that are searched for."""
 

@@ -26,7 +26,6 @@ class Sizes:
 
     rollouts: int | None = None  # of the dataset, spread evenly over the space
     denser: int | None = None  # further ones where the outcome is uncertain
-    coarse: int | None = None  # further ones with a longer step
     steps: int | None = None  # adaptation steps from which the Q-policy learns
     judged: int | None = None  # unseen targets of the evaluation
 
@@ -36,7 +35,6 @@ class Sizes:
             budget,
             rollouts=_either(self.rollouts, budget.rollouts),
             denser=_either(self.denser, budget.denser),
-            coarse=_either(self.coarse, budget.coarse),
             meta=replace(budget.meta, steps=_either(self.steps, budget.meta.steps)),
             evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
         )
@@ -47,7 +45,6 @@ class Sizes:
         asked = {
             "": self.rollouts,
             "denser": self.denser,
-            "coarse": self.coarse,
             "steps": self.steps,
             "judged": self.judged,
         }

@@ -55,7 +55,7 @@ def command(made: Pretrained) -> str:
     if made.emulator is not None:
         words += [
             f"--{part} {planned.get(part, 0)}"
-            for part in ("rollouts", "denser", "coarse")
+            for part in ("rollouts", "denser")
             if planned.get(part, 0) != getattr(usual, part)
         ]
     if planned["meta"]["steps"] != usual.meta.steps:

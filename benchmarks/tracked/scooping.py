@@ -161,7 +161,7 @@ def sweep(rng: np.random.Generator) -> Array:
     whether each of the two tracks is flagged for a piece that is hardly visible or not located."""
     model, mesh, noise = kinect_model(), tool_mesh(TASK), SensorNoise.draw(rng)
     piece = make_piece(int(rng.integers(0, 2)), rng.uniform(0.015, 0.025), (rng.uniform(0.010, 0.015),) * 2)
-    looks = (table_visual(), piece_visual("piece", piece), *spatula_visuals("tool", "tool"))
+    looks = (table_visual(), piece_visual("piece", piece, TASK.unmodelled().colour), *spatula_visuals("tool", "tool"))
     renderer = Renderer(model, default_X_BC(), looks)
     half_z = float(piece.vertices_m[:, 2].max())
     start = np.array([*rng.uniform([0.66, -0.03], [0.72, 0.03]), half_z])

@@ -77,7 +77,6 @@ class Budget(_Table):
 
     rollouts: int = 0  # of the dataset, spread evenly
     denser: int = 0  # further ones where the outcome is uncertain
-    coarse: int = 0  # further ones with a longer step
     meta: Learning = Learning()
     evaluation: Judging = Judging()
 

@@ -143,7 +143,7 @@ def _simulations(method: str, checkpoint: Checkpoint) -> int:
     if method in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
         return checkpoint.card.simulations if method in LEARNT_FROM_EPISODES else 0
     budget = checkpoint.card.budget
-    return budget.rollouts + budget.denser + budget.coarse
+    return budget.rollouts + budget.denser
 
 
 @lru_cache(maxsize=8)

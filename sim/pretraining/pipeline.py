@@ -80,13 +80,10 @@ EVERYTHING = Wanted()
 
 @dataclass(frozen=True)
 class PretrainBudget:
-    """The size of each stage: `full` strength, or `small` for a first look. The defaults fit a task without coarse
-    rollouts.
-    """
+    """The size of each stage: `full` strength, or `small` for a first look."""
 
     rollouts: int = 10_240  # of the dataset, spread evenly over the space
     denser: int = 6_144  # further ones where the outcome is uncertain
-    coarse: int = 0  # further ones with a longer step, spread evenly
     naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
     further_updates: int = 20_000  # gradient steps of the policies that learn from the first one's episodes
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
@@ -100,12 +97,10 @@ class PretrainBudget:
 
         Where the mirror image of a rollout counts too, three quarters as many are simulated.
         """
-        whole = cls() if task.coarse is None else cls(rollouts=4096, denser=4096, coarse=16_384)
+        whole = cls()
         if task.mirror is None:
             return whole
-        return replace(
-            whole, rollouts=whole.rollouts * 3 // 4, denser=whole.denser * 3 // 4, coarse=whole.coarse * 3 // 4
-        )
+        return replace(whole, rollouts=whole.rollouts * 3 // 4, denser=whole.denser * 3 // 4)
 
     @classmethod
     def small(cls, task: Task) -> PretrainBudget:
@@ -114,7 +109,6 @@ class PretrainBudget:
         return cls(
             rollouts=full.rollouts // 3,
             denser=full.denser // 3,
-            coarse=full.coarse // 3,
             further_updates=4000,
             meta=MetaSettings(steps=1536, updates=4),
             evaluation=EvaluationSettings(targets=12),
@@ -237,7 +231,6 @@ def _learnt(
         executor,
         lambda i, n: progress(STAGES[0], i, n),
         Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
-        budget.coarse,
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -261,7 +254,6 @@ def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, 
         write_toml(path, plan)
         return
     before = read_report(path)
-    before["budget"] = {"coarse": 0, **before.get("budget", {})}  # a plan of an earlier version has no coarse rollouts
     different = [key for key, value in plan.items() if before.get(key) != value]
     if different:
         raise DatasetError(

@@ -4,7 +4,7 @@ A folder holds `dataset.toml` (the settings, and probe rollouts that detect a ch
 rollouts from i*SHARD on of a scrambled Sobol sequence. So this part is a function of (task, seed, size), a larger one
 extends a smaller one, and an interrupted run continues. A second part is denser where the outcome is uncertain: its
 rows come from further along the same sequence, are chosen with the help of the first part, and are listed in
-`denser.npz`. A third part is coarse: spread evenly too, but simulated with the longer step of `Task.coarse`.
+`denser.npz`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, fields, replace
-from functools import partial, reduce
+from dataclasses import asdict, dataclass, fields
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -56,8 +56,7 @@ class Dataset:
     end_state: Array  # (N, k); nan: no end state
     succeeded: NDArray[np.bool_]  # (N,)
     outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
-    coarse: NDArray[np.bool_]  # (N,) simulated with the step of `Task.coarse`; these come last
-    uniform: int  # how many of the first ones fill the space evenly; the other accurate ones are denser somewhere
+    uniform: int  # how many of the first ones fill the space evenly; the others are denser somewhere
     identity: str  # hash of all of the above
 
     def __len__(self) -> int:
@@ -105,40 +104,36 @@ def build_dataset(
     executor: Executor,
     progress: Progress | None = None,
     denser: Denser | None = None,
-    coarse: int = 0,
 ) -> Dataset:
-    """Simulate the missing rollouts in `folder` and return all: `size`, those of the `denser` part, and `coarse` ones.
+    """Simulate the missing rollouts in `folder` and return all: `size`, and those of the `denser` part.
 
     Raises DatasetError if the folder holds a dataset of another task, seed or scene.
     """
     more = 0 if denser is None else denser.count
-    _agree_on_manifest(task, folder, _Sizes(size, more, coarse), seed, executor)
+    _agree_on_manifest(task, folder, _Sizes(size, more), seed, executor)
 
-    def simulate(task: Task, requests: Requests, kind: str, before: int) -> Rollouts:
+    def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
         shards = dict(_shards(folder, requests, kind))
         there = {path: read_rollouts(path, part) for path, part in shards.items()}
         missing = {path: part for path, part in shards.items() if there[path] is None}
         before += len(requests) - sum(map(len, missing.values()))
-        show = _offset(progress, before, size + more + coarse)
+        show = _offset(progress, before, size + more)
         show(0, 0)
         for path, rollouts in zip(missing, run_parts(task, list(missing.values()), executor, show), strict=True):
             write_rollouts(path, missing[path], rollouts)
             there[path] = rollouts
         return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
 
-    requests, cheap = dataset_requests(task, seed, size), _coarse_requests(task, seed, coarse)
-    results = simulate(task, requests, "shard", 0)
-    if coarse:
-        cheaply = simulate(coarsely(task), cheap, "coarse", size)
-        requests, results = requests.followed_by(cheap), concatenate([results, cheaply])
+    requests = dataset_requests(task, seed, size)
+    results = simulate(requests, "shard", 0)
     if denser is not None:
         pool = _pool(task, seed, size, more)
         if not (folder / DENSER).exists():
-            variance = denser.variance(_joined(requests, results, size, coarse), pool)
+            variance = denser.variance(_joined(requests, results, size), pool)
             rows = choose(variance, more, np.random.default_rng([seed, size]))
             with whole_file(folder / DENSER) as temporary, temporary.open("wb") as file:
                 np.savez(file, rows=rows)
-        simulate(task, pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size + coarse)
+        simulate(pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size)
     return load_dataset(folder, task)
 
 
@@ -147,26 +142,11 @@ def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
     return dataset_requests(task, seed, size + POOL * count)[size:]
 
 
-def _coarse_requests(task: Task, seed: int, size: int) -> Requests:
-    """Another sequence than that of the accurate rollouts, so that the two fill the space together."""
-    return draw_requests(task, size, np.random.default_rng([seed, 1]))
-
-
-def coarsely(task: Task) -> Task:
-    """The task with its coarse rollouts in place of the accurate ones. Raises DatasetError if it has none."""
-    if task.coarse is None:
-        raise DatasetError(f"{task.name} has no coarse rollouts that help: leave out --coarse")
-    return replace(task, simulate=partial(task.simulate, unmodelled=task.coarse), simulate_many=None)
-
-
-def _joined(requests: Requests, results: Rollouts, uniform: int, coarse: int) -> Dataset:
-    """The rollouts as a dataset: `uniform` ones, denser ones, `coarse` ones."""
+def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
+    """The rollouts as a dataset: `uniform` ones, then denser ones."""
     columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
     columns |= {f.name: getattr(results, f.name) for f in fields(Rollouts)}
-    identity = columns_digest(columns)[:16]
-    return Dataset(
-        **columns, coarse=np.arange(len(requests)) >= len(requests) - coarse, uniform=uniform, identity=identity
-    )
+    return Dataset(**columns, uniform=uniform, identity=columns_digest(columns)[:16])
 
 
 def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
@@ -200,11 +180,9 @@ def load_dataset(folder: Path, task: Task) -> Dataset:
     if sizes.denser > 0:
         pool = _pool(task, seed, sizes.size, sizes.denser)
         parts.append((pool[_read_rows(folder / DENSER, sizes.denser, len(pool))], "denser"))
-    if sizes.coarse > 0:
-        parts.append((_coarse_requests(task, seed, sizes.coarse), "coarse"))
     requests = reduce(Requests.followed_by, (part for part, _ in parts))
     results = concatenate(_loaded(folder, part, kind) for part, kind in parts)
-    return _joined(requests, results, sizes.size, sizes.coarse)
+    return _joined(requests, results, sizes.size)
 
 
 def _loaded(folder: Path, requests: Requests, kind: str) -> Rollouts:
@@ -226,18 +204,16 @@ class _Sizes:
 
     size: int
     denser: int
-    coarse: int
 
     @classmethod
     def of(cls, manifest: Mapping[str, Any]) -> _Sizes:
-        """The sizes in a manifest; one of an earlier version has no coarse part."""
-        return cls(int(manifest["size"]), int(manifest["denser"]), int(manifest.get("coarse", 0)))
+        """The sizes in a manifest."""
+        return cls(int(manifest["size"]), int(manifest["denser"]))
 
 
 def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
-    probed = [task, *([coarsely(task)] if sizes.coarse else [])]
-    probe = np.concatenate([run_many(one, _probe_requests(task), executor).observation for one in probed])
+    probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
     if manifest is not None:
         for key, wanted in (("task", task.name), ("interface", fingerprint(task)), ("seed", seed)):
@@ -246,11 +222,7 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                     f"the dataset in {folder} has {key} = {manifest[key]}, wanted {wanted}: use a new folder"
                 )
         stored = np.asarray(manifest["probe"], dtype=np.float64)
-        shared = min(len(stored), len(probe))  # coarse rollouts may have been added since, or be left out
-        if (
-            stored[:shared].shape != probe[:shared].shape
-            or np.abs(stored[:shared] - probe[:shared]).max() > PROBE_TOLERANCE
-        ):
+        if stored.shape != probe.shape or np.abs(stored - probe).max() > PROBE_TOLERANCE:
             raise DatasetError(
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 "differently): use a new folder"
@@ -258,10 +230,9 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
         have = _Sizes.of(manifest)
         if (folder / DENSER).exists() and have != sizes:
             raise DatasetError(
-                f"the dataset in {folder} has {have.size} rollouts, {have.coarse} coarse ones, and {have.denser} "
-                f"chosen by those; wanted {sizes.size}, {sizes.coarse} and {sizes.denser}: use a new folder"
+                f"the dataset in {folder} has {have.size} rollouts and {have.denser} chosen by those; wanted "
+                f"{sizes.size} and {sizes.denser}: use a new folder"
             )
-        probe = stored if shared == len(probe) else probe
     made = {"task": task.name, "interface": fingerprint(task), "seed": seed, **asdict(sizes)}
     write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
 

@@ -238,9 +238,6 @@ class Task:
     object_name: str  # its name for a person, e.g. "piece of food"
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
-    coarse: Any | None = None
-    """An instance of `unmodelled` with a longer step: cheap rollouts from which an emulator learns beside true ones.
-    None: it learns from true ones alone."""
     mirror: Mirror | None = None
     """With it an emulator learns from every rollout twice, once mirrored. None: there is no such symmetry."""
     exact: Callable[[Task], SolverOf[Task]] | None = None

@@ -29,10 +29,6 @@ def draw(task: Task, seed: int) -> tuple[np.ndarray, ...]:
     return tuple(space.spread(rng.random(len(space))) for space in spaces)
 
 
-def test_coarse_rollouts_are_effects_of_the_task(task: Task) -> None:
-    assert task.coarse is None or isinstance(task.coarse, task.unmodelled)
-
-
 @pytest.mark.parametrize("name", MIRRORED)
 def test_a_mirrored_rollout_ends_like_the_mirror_image_of_the_rollout(name: str) -> None:
     task = get_task(name)

@@ -132,7 +132,7 @@ def _add_blade(spec: Any, body: Any, lip_m: float) -> None:
     solid, sharp_m = blade(lip_m).vertices_m, _SHARP_M * (SQUARE_LIP_M - lip_m) / (SQUARE_LIP_M - LIP_M)
     lip = solid[(solid[:, 0] == 0.0) & (solid[:, 2] > -SQUARE_LIP_M)]
     face = solid[(solid[:, 0] < 0.0) & (solid[:, 2] == 0.0)]
-    tip = lip + [sharp_m, 0.0, -SLOPE * sharp_m]
+    tip = lip + np.array([sharp_m, 0.0, -SLOPE * sharp_m])
     vertices_m = np.concatenate([face, tip, tip - [0.0, 0.0, _BELOW_M], face - [0.0, 0.0, _BELOW_M]])
     spec.add_mesh(name="blade", uservert=vertices_m.ravel())
     body.add_geom(name="blade", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="blade", **_UNTOUCHED)

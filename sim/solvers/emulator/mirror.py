@@ -15,7 +15,7 @@ def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:
     """The dataset, and after it all its rollouts mirrored, in the same order; the dataset itself if `Task.mirror` is
     None.
 
-    Only for learning: row i + N mirrors row i, so denser and coarse rollouts do not come last any more.
+    Only for learning: row i + N mirrors row i, so denser rollouts do not come last any more.
     """
     mirror = task.mirror
     if mirror is None:

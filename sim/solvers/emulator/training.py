@@ -20,7 +20,7 @@ from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
 from sim.solvers.emulator.mirror import with_mirror_images
-from sim.solvers.emulator.network import PRIOR_SCALE, Array32, Emulator, encode
+from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, encode
 from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
@@ -73,13 +73,13 @@ def train_emulator(
     targets = _targets(task, learnt)
     y_mean, y_std = _scaling(targets.y[rows], targets.known[rows])
     data = _Data(
-        x=torch.from_numpy(_features(task, learnt)),
+        x=torch.from_numpy(encode(task, learnt.parameters, learnt.action, learnt.nuisance)),
         y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
         known=torch.from_numpy(targets.known).float(),
         success=torch.from_numpy(learnt.succeeded.copy()).float(),
     )
     with one_thread():
-        weights = _at_full_accuracy(dataset, _fit(data, rows, calibrate, settings, rng, progress))
+        weights = _fit(data, rows, calibrate, settings, rng, progress)
     # The last output is the success logit, which is not scaled.
     tensors = {name: weight.detach().numpy() for name, weight in weights.items()} | {
         "depth": np.array(settings.layers),
@@ -127,21 +127,6 @@ class _Data:
     y: Tensor  # (N, size + k) standardised
     known: Tensor  # (N, size + k)
     success: Tensor  # (N,)
-
-
-def _features(task: Task, dataset: Dataset) -> Array32:
-    """(N, f) the inputs of the emulator, and if some rollouts are coarse, a last one that is 1 for these."""
-    features = encode(task, dataset.parameters, dataset.action, dataset.nuisance)
-    if not dataset.coarse.any():
-        return features
-    return np.concatenate([features, dataset.coarse[:, None].astype(np.float32)], axis=1)
-
-
-def _at_full_accuracy(dataset: Dataset, weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The weights without the input that says coarse: for all others it is 0."""
-    if not dataset.coarse.any():
-        return weights
-    return {name: w[:, :-1] if name in ("w0", "pw0") else w for name, w in weights.items()}
 
 
 def _targets(task: Task, dataset: Dataset) -> _Targets:

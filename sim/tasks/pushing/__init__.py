@@ -26,7 +26,7 @@ from sim.tasks.pushing.params import (
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.rollout import simulate
-from sim.tasks.pushing.scene import COARSE_STEP_S, build_scene, time_step_s
+from sim.tasks.pushing.scene import build_scene, time_step_s
 from sim.tasks.task import Hardware, Standing, Task
 
 HARDWARE = Hardware(
@@ -55,7 +55,6 @@ TASK = Task(
     reuse=REUSE,
     unmodelled=Unmodelled,
     plausible=PLAUSIBLE,
-    coarse=Unmodelled(dt_s=COARSE_STEP_S),
     mirror=MIRROR,
     simulate=simulate,
     reference_context=REFERENCE_CONTEXT,

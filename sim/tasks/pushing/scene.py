@@ -49,8 +49,6 @@ from sim.tasks.task import SceneBodies
 TOOL = "pusher"
 OBJECT = "bottle"
 STEP_S = 0.0025
-COARSE_STEP_S = 0.010
-"""Step of the coarse rollouts: a third of the cost, and nearly the same outcomes (docs/results/pushing.md)."""
 MESH_M = 0.0125
 """Edge length of the meshes of base and band: sixteen sides around."""
 DISSIPATION_S_M = 10.0

@@ -37,9 +37,10 @@ _RELEASE_S = 0.05
 
 
 def plan(context: Array, action: Array) -> ToolMotion:
-    """The motion for `action` (pitch rate, pitch, distance) at a piece with its near side at `context` (x, y), in units.
+    """The motion for `action` (pitch rate, pitch, distance) at a piece whose near side lies at `context` (x, y).
 
-    It starts with the edge on the table, `distance` behind that side, and is at rest with zero acceleration at both ends. `contact` holds the deepest command and the force it predicts.
+    It starts with the edge on the table, `distance` behind that side, and is at rest with zero acceleration at both
+    ends. `contact` holds the deepest command and the force it predicts.
     """
     pitch_rad, p_m = edge_path(float(action[0]), float(action[1]))
     t_s = _times()

@@ -62,7 +62,7 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
     ahead_m = _half_width_m(nuisance, unmodelled)
     height_m = float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1]))
-    return lying(context + [ahead_m, 0.0], height_m)
+    return lying(np.array([context[0] + ahead_m, context[1]]), height_m)
 
 
 def _half_width_m(nuisance: Array, unmodelled: Unmodelled | None) -> float:

@@ -113,9 +113,9 @@ def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification:
     assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
         "adaptsim pretrain --task pendulum"
     )
-    planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0, "coarse": 64}}
+    planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0}}
     told = wiring_verification.command(dataclasses.replace(learnt, plan=planned))
-    assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0 --coarse 64"
+    assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
     small = dataclasses.asdict(PretrainBudget.small(made.task))
     told = wiring_verification.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
     assert told == "adaptsim pretrain --task pendulum --budget small"

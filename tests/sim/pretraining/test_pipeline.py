@@ -228,24 +228,8 @@ def test_a_folder_of_another_plan_is_refused(tmp_path):
         run(tmp_path, budget=dataclasses.replace(TINY, rollouts=400))
 
 
-@pytest.mark.long
-def test_a_plan_of_an_earlier_version_goes_on(tmp_path):
-    wanted = Wanted(policies=False, evaluation=False)
-    path, _ = run(tmp_path, wanted=wanted)
-    before, plan = load_checkpoint(TOY, str(path)).sha256, tmp_path / "plan.toml"
-    plan.write_text("\n".join(line for line in plan.read_text().splitlines() if not line.startswith("coarse")))
-    run(tmp_path, wanted=wanted)
-    assert load_checkpoint(TOY, str(path)).sha256 == before
-
-
-def test_full_strength_has_coarse_rollouts_where_they_help():
-    with_coarse, without = PretrainBudget.full(get_task("pushing")), PretrainBudget.full(get_task("scooping"))
-    assert with_coarse.coarse > 0 == without.coarse
-    assert with_coarse.rollouts < without.rollouts
-
-
 def test_fewer_rollouts_are_simulated_where_their_mirror_images_count():
     pushing = get_task("pushing")
     full, one_sided = PretrainBudget.full(pushing), PretrainBudget.full(dataclasses.replace(pushing, mirror=None))
-    sizes = [(budget.rollouts, budget.denser, budget.coarse) for budget in (full, one_sided)]
+    sizes = [(budget.rollouts, budget.denser) for budget in (full, one_sided)]
     assert [4 * n for n in sizes[0]] == [3 * n for n in sizes[1]]

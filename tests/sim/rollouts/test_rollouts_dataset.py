@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from toy_task import ACTION, TOY, Unmodelled, best_action, simulate
+from toy_task import ACTION, TOY, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
@@ -35,13 +35,10 @@ def other_scene(parameters, context, action, nuisance, unmodelled=None):
 COUNTED = dataclasses.replace(TOY, simulate=counting)
 
 
-CHEAP = dataclasses.replace(TOY, coarse=Unmodelled(pitch_bias_rad=0.02))
-
-
-def build(folder, size=600, seed=0, task=TOY, denser=0, coarse=0):
+def build(folder, size=600, seed=0, task=TOY, denser=0):
     with serial_executor() as executor:
         more = Denser(denser, partial(outcome_variance, task, 0)) if denser else None
-        return build_dataset(task, folder, size, seed, executor, denser=more, coarse=coarse)
+        return build_dataset(task, folder, size, seed, executor, denser=more)
 
 
 def test_the_draws_fill_margin_action_and_nuisance_evenly():
@@ -106,51 +103,6 @@ def test_what_was_chosen_by_a_first_part_is_not_mixed_with_another(tmp_path):
     (tmp_path / "denser.npz").write_bytes(b"nothing")
     with pytest.raises(DatasetError, match="cannot be read"):
         load_dataset(tmp_path, TOY)
-
-
-@pytest.mark.long
-def test_coarse_rollouts_come_last_and_leave_the_others_as_they_are(tmp_path):
-    plain = build(tmp_path / "plain", 256)
-    dataset = build(tmp_path / "coarse", 256, task=CHEAP, denser=100, coarse=300)
-    assert (len(dataset), dataset.uniform, dataset.coarse.sum()) == (656, 256, 300)
-    assert dataset.coarse[-300:].all()
-    assert np.array_equal(dataset.observation[:256], plain.observation)
-    assert len(np.unique(dataset.action, axis=0)) == 656  # no request twice
-    row, context = len(dataset) - 1, TOY.reference_context
-    cheap, true = (
-        TOY.observation(simulate(dataset.parameters[row], context, dataset.action[row], dataset.nuisance[row], effects))
-        for effects in (CHEAP.coarse, None)
-    )
-    assert np.array_equal(dataset.observation[row], cheap)
-    assert not np.array_equal(cheap, true)
-    assert load_dataset(tmp_path / "coarse", CHEAP).identity == dataset.identity
-    with pytest.raises(DatasetError, match="256 rollouts, 300 coarse ones, and 100 chosen by those"):
-        build(tmp_path / "coarse", 256, task=CHEAP, denser=100, coarse=400)
-
-
-def test_a_task_without_coarse_rollouts_refuses_them(tmp_path):
-    with pytest.raises(DatasetError, match="no coarse rollouts that help: leave out --coarse"):
-        build(tmp_path, 256, coarse=100)
-    assert not list(tmp_path.iterdir())  # before anything was simulated
-
-
-def test_another_coarse_step_is_refused(tmp_path):
-    build(tmp_path, 100, task=CHEAP, coarse=100)
-    with pytest.raises(DatasetError, match="scene of toy has changed"):
-        build(tmp_path, 100, task=dataclasses.replace(TOY, coarse=Unmodelled(pitch_bias_rad=0.04)), coarse=100)
-    assert len(build(tmp_path, 100)) == 100
-
-
-def test_coarse_rollouts_may_be_added_later(tmp_path):
-    build(tmp_path, 100)
-    assert build(tmp_path, 100, task=CHEAP, coarse=100).coarse.sum() == 100
-
-
-def test_a_dataset_of_an_earlier_version_has_no_coarse_part(tmp_path):
-    whole, manifest = build(tmp_path, 300), tmp_path / "dataset.toml"
-    kept = [line for line in manifest.read_text().splitlines() if not line.startswith("coarse")]
-    manifest.write_text("\n".join(kept))
-    assert load_dataset(tmp_path, TOY).identity == whole.identity == build(tmp_path, 300).identity
 
 
 @pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:900] + b"x" * 50 + b[950:]])

@@ -1,15 +1,13 @@
 import dataclasses
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from toy_learning import SETTINGS, dataset, trained
-from toy_task import TOY, Unmodelled
+from toy_task import TOY
 
 from sim.errors import CheckpointError, DatasetError
-from sim.rollouts import Dataset, build_dataset, serial_executor
+from sim.rollouts import Dataset
 from sim.solvers.emulator.network import Emulator, encode
 from sim.solvers.emulator.training import _temperature, forward, train_emulator
 from sim.types import Dimension, Space
@@ -29,24 +27,6 @@ def test_it_learns_the_toy_and_says_how_well():
     assert report.calibration_error < 0.12
     assert report.position_error_median < 0.01
     assert report.end_state_error_median < 0.005
-
-
-@pytest.mark.long
-def test_coarse_rollouts_help_and_are_told_apart():
-    accurate = dataset()
-    cheap = dataclasses.replace(TOY, coarse=Unmodelled(pitch_bias_rad=0.1))  # half the range: far off
-    with tempfile.TemporaryDirectory() as folder, serial_executor() as executor:
-        both = build_dataset(cheap, Path(folder), 300, 0, executor, coarse=3000)
-    blind = dataclasses.replace(both, coarse=np.zeros(len(both), dtype=bool))
-    few = dataclasses.replace(both, **{name: getattr(both, name)[:300] for name in COLUMNS})
-
-    def error(data):
-        emulator, _ = train_emulator(TOY, data, 0, SETTINGS)
-        said = emulator.predict(accurate.parameters, accurate.action, accurate.nuisance).success
-        return ((said - accurate.succeeded) ** 2)[300:].mean()  # the first 300 are those that it learnt from
-
-    assert error(both) < 0.8 * error(few)
-    assert error(both) < 0.8 * error(blind)
 
 
 def test_few_held_out_rollouts_do_not_make_it_certain():

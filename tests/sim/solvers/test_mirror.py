@@ -35,7 +35,7 @@ def test_mirror_images_follow_in_the_same_order():
     assert len(both) == 2 * n
     for name in ROWS:
         assert np.array_equal(getattr(both, name)[:n], getattr(given, name), equal_nan=True)
-    for name in ("parameters", "action", "succeeded", "outcome", "coarse"):
+    for name in ("parameters", "action", "succeeded", "outcome"):
         assert np.array_equal(getattr(both, name)[n:], getattr(given, name))
     assert np.array_equal(both.nuisance[n:], -given.nuisance)
     assert np.array_equal(both.end_state[n:], -given.end_state, equal_nan=True)

@@ -33,11 +33,10 @@ class Bench:
         self.bottle = self.plant.GetBodyByName("bottle")
         self.simulator = Simulator(builder.Build())
         self.state = self.plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
-        self.e_Pa = parameters[1]
 
     def slide(self, xy_m, velocity_m_s, duration_s):
         """Start upright at `xy_m`; afterwards the pose and the spatial velocity."""
-        z_m = 0.05 - sink_m(BOTTLE_MASS_KG, self.e_Pa)
+        z_m = 0.05 - sink_m(BOTTLE_MASS_KG)
         self.plant.SetFreeBodyPose(self.state, self.bottle, RigidTransform([*xy_m, z_m]))
         velocity: Any = np.array([*velocity_m_s, 0.0])
         start = SpatialVelocity(w=np.zeros_like(velocity), v=velocity)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.errors import OutOfRange
-from sim.tasks.scooping.params import EDGE_M, PIECE_DENSITY_KG_M3
+from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M, PIECE_DENSITY_KG_M3, SQUARE_LIP_M
 from sim.tasks.scooping.piece import blade, make_piece, obj_text
 from sim.tasks.scooping.rest import GRAVITY_M_S2, sink_m
 
@@ -56,6 +56,19 @@ def test_the_blade_is_flat_on_top_and_thin_at_its_edge():
     np.testing.assert_allclose(solid.vertices_m[:, 2].max(), 0.0)
     assert solid.vertices_m[:, 2].min() > -EDGE_M
     assert solid.vertices_m[solid.vertices_m[:, 0] == 0.0, 2].max() < -EDGE_M / 2
+
+
+@pytest.mark.parametrize("lip_m", [0.0001, LIP_M, 0.0008])
+def test_a_blunter_edge_has_a_shorter_bevel_of_the_same_slope(lip_m):
+    top_m = blade(lip_m).vertices_m
+    bevel_m = -top_m[(top_m[:, 2] == 0.0) & (top_m[:, 0] > -0.05), 0].max()
+    assert (SQUARE_LIP_M - lip_m) / bevel_m == pytest.approx((SQUARE_LIP_M - LIP_M) / BEVEL_M)
+
+
+def test_a_square_edge_is_as_high_as_the_blade():
+    solid = blade(SQUARE_LIP_M)
+    assert len(solid.vertices_m) == 8
+    assert np.ptp(solid.vertices_m[solid.vertices_m[:, 0] == 0.0, 2]) == pytest.approx(SQUARE_LIP_M)
 
 
 def test_obj_lists_every_vertex_and_face():

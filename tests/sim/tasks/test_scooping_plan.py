@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.tasks.scooping.params import ACTION, ACTION_NOISE, CONTEXT, NUISANCE, WRIST_IN_TOOL_M
+from sim.tasks.scooping.params import ACTION, ACTION_NOISE, CONTEXT, WRIST_IN_TOOL_M
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, DURATION_S, VERTICAL_STIFFNESS_N_M, edge_height_m, plan
 
 CORNERS = [
@@ -62,9 +62,9 @@ def test_above_the_table_the_wrist_moves_as_the_paper_says():
         np.testing.assert_allclose(velocity[round(t_s * 1000), [0, 2]], [forward_m_s, up_m_s], atol=2e-3)
 
 
-def test_starts_so_far_behind_the_largest_piece_as_the_action_says_and_moves_along_with_it():
+def test_starts_so_far_behind_the_near_side_as_the_action_says_and_moves_along_with_it():
     action = np.array([0.0, 0.1, 0.012])
     here, there = plan(HERE, action), plan(CONTEXT.high, action)
-    np.testing.assert_allclose(here.X_BT[0, :2, 3], [HERE[0] - NUISANCE.high[0] - 0.012, HERE[1]])
+    np.testing.assert_allclose(here.X_BT[0, :2, 3], [HERE[0] - 0.012, HERE[1]])
     shift_m = there.X_BT[:, :3, 3] - here.X_BT[:, :3, 3]
     np.testing.assert_allclose(shift_m, np.tile([*(CONTEXT.high - HERE), 0.0], (len(shift_m), 1)), atol=1e-12)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from hw.types import Array, CameraModel, Frame, frozen_array
 from perception.errors import ObjectNotFound
@@ -18,10 +18,12 @@ from perception.piece.proxy import Proxy, Shape, coverage
 HEIGHT_M = 0.04
 """The tallest piece that is searched for (m)."""
 _MARGIN_M = 0.04  # the search extends this far around the area, to report a misplaced piece
-_USUAL_HEIGHT_M = 0.016
-_SMALLEST_M, _LARGEST_M = 0.006, 0.030  # plausible radius
+_USUAL_HEIGHT_M, _FLAT_M = 0.016, 0.006
+_SMALLEST_M, _LARGEST_M = 0.004, 0.030  # plausible radius
 _MATTE_NOISE = 0.2
 _DEPTH_NOISE_M, _DEPTH_CLIP_M = 0.0025, 0.008
+_UNROUND_M = 0.0007
+"""Usual difference of the two half widths. The outline hardly tells how far a piece reaches away from the camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,23 +172,23 @@ def _measure(
         front, _ = proxy.front(X_BO, depth_view, directions[valid])
         off = depth_m[valid] - offset_m - np.minimum(front, table_m[valid])
         off = np.clip(off, -_DEPTH_CLIP_M, _DEPTH_CLIP_M)
-        return np.concatenate([(alpha - cover) / _MATTE_NOISE, off / _DEPTH_NOISE_M])
+        return np.concatenate([(alpha - cover) / _MATTE_NOISE, off / _DEPTH_NOISE_M, [(p[2] - p[3]) / _UNROUND_M]])
 
     metres_per_px = transform(view.X_VB, rough)[2] / view.focal_px
     radius = float(np.clip(0.9 * np.sqrt(alpha.sum() / np.pi) * metres_per_px, _SMALLEST_M, _LARGEST_M))
-    start = np.array([*spot.xy_m, radius, radius, _USUAL_HEIGHT_M / 2])
+    starts = [np.array([*spot.xy_m, radius, radius, height_m / 2]) for height_m in (_USUAL_HEIGHT_M, _FLAT_M)]
     low = np.array([*(spot.xy_m - 0.03), 0.003, 0.003, 0.002])
     high = np.array([*(spot.xy_m + 0.03), 0.05, 0.05, HEIGHT_M / 2 + 0.005])
-    step = 3e-4 / np.maximum(np.abs(start), 1e-2)
-    fits = {
-        shape: least_squares(
-            residuals, start, bounds=(low, high), x_scale=np.full(5, 1e-3), diff_step=step, args=(shape,), max_nfev=20
-        )
-        for shape in Shape
-    }
-    shape = min(fits, key=lambda s: fits[s].cost)
-    x, y, half_x, half_y, half_z = fits[shape].x
-    miss = np.abs(fits[shape].fun[: len(alpha)] * _MATTE_NOISE).sum() / max(alpha.sum(), 1.0)
+    step = 3e-4 / np.maximum(np.abs(starts[0]), 1e-2)
+
+    def fitted(shape: Shape, start: Array) -> OptimizeResult:
+        bounds, scale = (low, high), np.full(5, 1e-3)
+        return least_squares(residuals, start, bounds=bounds, x_scale=scale, diff_step=step, args=(shape,), max_nfev=20)
+
+    fits = [(shape, fitted(shape, start)) for shape in Shape for start in starts]
+    shape, best = min(fits, key=lambda fit: float(fit[1].cost))
+    x, y, half_x, half_y, half_z = best.x
+    miss = np.abs(best.fun[: len(alpha)] * _MATTE_NOISE).sum() / max(alpha.sum(), 1.0)
     proxy = Proxy(shape, (float(half_x), float(half_y), float(half_z)))
     return proxy, np.array([x, y]), offset_m, float(np.clip(1.15 - miss, 0, 1))
 

@@ -198,8 +198,7 @@ class Unmodelled:
     pitch_bias_rad: float = 0.0  # added to the pitch of the whole motion, about the edge; positive: edge down
     blade_flex_rad: float = 0.0  # bend of the blade when pressed into the table by the full depth
     distance_bias_m: float = 0.0  # the edge starts this much farther from the piece than commanded
-    lip_m: float = LIP_M  # height of the blunt lip in front of the bevel, which keeps its slope
-    edge_stiffness_N_m: float = EDGE_STIFFNESS_N_M  # of each corner of the edge against the table
+    edge: tuple[float, float] = (LIP_M, EDGE_STIFFNESS_N_M)  # height of the lip (m), stiffness of each corner (N/m)
     colour: tuple[float, float, float] = (0.55, 0.13, 0.03)  # of the piece in pictures, linear RGB
     contact: Literal["sap", "lagged"] = "sap"
     dt_s: float | None = None  # step of the plant; None: the step of training
@@ -209,7 +208,7 @@ class Unmodelled:
             "semi_axis_scale": min(self.semi_axis_scale),
             "density_scale": self.density_scale,
             "second_friction_scale": self.second_friction_scale,
-            "edge_stiffness_N_m": self.edge_stiffness_N_m,
+            "stiffness in edge": self.edge_stiffness_N_m,
             "dt_s": 1.0 if self.dt_s is None else self.dt_s,
         }
         for name, value in positive.items():
@@ -218,13 +217,23 @@ class Unmodelled:
         if self.second_friction_scale >= 2.0:
             raise OutOfRange(f"second_friction_scale = {self.second_friction_scale:g} must stay below 2")
         if not 0.0 < self.lip_m <= SQUARE_LIP_M:
-            raise OutOfRange(f"lip_m = {self.lip_m:g} must be positive and at most {SQUARE_LIP_M:g}, a square edge")
+            raise OutOfRange(f"lip in edge = {self.lip_m:g} must be above 0 and at most {SQUARE_LIP_M:g}, a square edge")
         if not all(0.0 <= part <= 1.0 for part in self.colour):
             raise OutOfRange(f"colour = {self.colour} must have three parts between 0 and 1")
         if self.blade_flex_rad < 0.0:
             raise OutOfRange(f"blade_flex_rad = {self.blade_flex_rad:g} must not be negative: the table bends it up")
         if self.contact not in ("sap", "lagged"):
             raise OutOfRange(f'contact = "{self.contact}" must be "sap" or "lagged"')
+
+    @property
+    def lip_m(self) -> float:
+        """Height of the blunt lip in front of the bevel, which keeps its slope."""
+        return self.edge[0]
+
+    @property
+    def edge_stiffness_N_m(self) -> float:
+        """Stiffness of each corner of the edge against the table."""
+        return self.edge[1]
 
     def friction_of_blade(self, mu: float) -> float:
         """The blade's coefficient that gives a pair of `second_friction_scale * mu` with a piece of coefficient `mu`.
@@ -243,8 +252,7 @@ PLAUSIBLE: dict[str, tuple[Any, Any]] = {
     "pitch_bias_rad": (-0.06, 0.06),
     "blade_flex_rad": (0.0, 0.12),
     "distance_bias_m": (-0.004, 0.008),
-    "lip_m": (LIP_M, SQUARE_LIP_M),
-    "edge_stiffness_N_m": (4e3, 4e4),
+    "edge": ((LIP_M, 1.5e3), (SQUARE_LIP_M, 4e3)),
     "contact": ("sap", "lagged"),
 }
 """The plausible range of each effect; for the contact law, training's and the other one."""

@@ -183,7 +183,7 @@ def _measure(
 
     def fitted(shape: Shape, start: Array) -> OptimizeResult:
         bounds, scale = (low, high), np.full(5, 1e-3)
-        return least_squares(residuals, start, bounds=bounds, x_scale=scale, diff_step=step, args=(shape,), max_nfev=20)
+        return least_squares(residuals, start, bounds=bounds, x_scale=scale, diff_step=step, args=(shape,), max_nfev=60)
 
     fits = [(shape, fitted(shape, start)) for shape in Shape for start in starts]
     shape, best = min(fits, key=lambda fit: float(fit[1].cost))

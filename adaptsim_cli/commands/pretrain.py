@@ -18,8 +18,8 @@ def pretrain(
     coarse: Annotated[
         int | None, typer.Option("--coarse", min=0, help="Further trials with a longer step, where they help.")
     ] = None,
-    steps: Annotated[
-        int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
+    episodes: Annotated[
+        int | None, typer.Option("--episodes", min=64, help="Episodes from which each adaptation policy learns.")
     ] = None,
     judged: Annotated[
         int | None, typer.Option("--judged", min=4, help="Unseen targets on which the result is evaluated.")
@@ -64,7 +64,7 @@ def pretrain(
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
-    --report runs some 3,600 further rollouts (minutes) to measure emulator and policies; a second report needs none.
+    --report runs some 5,500 further rollouts (minutes) to measure emulator and policies; a second report needs none.
     A finished folder given with --out is not changed.
 
     Example: adaptsim pretrain --task scooping --budget small --report
@@ -77,8 +77,8 @@ def pretrain(
 
     if docs is not None and not report:
         raise UsageError("--docs sets where the report goes: add --report")
-    if steps is not None and not (methods or report):
-        raise UsageError("--steps sets how much the adaptation policies learn from: add --methods")
+    if episodes is not None and not (methods or report):
+        raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
     if judged is not None and not (evaluate or report):
         raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
@@ -87,7 +87,7 @@ def pretrain(
         if report and out is not None and verification.is_finished(out):
             folder = out / "checkpoint"
         else:
-            sizes = pretraining.Sizes(rollouts, denser, coarse, steps, judged)
+            sizes = pretraining.Sizes(rollouts, denser, coarse, episodes, judged)
             wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
             folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
         document = None

@@ -59,7 +59,7 @@ StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
 MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
-"""An adaptation policy is trained with each of them; the first is the paper's."""
+"""Of the adaptation policies; the first is the paper's."""
 
 NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 BELIEF, RANDOM = "adaptsim-belief", "random"
@@ -150,6 +150,11 @@ class _Means:
     simulated: Callable[[], int]  # number of rollouts so far
     facts: dict[str, Any]  # for the card
 
+    @property
+    def memories(self) -> tuple[MemoryName, ...]:
+        """Of the adaptation policies: only the paper's where every trial is simulated."""
+        return MEMORIES if self.emulator or self.task.exact else MEMORIES[:1]
+
 
 def pretrain(
     task: Task,
@@ -183,7 +188,7 @@ def pretrain(
     if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         with tensorboard(folder / "logs") as log:
             networks = _policies(folder, means, budget.meta, draws[2], progress, log)
-        facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in MEMORIES}
+        facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if wanted.evaluation or (folder / "evaluation.toml").exists():
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
         facts |= {"evaluation": results, "method": best_method(results)}
@@ -283,20 +288,14 @@ def _policies(
 ) -> dict[MemoryName, QNetwork]:
     """An adaptation policy with each memory."""
     task, episodes = means.task, folder / "episodes.safetensors"
-    missing = [m for m in MEMORIES if not all(path.exists() for path in policy_files(folder, m))]
+    missing = [m for m in means.memories if not all(path.exists() for path in policy_files(folder, m))]
     if missing:
         acting = _acting(means, settings, seed)
         for memory in missing:
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
-            done, total = settings.episodes * MEMORIES.index(memory), settings.episodes * len(MEMORIES)
             network, curve, seen = train_adaptation(
-                simulator,
-                settings,
-                int(of_training),
-                memory,
-                lambda i, _, done=done, total=total: progress(STAGES[3], done + i, total),
-                log,
+                simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
             gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
             weights, report = policy_files(folder, memory)
@@ -305,7 +304,15 @@ def _policies(
             save_tensors(weights, network.tensors)
             write_toml(report, _summary(curve, gate))
     progress(STAGES[3], 1, 1)
-    return {m: restore_policy(task, m, load_tensors(policy_files(folder, m)[0])) for m in MEMORIES}
+    return {m: restore_policy(task, m, load_tensors(policy_files(folder, m)[0])) for m in means.memories}
+
+
+def _after(
+    memory: MemoryName, means: _Means, settings: MetaSettings, progress: StageProgress
+) -> Callable[[int, int], None]:
+    """The progress of one training, as a part of that of all."""
+    before, total = (settings.episodes * n for n in (means.memories.index(memory), len(means.memories)))
+    return lambda i, _: progress(STAGES[3], before + i, total)
 
 
 def policy_files(folder: Path, memory: MemoryName) -> tuple[Path, Path]:
@@ -381,7 +388,7 @@ def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:
         "gate": asdict(gate),
         "first_quarter_reward": float(curve.reward[:quarter].mean()),
         "last_quarter_reward": float(curve.reward[-quarter:].mean()),
-        "reward": curve.reward.tolist(),
-        "epsilon": curve.epsilon.tolist(),
-        "loss": curve.loss.tolist(),
+        "reward": np.round(curve.reward, 4).tolist(),
+        "epsilon": np.round(curve.epsilon, 4).tolist(),
+        "loss": np.round(curve.loss, 6).tolist(),
     }

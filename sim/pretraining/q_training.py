@@ -116,4 +116,4 @@ def branching_target(
     """
     best = online(following).argmax(axis=-1)[..., None]
     value = np.take_along_axis(target(following), best, axis=-1)[..., 0].mean(axis=-1)
-    return reward + discount * value
+    return np.asarray(reward + discount * value)

@@ -139,6 +139,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
         dataset = load_dataset(folder / "dataset", task)
     solver: Solver | None = EmulatorSolver(emulator) if emulator else task.exact(task) if task.exact else None
     files = {memory: policy_files(folder, memory) for memory in MEMORIES}
+    files = {memory: both for memory, both in files.items() if all(path.exists() for path in both)}
     return Pretrained(
         task=task,
         folder=folder,

@@ -40,16 +40,18 @@ def moves(task: Task, checkpoint: Checkpoint, candidates: int, targets: int, see
     truths = cover(task.parameters, targets, rng)
     found = np.empty((candidates, targets, len(task.parameters)))
     for i, policy in enumerate(solver.policies(means[:, None], rng)):
-        seen = []
+        seen, goals = [], []
         for _ in range(trials):
             contexts = task.context.sample(rng, targets)
             actions = policy.actions(contexts) + task.action_noise * rng.uniform(-1.0, 1.0, (targets, len(task.action)))
             observed = solver.trajectories(truths, actions, task.nuisance.sample(rng, targets))
             placed = np.stack([task.relocate(o, c) for o, c in zip(observed, contexts, strict=True)])
             seen.append(task.observation.with_noise(placed, rng))
+            goals.append(task.context.normalise(contexts))
         state = Seen(
             np.repeat(means[i][None, None], targets, axis=0),
             np.concatenate(seen, axis=-1)[:, None],
+            np.concatenate(goals, axis=-1)[:, None],
             np.zeros((targets, 1, trials)),
             np.ones((targets, 1)),
             np.zeros((targets, 1)),

@@ -1,8 +1,7 @@
-"""`adaptsim checkpoints list/verify/repair`."""
+"""`adaptsim checkpoints list/verify`."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -125,44 +124,6 @@ def parameters(
     screen.next(
         (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")
     )
-
-
-@app.command()
-def repair(
-    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
-    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    steps: Annotated[int, typer.Option("--steps", min=64, help="Adaptation steps to learn from.")] = 10_000,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the training.")] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Folder of the copy; default: beside the other checkpoints.")
-    ] = None,
-    as_json: _Json = False,
-) -> None:
-    """Copy a checkpoint and add the paper's adaptation policy with a threshold that can be reached.
-
-    It learns in the checkpoint's own simulator, so it takes minutes. The learning gate says whether it learned
-    anything: it must earn more than staying where it starts, and more than drifting one way. Use it with --method
-    adaptsim-attainable and the setting `checkpoint`, or with adaptsim benchmark --checkpoints FOLDER.
-
-    Example: adaptsim checkpoints repair --task pushing --seed 1
-    """
-    from adaptsim_cli import config
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import checkpoints
-
-    resolved = config.load({"task": task, "checkpoint": checkpoint or None, "seed": seed})
-    screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress:
-        made = checkpoints.repair(resolved, out, steps, progress)
-    gate = made["gate"]
-    earned = f"{gate['policy']:.3f}; staying {gate['stay']:.3f}, drifting {gate['drift']:.3f}"
-    verdict = "It has learnt to adapt" if gate["passed"] else "It has not learnt to adapt"
-    screen.plain(f"{verdict}: it earns {earned} (threshold {made['threshold']:.3f})")
-    screen.plain(f"Checkpoint: {made['checkpoint']}")
-    use = f"ADAPTSIM_CHECKPOINT={made['checkpoint']} adaptsim run-iteration --method adaptsim-attainable"
-    screen.next((f"{use} --task {resolved.config.task}", "a session with this policy"))
-    if as_json:
-        screen.data("checkpoints repair", made)
 
 
 def _numbers(figure: dict[str, Any]) -> tuple[float, float, float]:

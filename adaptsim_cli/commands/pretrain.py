@@ -15,8 +15,8 @@ def pretrain(
     denser: Annotated[
         int | None, typer.Option("--denser", min=0, help="Further trials where the outcome is uncertain.")
     ] = None,
-    steps: Annotated[
-        int | None, typer.Option("--steps", min=64, help="Adaptation steps from which the Q-policy learns.")
+    episodes: Annotated[
+        int | None, typer.Option("--episodes", min=64, help="Episodes from which each adaptation policy learns.")
     ] = None,
     judged: Annotated[
         int | None, typer.Option("--judged", min=4, help="Unseen targets on which the result is evaluated.")
@@ -61,7 +61,7 @@ def pretrain(
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
-    --report runs some 3,600 further rollouts (minutes) to measure emulator and policies; a second report needs none.
+    --report runs some 5,500 further rollouts (minutes) to measure emulator and policies; a second report needs none.
     A finished folder given with --out is not changed.
 
     Example: adaptsim pretrain --task scooping --budget small --report
@@ -74,8 +74,8 @@ def pretrain(
 
     if docs is not None and not report:
         raise UsageError("--docs sets where the report goes: add --report")
-    if steps is not None and not (methods or report):
-        raise UsageError("--steps sets how much the adaptation policies learn from: add --methods")
+    if episodes is not None and not (methods or report):
+        raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
     if judged is not None and not (evaluate or report):
         raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
@@ -84,7 +84,7 @@ def pretrain(
         if report and out is not None and verification.is_finished(out):
             folder = out / "checkpoint"
         else:
-            sizes = pretraining.Sizes(rollouts, denser, steps, judged)
+            sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
             wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
             folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
         document = None

@@ -63,7 +63,6 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "checkpoints list": learning.Checkpoints,
     "checkpoints verify": learning.CheckpointVerified,
     "checkpoints parameters": learning.CheckpointParameters,
-    "checkpoints repair": learning.CheckpointRepaired,
     "config show": rig.Settings,
     "config path": rig.Places,
     "config init": rig.Initialised,

@@ -111,16 +111,6 @@ class CheckpointParameters(Output):
     parameters: list[Identifiable] = said("one each")
 
 
-class CheckpointRepaired(Output):
-    """A copy of a checkpoint with another adaptation policy."""
-
-    checkpoint: str = said("folder of the copy")
-    task: str = said("which task")
-    threshold: float = said("reward from which a step counts as a success")
-    gate: dict[str, Any] = said("reward of the policy beside staying and drifting, and whether it passes")
-    training: dict[str, Any] = said("its training settings")
-
-
 class Pretrained(Output):
     """A checkpoint that was trained."""
 

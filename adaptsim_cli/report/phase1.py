@@ -13,6 +13,7 @@ import numpy as np
 from adaptsim_cli.report import phase1_figures
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.pretraining.evaluation import LEAST_GAP
+from sim.pretraining.gate import GATE_TARGETS
 from sim.pretraining.verification.statistics import RankCorrelation
 from sim.pretraining.verification.verify import Verification
 from sim.storage.files import whole_file
@@ -96,6 +97,8 @@ def section(verification: Verification, pictures: Sequence[str], command: str) -
         rank_verdict=rank_verdict(pairs.ranks) if pairs else "",
         replays=verification.replays,
         memories=MEMORIES,
+        policies=made.policies,
+        gate_targets=GATE_TARGETS,
         evaluation=made.evaluation,
         targets_from=targets,
         least_gap=LEAST_GAP,

@@ -91,10 +91,11 @@ def learning(verification: Verification) -> Figure:
     """The learning curve of the adaptation policy, and the gap closed by each method after each iteration."""
     figure, (left, middle, right) = _panels(3)
     made = verification.pretrained
-    _learning_curve(left, made.curve, int(made.plan["budget"]["meta"]["parallel"]))
-    loss = np.asarray(made.curve["loss"])
-    middle.plot(loss, color=COLOURS[0], linewidth=1)
-    middle.set(xlabel="round", ylabel="loss", yscale="log" if (loss > 0).all() else "linear")
+    curve, parallel = made.policies["iteration"], int(made.plan["budget"]["meta"]["parallel"])
+    _learning_curve(left, curve, parallel)
+    loss = np.asarray(curve["loss"])
+    middle.plot(parallel * (np.arange(len(loss)) + 1), loss, color=COLOURS[0], linewidth=1)
+    middle.set(xlabel="episodes", ylabel="loss", yscale="log" if (loss > 0).all() else "linear")
     middle.set_title("Q-learning", fontsize=10)
     for i, score in enumerate(made.evaluation.methods):
         closed, interval = np.asarray(score.gap_closed), np.asarray(score.gap_closed_ci95)
@@ -112,13 +113,12 @@ def learning(verification: Verification) -> Figure:
 
 def _learning_curve(axes: Axes, curve: Mapping[str, Any], parallel: int) -> None:
     reward, epsilon = np.asarray(curve["reward"]), np.asarray(curve["epsilon"])
-    steps = parallel * (np.arange(len(reward)) + 1)
-    window = max(1, len(reward) // 16)
-    smooth = np.convolve(reward, np.ones(window) / window, mode="valid")
-    axes.plot(steps, reward, color=COLOURS[0], alpha=0.3, linewidth=0.8)
-    axes.plot(steps[window - 1 :], smooth, color=COLOURS[0], label="mean reward of visited parameters")
-    axes.plot(steps, epsilon, color=COLOURS[2], linestyle="--", linewidth=1, label="share of random steps")
-    axes.set(xlabel="adaptation steps", ylim=(0, 1.02))
+    episodes = parallel * (np.arange(len(reward)) + 1)
+    axes.plot(episodes, reward, color=COLOURS[0], label="mean reward of visited parameters")
+    axes.plot(episodes, epsilon, color=COLOURS[2], linestyle="--", linewidth=1, label="share of random steps")
+    for kind, colour in (("stay", COLOURS[1]), ("drift", COLOURS[4])):
+        axes.axhline(curve["gate"][kind], color=colour, linewidth=0.8, linestyle=":", label=f"gate: {kind}")
+    axes.set(xlabel="episodes", ylim=(0, 1.02))
     axes.set_title("The paper's adaptation policy in training", fontsize=10)
     axes.legend(fontsize=8)
 

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adaptsim_cli.config import Config, Resolved, load, places
-from adaptsim_cli.errors import UsageError
+from adaptsim_cli.config import Config, load, places
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -98,27 +97,6 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
             for f in figures
         ],
     }
-
-
-def repair(
-    resolved: Resolved, out: Path | None, steps: int, progress: Callable[[str, int, int], None]
-) -> dict[str, Any]:
-    """Add the policy of `adaptsim-attainable` to a copy of the settings' checkpoint; for JSON.
-
-    Raises CheckpointError, and UsageError if the copy would overwrite something.
-    """
-    from sim.pretraining.attainable import repair
-
-    checkpoint, seed = checkpoint_of(resolved.config), resolved.config.seed
-    name = f"{checkpoint.solver.task.name}-{checkpoint.path.name}-repaired-steps{steps}-seed{seed}"
-    folder = (out or resolved.places.pretraining / name / "checkpoint").absolute()
-    if folder.exists():
-        raise UsageError(f"{folder} exists already: use it, or name another --out")
-    path, _ = repair(checkpoint, folder, seed, steps, progress)
-    learnt = checkpoint_card(checkpoint.solver.task.name, path)["attainable"]
-    training = {key: value for key, value in learnt.items() if key not in ("threshold", "gate")}
-    kept = {"threshold": learnt["threshold"], "gate": learnt["gate"], "training": training}
-    return {"checkpoint": str(path), "task": checkpoint.solver.task.name, **kept}
 
 
 def list_checkpoints() -> list[dict[str, str]]:

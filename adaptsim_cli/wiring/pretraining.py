@@ -26,7 +26,7 @@ class Sizes:
 
     rollouts: int | None = None  # of the dataset, spread evenly over the space
     denser: int | None = None  # further ones where the outcome is uncertain
-    steps: int | None = None  # adaptation steps from which the Q-policy learns
+    episodes: int | None = None  # of the training of each adaptation policy
     judged: int | None = None  # unseen targets of the evaluation
 
     def applied_to(self, budget: PretrainBudget) -> PretrainBudget:
@@ -35,7 +35,7 @@ class Sizes:
             budget,
             rollouts=_either(self.rollouts, budget.rollouts),
             denser=_either(self.denser, budget.denser),
-            meta=replace(budget.meta, steps=_either(self.steps, budget.meta.steps)),
+            meta=replace(budget.meta, episodes=_either(self.episodes, budget.meta.episodes)),
             evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
         )
 
@@ -45,7 +45,7 @@ class Sizes:
         asked = {
             "": self.rollouts,
             "denser": self.denser,
-            "steps": self.steps,
+            "episodes": self.episodes,
             "judged": self.judged,
         }
         return "-".join(f"{what}{size}" for what, size in asked.items() if size is not None)

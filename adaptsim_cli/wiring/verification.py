@@ -46,7 +46,7 @@ def command(made: Pretrained) -> str:
 
     words, planned = ["adaptsim pretrain --task", made.task.name], made.plan["budget"]
     usual, small = PretrainBudget.full(made.task), PretrainBudget.small(made.task)
-    if planned["meta"]["steps"] == small.meta.steps:
+    if planned["meta"]["episodes"] == small.meta.episodes:
         words, usual = [*words, "--budget small"], small
     if made.task.object_name != get_task(made.task.name).object_name:
         words.append(f"--object {made.task.object_name}.toml")
@@ -58,8 +58,8 @@ def command(made: Pretrained) -> str:
             for part in ("rollouts", "denser")
             if planned.get(part, 0) != getattr(usual, part)
         ]
-    if planned["meta"]["steps"] != usual.meta.steps:
-        words.append(f"--steps {planned['meta']['steps']}")
+    if planned["meta"]["episodes"] != usual.meta.episodes:
+        words.append(f"--episodes {planned['meta']['episodes']}")
     if planned["evaluation"]["targets"] != usual.evaluation.targets:
         words.append(f"--judged {planned['evaluation']['targets']}")
     if made.by_naf:

@@ -100,7 +100,6 @@ class Card(_Table):
     budget: Budget = Budget()
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
-    attainable: dict[str, Any] | None = None  # training and gate of the policy with an attainable threshold
 
     def facts(self) -> dict[str, Any]:
         """The card as it was written, ready for TOML."""

@@ -46,7 +46,6 @@ __all__ = [
 MODEL = "model.safetensors"
 PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
 """Prefix of the adaptation policies' tensors, by memory."""
-ATTAINABLE = "q_attainable."
 PROSPECTS = "prospects."
 
 
@@ -66,11 +65,6 @@ class Checkpoint:
         """The paper's adaptation policies, by their memory of a session. Raises CheckpointError if one does not fit."""
         found = {memory: self._network(memory, prefix) for memory, prefix in PREFIXES.items()}
         return {memory: network for memory, network in found.items() if network is not None}
-
-    @cached_property
-    def attainable(self) -> QNetwork | None:
-        """The paper's policy, trained with an attainable threshold. Raises CheckpointError if it does not fit."""
-        return self._network("iteration", ATTAINABLE)
 
     def _network(self, memory: MemoryName, prefix: str) -> QNetwork | None:
         from sim.adaptation.memory import restore_policy  # noqa: PLC0415 - torch is slow to load, and few methods need it
@@ -101,7 +95,6 @@ def save_checkpoint(
     networks: Mapping[MemoryName, QNetwork],
     facts: Mapping[str, Any],
     prospects: Prospects | None = None,
-    attainable: QNetwork | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
@@ -111,8 +104,6 @@ def save_checkpoint(
     tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
     for memory, network in networks.items():
         tensors |= {f"{PREFIXES[memory]}{name}": t for name, t in network.tensors.items()}
-    if attainable is not None:
-        tensors |= {f"{ATTAINABLE}{name}": t for name, t in attainable.tensors.items()}
     if prospects is not None:
         tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
     save_tensors(folder / MODEL, tensors)

@@ -1,7 +1,8 @@
 """The inputs of an adaptation policy from a session.
 
 "iteration": parameters and trajectories of the last iteration, as in the paper. "state": only the ends of these
-trajectories (the paper's AdaptSim-State). "history": everything, of all particles, with rewards.
+trajectories (the paper's AdaptSim-State). "history": everything, of all particles, with rewards. In a task with a goal
+each also sees the goals of these trials, as in the paper's public code.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Seen:
 
     means: Array  # (B, S, p) in units
     observations: Array  # (B, S, T * size) normalised
+    contexts: Array  # (B, S, T * c) normalised
     rewards: Array  # (B, S, T) of the trials
     own: Array  # (B, S) 1 for the particle's own entries
     age: Array  # (B, S) iterations ago; -1: no entry
@@ -41,7 +43,8 @@ class Seen:
 
 def entries(task: Task) -> int:
     """Numbers in an entry of a history."""
-    return len(task.parameters) + task.adaptation.trials_per_iteration * (task.observation.size + 1) + 2
+    trial = task.observation.size + _goal(task) + 1
+    return len(task.parameters) + task.adaptation.trials_per_iteration * trial + 2
 
 
 def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
@@ -49,12 +52,17 @@ def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
     if memory == "history":
         return SLOTS, entries(task) + 1
     seen = _end(task) if memory == "state" else task.observation.size
-    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * seen
+    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * (seen + _goal(task))
 
 
 def _end(task: Task) -> int:
     """How many numbers at the end of an observation describe how a trial ended."""
     return task.adaptation.end_moments * len(task.observation.columns)
+
+
+def _goal(task: Task) -> int:
+    """How many numbers describe the goal of a trial: its context, or none in a task without a goal."""
+    return len(task.context) if task.goal_m else 0
 
 
 def new_policy(task: Task, memory: MemoryName, seed: int) -> QNetwork:
@@ -72,33 +80,35 @@ def restore_policy(task: Task, memory: MemoryName, tensors: Tensors) -> QNetwork
 def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
     """(B, slots * numbers): the network's input."""
     means = task.parameters.normalise(seen.means)
+    goals = seen.contexts[..., : task.adaptation.trials_per_iteration * _goal(task)]
     if memory == "iteration":
-        return np.concatenate([means[:, 0], seen.observations[:, 0]], axis=-1)
+        return np.concatenate([means[:, 0], seen.observations[:, 0], goals[:, 0]], axis=-1)
     if memory == "state":
         trials = seen.observations[:, 0].reshape(len(means), task.adaptation.trials_per_iteration, -1)
-        return np.concatenate([means[:, 0], trials[..., -_end(task) :].reshape(len(means), -1)], axis=-1)
+        ends = trials[..., -_end(task) :].reshape(len(means), -1)
+        return np.concatenate([means[:, 0], ends, goals[:, 0]], axis=-1)
     there = (seen.age >= 0.0)[..., None]
     rest = [seen.own[..., None], seen.age[..., None] / 8.0, there]
-    full = np.where(there, np.concatenate([means, seen.observations, seen.rewards, *rest], axis=-1), 0.0)
+    full = np.where(there, np.concatenate([means, seen.observations, goals, seen.rewards, *rest], axis=-1), 0.0)
     padded = np.zeros((len(full), SLOTS, full.shape[-1]))
     padded[:, : full.shape[1]] = full[:, :SLOTS]
     return padded.reshape(len(full), -1)
 
 
-def look_back(means: Array, observations: Array, rewards: Array) -> Seen:
+def look_back(means: Array, observations: Array, contexts: Array, rewards: Array) -> Seen:
     """The pasts of the particles in episodes (E, P, n, ...) of P particles with one target: (E * P, P * n, ...)."""
     episodes, particles, n = means.shape[:3]
-    columns: list[list[Array]] = [[], [], []]
+    columns: list[list[Array]] = [[], [], [], []]
     for j in range(particles):
         order = [j, *(i for i in range(particles) if i != j)]
-        for column, values in zip(columns, (means, observations, rewards), strict=True):
+        for column, values in zip(columns, (means, observations, contexts, rewards), strict=True):
             newest_first = values[:, order, ::-1]
             column.append(newest_first.reshape(episodes, particles * n, -1))
     seen = [np.stack(column, axis=1).reshape(episodes * particles, particles * n, -1) for column in columns]
     own = np.zeros((episodes * particles, particles * n))
     own[:, :n] = 1.0
     age = np.tile(np.arange(n, dtype=np.float64), (episodes * particles, particles))
-    return Seen(seen[0], seen[1], seen[2], own, age)
+    return Seen(seen[0], seen[1], seen[2], seen[3], own, age)
 
 
 def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
@@ -117,7 +127,8 @@ def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> 
                 continue
             taken = [trials[-wanted:][t % min(wanted, len(trials))] for t in range(wanted)]
             observed = np.concatenate([t.observation for t in taken])
+            contexts = np.concatenate([task.context.normalise(t.context) for t in taken])
             reward = np.array([t.reward for t in taken])
-            rows.append((history[k][i].particle.mean, observed, reward, float(i == particle), float(latest - k)))
-    means, observations, rewards, own, age = (np.array(column)[None] for column in zip(*rows, strict=True))
-    return Seen(means, observations, rewards, own, age)
+            mean, own = history[k][i].particle.mean, float(i == particle)
+            rows.append((mean, observed, contexts, reward, own, float(latest - k)))
+    return Seen(*(np.array(column)[None] for column in zip(*rows, strict=True)))

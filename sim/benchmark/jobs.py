@@ -31,7 +31,7 @@ LIMITS = (ORACLE, BEST_ACTION)
 COMPARED = (*METHODS, *LIMITS)
 
 WITHOUT_SIMULATION = ("learn-in-target",)
-LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history", "adaptsim-attainable")
+LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,97 +3,135 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.memory import MemoryName, Seen, encode, look_back
 from sim.adaptation.method import Trial
-from sim.pretraining.q_training import Transitions
+from sim.pretraining.acting import Acting
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Roll
-from sim.solvers.solver import Solver, SolverSettings
+from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
+DRAWS = 4
+"""Draws of action error and nuisance for each context of an expected reward."""
 
-@dataclass(frozen=True)
-class EpisodeSettings:
-    """The resolution of a step of an episode."""
 
-    solver: SolverSettings = field(default_factory=lambda: SolverSettings(scenarios=8))
-    contexts: int = 8  # for the average of a reward
-    draws: int = 8  # of action error and nuisance, for the same average
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """What episodes run in: the task policies, a source of trials, and the rewards that they may expect."""
+
+    solver: Solver  # of the expected rewards
+    acting: Acting
+    roll: Roll  # of the observations: emulated ones, or those of the simulator
 
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """Observations and rewards of B distributions in their targets."""
+    """Trials and rewards of B distributions in their targets."""
 
-    observations: Array  # (B, T * size) with camera noise: true rollouts of the target
-    trial_rewards: Array  # (B, T) of those rollouts
+    contexts: Array  # (B, T * c) normalised
+    observations: Array  # (B, T * size) normalised, with camera noise
+    trial_rewards: Array  # (B, T)
     rewards: Array  # (B,) expected by the solver
 
 
-def visit(
-    solver: Solver,
-    roll: Roll,
-    means: Array,
-    targets: Array,
-    rng: np.random.Generator,
-    settings: EpisodeSettings,
-) -> Visit:
-    """Train the task policies of `means` (B, p), run each `trials_per_iteration` times in its target (B, p).
+def visit(simulator: Simulator, means: Array, targets: Array, rng: np.random.Generator) -> Visit:
+    """Run the task policies of `means` (B, p) `trials_per_iteration` times in their targets (B, p).
 
-    The trajectories are true rollouts. The reward is the solver's expectation over contexts, nuisance and action error,
-    which would need hundreds of rollouts; the evaluation compares it with true rollouts.
+    The reward is the solver's expectation over contexts, nuisance and action error, which would need hundreds of
+    rollouts; the evaluation compares it with true rollouts.
     """
-    task = solver.task
-    policies = solver.policies(means[:, None, :], rng, settings=settings.solver)
+    solver, task = simulator.solver, simulator.solver.task
     trials, count = task.adaptation.trials_per_iteration, len(means)
-    own = task.context.sample(rng, count * trials).reshape(count, trials, -1)
-    shared = task.context.sample(rng, settings.contexts)
-    actions = np.stack([p.actions(np.concatenate([c, shared])) for p, c in zip(policies, own, strict=True)])
+    contexts, actions = simulator.acting(means, rng)
+    own = contexts[:, :trials].reshape(count * trials, -1)
     requests = trial_requests(
-        task, np.repeat(targets, trials, axis=0), own.reshape(count * trials, -1), _rows(actions[:, :trials]), rng
+        task, np.repeat(targets, trials, axis=0), own, actions[:, :trials].reshape(count * trials, -1), rng
     )
-    rollouts = roll(requests)
+    rollouts = simulator.roll(requests)
     seen = task.observation.with_noise(rollouts.observation, rng)
-    earned = rollouts.rewards(task, requests.context)
-    rewards = solver.expected_rewards(targets, shared, actions[:, trials:], rng, settings.draws)
-    return Visit(seen.reshape(count, -1), earned.reshape(count, -1), rewards)
+    return Visit(
+        contexts=task.context.normalise(own).reshape(count, -1),
+        observations=seen.reshape(count, -1),
+        trial_rewards=rollouts.rewards(task, own).reshape(count, -1),
+        rewards=solver.expected_rewards(targets, contexts, actions, rng, DRAWS),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """E episodes: P particles adapt to the same target over H steps, so each is visited H + 1 times."""
+    """In each of E targets P particles adapt over H steps, an episode each, so each is visited H + 1 times."""
 
     targets: Array  # (E, p) in units
     means: Array  # (E, P, H + 1, p) in units
+    contexts: Array  # (E, P, H + 1, T * c) normalised
     observations: Array  # (E, P, H + 1, T * size) normalised, with camera noise
     trial_rewards: Array  # (E, P, H + 1, T)
     rewards: Array  # (E, P, H + 1) expected
     directions: Array  # (E, P, H, p) in {-1, 0, 1}
 
-    def transitions(self, task: Task, memory: MemoryName, threshold: float | None = None) -> Transitions:
-        """Every step of every particle, in the view of a policy with this memory, with the sparse reward."""
-        horizon = self.directions.shape[2]
-        states = [encode(task, memory, self._seen(t)) for t in range(horizon + 1)]
+    def state(self, task: Task, memory: MemoryName, t: int) -> Array:
+        """(E * P, inputs) what a policy with this memory sees after the visit `t`."""
+        until = slice(0, t + 1)
+        return encode(task, memory, self._seen(until))
 
-        def flat(values: Array) -> Array:
-            """(E, P, H, ...) -> (H * E * P, ...), in the order of the states."""
-            return np.moveaxis(values, 2, 0).reshape(-1, *values.shape[3:])
-
-        return Transitions(
-            state=np.concatenate(states[:-1]),
-            directions=flat(self.directions).astype(np.int_),
-            reward=sparse(task, flat(self.rewards[:, :, 1:]), threshold),
-            next_state=np.concatenate(states[1:]),
+    def _seen(self, until: slice) -> Seen:
+        return look_back(
+            self.means[:, :, until],
+            self.observations[:, :, until],
+            self.contexts[:, :, until],
+            self.trial_rewards[:, :, until],
         )
 
-    def _seen(self, t: int) -> Seen:
-        until = slice(0, t + 1)
-        return look_back(self.means[:, :, until], self.observations[:, :, until], self.trial_rewards[:, :, until])
+
+class Running:
+    """Episodes that run, all at the same step: P particles in each of E targets."""
+
+    def __init__(self, simulator: Simulator, targets: Array, particles: int, rng: np.random.Generator) -> None:
+        """Visit random places of all particles; targets (E, p) in units."""
+        self._simulator, self._rng, self._shape = simulator, rng, (len(targets), particles)
+        self._task = simulator.solver.task
+        self._targets = np.repeat(targets, particles, axis=0)
+        self._directions: list[NDArray[np.int_]] = []
+        self._means = [self._task.parameters.sample(rng, len(self._targets))]
+        self._visits = [self._visit()]
+
+    def _visit(self) -> Visit:
+        return visit(self._simulator, self._means[-1], self._targets, self._rng)
+
+    def state(self, memory: MemoryName) -> Array:
+        """(E * P, inputs) what a policy with this memory sees now."""
+        return self.episodes().state(self._task, memory, len(self._directions))
+
+    def step(self, directions: NDArray[np.int_]) -> Array:
+        """Move the means (E * P, p), visit the new ones, and return their expected rewards (E * P,)."""
+        self._directions.append(directions)
+        self._means.append(self._task.parameters.step(self._means[-1], directions, self._task.adaptation.delta))
+        self._visits.append(self._visit())
+        return self._visits[-1].rewards
+
+    def episodes(self) -> Episodes:
+        """All until now."""
+
+        def grouped(rows: Sequence[Array]) -> Array:
+            """n times (E * P, ...) -> (E, P, n, ...)"""
+            return np.stack(rows, axis=1).reshape(*self._shape, len(rows), *np.shape(rows[0])[1:])
+
+        moved = [np.asarray(d, dtype=np.float64) for d in self._directions]
+        return Episodes(
+            targets=self._targets[:: self._shape[1]],
+            means=grouped(self._means),
+            contexts=grouped([v.contexts for v in self._visits]),
+            observations=grouped([v.observations for v in self._visits]),
+            trial_rewards=grouped([v.trial_rewards for v in self._visits]),
+            rewards=grouped([v.rewards for v in self._visits]),
+            directions=grouped(moved) if moved else np.zeros((*self._shape, 0, len(self._task.parameters))),
+        )
 
 
 def join_episodes(parts: Sequence[Episodes]) -> Episodes:
@@ -101,9 +139,9 @@ def join_episodes(parts: Sequence[Episodes]) -> Episodes:
     return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
 
 
-def sparse(task: Task, rewards: Array, threshold: float | None = None) -> Array:
-    """The rewards that reach the threshold (default: the task's); all others become 0 (paper, eq. A1)."""
-    return np.where(rewards >= (task.adaptation.threshold if threshold is None else threshold), rewards, 0.0)
+def sparse(task: Task, rewards: Array) -> Array:
+    """The rewards that reach the task's threshold; all others become 0 (paper, eq. A1)."""
+    return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
 
 
 def simulated_trials(
@@ -118,7 +156,3 @@ def simulated_trials(
     ends = results.ends()
     rows = zip(contexts, actions, seen, rewards, ends, strict=True)
     return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
-
-
-def _rows(values: Array) -> Array:
-    return values.reshape(-1, values.shape[-1])

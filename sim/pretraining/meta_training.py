@@ -1,4 +1,9 @@
-"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets."""
+"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets.
+
+As in the paper, K counts episodes: its 10,000 are ten times as many steps. Their observations would be 200,000 true
+rollouts. So they come from the emulator's ensemble (`sim.pretraining.emulated`), and task policies are reused
+(`sim.pretraining.acting`); a task with an exact solver needs neither.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +16,11 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.card import Targets
-from sim.adaptation.memory import MemoryName, inputs, new_policy
+from sim.adaptation.memory import MemoryName, new_policy
 from sim.adaptation.q_network import QNetwork
-from sim.pretraining.episodes import Episodes, EpisodeSettings, Visit, join_episodes, sparse, visit
+from sim.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse
 from sim.pretraining.logs import Log, silent
 from sim.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions
-from sim.rollouts.run import Roll
-from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 
 BATCH = 64
@@ -28,24 +31,29 @@ TARGETS: tuple[Targets, ...] = get_args(Targets)
 
 @dataclass(frozen=True)
 class MetaSettings:
-    """The length of the adaptation policy's training."""
+    """The length of an adaptation policy's training."""
 
-    steps: int = 10_000  # K, adaptation steps over all episodes, rounded up to whole episodes
-    parallel: int = 64  # particles at once
-    particles: int = 2  # per episode; they adapt to the same target, as in a session
+    episodes: int = 10_000  # K, of one particle over the task's horizon, rounded up to whole rounds
+    parallel: int = 250  # particles at once
+    particles: int = 2  # that adapt to the same target, as in a session
     updates: int = 1  # gradient steps per adaptation step
+    library: int = 2048  # task policies that are reused; not with an exact solver, nor with NAF
     targets: Targets = "paper"
 
-    def rounds(self, horizon: int) -> int:
-        """Number of rounds of `parallel` adaptation steps, for whole episodes."""
-        return horizon * -(-self.steps // (self.parallel * horizon))
+    def steps(self, task: Task) -> int:
+        """Number of steps of all parallel particles, in whole episodes."""
+        return task.adaptation.horizon * -(-self.episodes // self.parallel)
+
+    def visits(self, task: Task) -> int:
+        """Number of distributions visited in a training."""
+        return self.parallel * self.steps(task) * (task.adaptation.horizon + 1) // task.adaptation.horizon
 
 
 @dataclass(frozen=True, eq=False)
 class MetaCurve:
-    """The training curve, one entry per round of all parallel particles."""
+    """The learning curve: means over the steps of each round of parallel episodes."""
 
-    reward: Array  # (n,) mean expected reward of the distributions visited, not sparse
+    reward: Array  # (n,) expected reward of the distributions visited, not sparse
     epsilon: Array  # (n,)
     loss: Array  # (n,)
 
@@ -56,127 +64,48 @@ def sample_targets(task: Task, kind: Targets, n: int, rng: np.random.Generator) 
 
 
 def train_adaptation(
-    solver: Solver,
-    roll: Roll,
+    simulator: Simulator,
     settings: MetaSettings,
     seed: int,
+    memory: MemoryName = "iteration",
     progress: Callable[[int, int], None] | None = None,
     log: Log = silent,
-    threshold: float | None = None,
 ) -> tuple[QNetwork, MetaCurve, Episodes]:
-    """The paper's adaptation policy after `steps` adaptation steps, with its episodes.
-
-    Rewards count from `threshold` on, by default the paper's. It sees one iteration at a time (memory "iteration").
-    The same seed gives the same network.
-    """
-    task, rng = solver.task, np.random.default_rng(seed)
-    horizon = task.adaptation.horizon
-    learner = _learner(task, "iteration", int(rng.integers(2**31)))
-    replay = ReplayBuffer(learner.online.inputs, learner.online.branches)
+    """An adaptation policy, by default the paper's, with its episodes. The same seed gives the same network."""
+    task, rng = simulator.solver.task, np.random.default_rng(seed)
+    learner = DoubleQLearner(
+        new_policy(task, memory, int(rng.integers(2**31))), task.adaptation.learning_rate, task.adaptation.discount
+    )
+    replay = ReplayBuffer(learner.online.slots * learner.online.inputs, learner.online.branches)
     curve, parts = _Curve(log), []
-    rounds = settings.rounds(horizon)
-    for start in range(0, rounds, horizon):
-        epsilons = _epsilons(rounds)[start : start + horizon]
-        recorded = _Recorder(solver, roll, settings, rng)
-        for epsilon in epsilons:
-            state = recorded.state()
+    for now in np.linspace(EPSILON_FIRST, EPSILON_LAST, settings.steps(task)).reshape(-1, task.adaptation.horizon):
+        targets = sample_targets(task, settings.targets, settings.parallel // settings.particles, rng)
+        running = Running(simulator, targets, settings.particles, rng)
+        state, rows = running.state(memory), []
+        for epsilon in now:
             directions = explore(learner.online.directions(state), epsilon, rng)
-            rewards = recorded.step(directions)
-            replay.add(Transitions(state, directions, sparse(task, rewards, threshold), recorded.state()))
-            loss = [learner.update(replay.sample(BATCH, rng)) for _ in range(settings.updates * settings.parallel)]
-            curve.add(float(rewards.mean()), float(epsilon), float(np.mean(loss)))
-            if progress is not None:
-                progress(min(len(curve.rows) * settings.parallel, settings.steps), settings.steps)
-        parts.append(recorded.episodes())
+            rewards, before = running.step(directions), state
+            state = running.state(memory)
+            replay.add(Transitions(before, directions, sparse(task, rewards), state))
+            loss = learner.learn(replay, settings.updates * len(directions), BATCH, rng)
+            rows.append((float(rewards.mean()), float(epsilon), loss))
+        parts.append(running.episodes())
+        curve.add(rows)
+        if progress is not None:
+            progress(min(len(curve.rows) * settings.parallel, settings.episodes), settings.episodes)
     return learner.online, curve.done(), join_episodes(parts)
-
-
-def learn_from(
-    task: Task,
-    episodes: Episodes,
-    memory: MemoryName,
-    updates: int,
-    seed: int,
-    progress: Callable[[int, int], None] | None = None,
-    threshold: float | None = None,
-) -> QNetwork:
-    """An adaptation policy with `memory`, learnt from another policy's episodes, without simulation.
-
-    Q-learning can learn from the choices of another policy. The same seed gives the same network.
-    """
-    rng = np.random.default_rng(seed)
-    learner = _learner(task, memory, int(rng.integers(2**31)))
-    steps = episodes.transitions(task, memory, threshold)
-    slots, width = inputs(task, memory)
-    replay = ReplayBuffer(slots * width, len(task.parameters), capacity=len(steps.reward))
-    replay.add(steps)
-    for i in range(updates):
-        learner.update(replay.sample(BATCH, rng))
-        if progress is not None and (i % 256 == 255 or i + 1 == updates):
-            progress(i + 1, updates)
-    return learner.online
-
-
-def _learner(task: Task, memory: MemoryName, seed: int) -> DoubleQLearner:
-    return DoubleQLearner(new_policy(task, memory, seed), task.adaptation.learning_rate, task.adaptation.discount)
-
-
-def _epsilons(rounds: int) -> Array:
-    return np.linspace(EPSILON_FIRST, EPSILON_LAST, rounds)
-
-
-class _Recorder:
-    """Running episodes, all at the same step."""
-
-    def __init__(self, solver: Solver, roll: Roll, settings: MetaSettings, rng: np.random.Generator) -> None:
-        self._solver, self._roll, self._rng = solver, roll, rng
-        self._shape = (settings.parallel // settings.particles, settings.particles)
-        targets = sample_targets(solver.task, settings.targets, self._shape[0], rng)
-        self._targets = np.repeat(targets, settings.particles, axis=0)
-        self._means = [solver.task.parameters.sample(rng, settings.parallel)]
-        self._visits = [self._visit()]
-        self._directions: list[Array] = []
-
-    def _visit(self) -> Visit:
-        return visit(self._solver, self._roll, self._means[-1], self._targets, self._rng, EpisodeSettings())
-
-    def state(self) -> Array:
-        """(B, inputs) the state for the paper's policy."""
-        task, seen = self._solver.task, self._visits[-1].observations
-        return np.concatenate([task.parameters.normalise(self._means[-1]), seen], axis=-1)
-
-    def step(self, directions: NDArray[np.int_]) -> Array:
-        """Move the means, visit the new ones, and return their expected rewards (B,)."""
-        task = self._solver.task
-        self._directions.append(directions.astype(np.float64))
-        self._means.append(task.parameters.step(self._means[-1], directions, task.adaptation.delta))
-        self._visits.append(self._visit())
-        return self._visits[-1].rewards
-
-    def episodes(self) -> Episodes:
-        def grouped(rows: Sequence[Array]) -> Array:
-            """n times (B, ...) -> (E, P, n, ...)"""
-            return np.stack(rows, axis=1).reshape(*self._shape, len(rows), *np.shape(rows[0])[1:])
-
-        return Episodes(
-            targets=self._targets[:: self._shape[1]],
-            means=grouped(self._means),
-            observations=grouped([v.observations for v in self._visits]),
-            trial_rewards=grouped([v.trial_rewards for v in self._visits]),
-            rewards=grouped([v.rewards for v in self._visits]),
-            directions=grouped(self._directions),
-        )
 
 
 class _Curve:
     def __init__(self, log: Log) -> None:
-        self.rows: list[tuple[float, float, float]] = []
+        self.rows: list[Array] = []
         self._log = log
 
-    def add(self, reward: float, epsilon: float, loss: float) -> None:
-        for name, value in (("reward", reward), ("epsilon", epsilon), ("loss", loss)):
-            self._log(f"adaptation/{name}", value, len(self.rows))
-        self.rows.append((reward, epsilon, loss))
+    def add(self, steps: Sequence[tuple[float, float, float]]) -> None:
+        mean = np.mean(steps, axis=0)
+        for name, value in zip(("reward", "epsilon", "loss"), mean, strict=True):
+            self._log(f"adaptation/{name}", float(value), len(self.rows))
+        self.rows.append(mean)
 
     def done(self) -> MetaCurve:
         return MetaCurve(*np.array(self.rows).T)

@@ -2,11 +2,12 @@
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to store.
 
-The folder holds `plan.toml` (the settings), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/` (of
-episodes and evaluation, never simulated twice), `policy.safetensors` with its `episodes.safetensors`,
-`policy-history.safetensors` and `policy-state.safetensors` (learnt from the same episodes), `prospects.safetensors`
-(rewards of E for many possible truths), the report of each stage, `timings.toml` (wall times), `logs/` for TensorBoard,
-and `checkpoint/`. Existing parts are not made again.
+The folder holds `plan.toml` (the settings), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/` (of the
+evaluation, and of NAF's episodes, never simulated twice), `policy-iteration.safetensors`, `policy-history.safetensors`
+and `policy-state.safetensors` (adaptation policies, by their memory), each with its learning curve and learning gate in
+a TOML file, `episodes.safetensors` (of the first), `prospects.safetensors` (rewards of E for many possible truths), the
+report of each stage, `timings.toml` (wall times), `logs/` for TensorBoard, and `checkpoint/`. Existing parts are not
+made again.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -32,10 +33,13 @@ from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
-from sim.pretraining.episodes import Episodes
+from sim.pretraining.acting import Acting, Solved, fill_library
+from sim.pretraining.emulated import EmulatedRolls
+from sim.pretraining.episodes import Episodes, Simulator
 from sim.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.pretraining.gate import Gate, gate_visits, learning_gate
 from sim.pretraining.logs import Log, tensorboard
-from sim.pretraining.meta_training import MetaCurve, MetaSettings, learn_from, train_adaptation
+from sim.pretraining.meta_training import MetaCurve, MetaSettings, train_adaptation
 from sim.pretraining.timing import Stopwatch
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
@@ -54,15 +58,15 @@ from sim.tasks.task import Task
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
-FURTHER: tuple[MemoryName, ...] = ("history", "state")
-"""Adaptation policies that learn from the episodes of the paper's."""
+MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
+"""Of the adaptation policies; the first is the paper's."""
 
 NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 COMPARED = len(NETWORKS) + 2
 
-STAGES = ("dataset", "emulator", "prospects", "adaptation policy", "further policies", "evaluation", "checkpoint")
+STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """The file that replaces the first two stages with NAF."""
 
@@ -71,7 +75,7 @@ EXACT = "dataset and emulator: not needed, this task is solved exactly"
 class Wanted:
     """The optional stages. They can be added to a folder later."""
 
-    policies: bool = True  # the paper's adaptation policy and further ones; NAF's checkpoints always have them
+    policies: bool = True  # the paper's adaptation policy and its variants; NAF's checkpoints always have them
     evaluation: bool = True  # sessions of the available methods, on unseen targets
 
 
@@ -85,7 +89,6 @@ class PretrainBudget:
     rollouts: int = 10_240  # of the dataset, spread evenly over the space
     denser: int = 6_144  # further ones where the outcome is uncertain
     naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
-    further_updates: int = 20_000  # gradient steps of the policies that learn from the first one's episodes
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
     prospects: ProspectSettings = field(default_factory=ProspectSettings)
@@ -109,8 +112,7 @@ class PretrainBudget:
         return cls(
             rollouts=full.rollouts // 3,
             denser=full.denser // 3,
-            further_updates=4000,
-            meta=MetaSettings(steps=1536, updates=4),
+            meta=MetaSettings(episodes=1000),
             evaluation=EvaluationSettings(targets=12),
         )
 
@@ -122,12 +124,11 @@ class PretrainBudget:
         """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
         repeat.
         """
-        trials, horizon = task.adaptation.trials_per_iteration, task.adaptation.horizon
-        rounds = self.meta.rounds(horizon)
+        trials = task.adaptation.trials_per_iteration
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        trained = (rounds + rounds // horizon) * self.meta.parallel * trials
+        trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
         return wanted.policies * trained + wanted.evaluation * evaluated
 
 
@@ -142,6 +143,11 @@ class _Means:
     roll: Roll
     simulated: Callable[[], int]  # number of rollouts so far
     facts: dict[str, Any]  # for the card
+
+    @property
+    def memories(self) -> tuple[MemoryName, ...]:
+        """Of the adaptation policies: only the paper's where every trial is simulated."""
+        return MEMORIES if self.emulator or self.task.exact else MEMORIES[:1]
 
 
 def pretrain(
@@ -173,10 +179,10 @@ def pretrain(
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     networks: dict[MemoryName, QNetwork] = {}
     facts: dict[str, Any] = {"seed": seed, "method": BELIEF if ahead else NETWORKS["iteration"]}
-    if wanted.policies or ahead is None or (folder / "policy.toml").exists():
+    if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         with tensorboard(folder / "logs") as log:
-            networks = _policies(folder, means, budget, draws[2], progress, log)
-        facts["policy"] = read_report(folder / "policy.toml")
+            networks = _policies(folder, means, budget.meta, draws[2], progress, log)
+        facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if wanted.evaluation or (folder / "evaluation.toml").exists():
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
         facts |= {"evaluation": results, "method": best_method(results)}
@@ -185,7 +191,7 @@ def pretrain(
     if any(stored.get(key) != value for key, value in facts.items()):
         facts["simulations"] = means.simulated()
         save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
-    progress(STAGES[6], 1, 1)
+    progress(STAGES[5], 1, 1)
     return path
 
 
@@ -270,31 +276,52 @@ def read_report(path: Path) -> dict[str, Any]:
 
 
 def _policies(
-    folder: Path, means: _Means, budget: PretrainBudget, seed: int, progress: StageProgress, log: Log
+    folder: Path, means: _Means, settings: MetaSettings, seed: int, progress: StageProgress, log: Log
 ) -> dict[MemoryName, QNetwork]:
-    """The paper's adaptation policy, and `FURTHER` ones, learnt from the same episodes."""
-    task = means.task
-    online = folder / "policy.safetensors"
-    further: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in FURTHER}
-    episodes, report = folder / "episodes.safetensors", folder / "policy.toml"
-    if not all(path.exists() for path in (online, episodes, report)):
-        network, curve, seen = train_adaptation(
-            means.new_solver(), means.roll, budget.meta, seed, lambda i, n: progress(STAGES[3], i, n), log
-        )
-        save_tensors(episodes, {f.name: getattr(seen, f.name) for f in fields(Episodes)})
-        save_tensors(online, network.tensors)
-        write_toml(report, _summary(curve))
-    for memory, path in further.items():
-        if not path.exists():
-            seen = Episodes(**load_tensors(episodes))
-            network = learn_from(
-                task, seen, memory, budget.further_updates, seed, lambda i, n: progress(STAGES[4], i, n)
+    """An adaptation policy with each memory."""
+    task, episodes = means.task, folder / "episodes.safetensors"
+    missing = [m for m in means.memories if not all(path.exists() for path in policy_files(folder, m))]
+    if missing:
+        acting = _acting(means, settings, seed)
+        for memory in missing:
+            of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
+            simulator = _simulator(means, acting, int(of_trials))
+            network, curve, seen = train_adaptation(
+                simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
-            save_tensors(path, network.tensors)
-    for stage in STAGES[3:5]:
-        progress(stage, 1, 1)
-    files: dict[MemoryName, Path] = {"iteration": online, **further}
-    return {memory: restore_policy(task, memory, load_tensors(path)) for memory, path in files.items()}
+            gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
+            weights, report = policy_files(folder, memory)
+            if memory == MEMORIES[0]:
+                save_tensors(episodes, {f.name: getattr(seen, f.name) for f in fields(Episodes)})
+            save_tensors(weights, network.tensors)
+            write_toml(report, _summary(curve, gate))
+    progress(STAGES[3], 1, 1)
+    return {m: restore_policy(task, m, load_tensors(policy_files(folder, m)[0])) for m in means.memories}
+
+
+def _after(
+    memory: MemoryName, means: _Means, settings: MetaSettings, progress: StageProgress
+) -> Callable[[int, int], None]:
+    """The progress of one training, as a part of that of all."""
+    before, total = (settings.episodes * n for n in (means.memories.index(memory), len(means.memories)))
+    return lambda i, _: progress(STAGES[3], before + i, total)
+
+
+def policy_files(folder: Path, memory: MemoryName) -> tuple[Path, Path]:
+    """Weights, and learning curve with gate."""
+    return folder / f"policy-{memory}.safetensors", folder / f"policy-{memory}.toml"
+
+
+def _acting(means: _Means, settings: MetaSettings, seed: int) -> Acting:
+    """NAF reuses its policies by its own rules, and exact ones cost nothing."""
+    solver = means.new_solver()
+    return fill_library(solver, seed, settings.library) if means.emulator else Solved(solver)
+
+
+def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
+    """What episodes run in: the emulator's ensemble where there is one."""
+    roll = EmulatedRolls(means.emulator, np.random.default_rng(seed)) if means.emulator else means.roll
+    return Simulator(means.new_solver(), acting, roll)
 
 
 def _prospects(
@@ -329,10 +356,10 @@ def _evaluation(
         if ahead is not None:
             methods[BELIEF] = Belief(means.new_solver(), ahead)
         results = evaluate(
-            means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[5], i, n)
+            means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
         )
         write_toml(path, asdict(results))
-    progress(STAGES[5], 1, 1)
+    progress(STAGES[4], 1, 1)
     return read_report(path)
 
 
@@ -347,12 +374,13 @@ def best_method(evaluation: Mapping[str, Any]) -> str:
     return max(last, key=lambda name: last[name])
 
 
-def _summary(curve: MetaCurve) -> dict[str, Any]:
+def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:
     quarter = max(1, len(curve.reward) // 4)
     return {
+        "gate": asdict(gate),
         "first_quarter_reward": float(curve.reward[:quarter].mean()),
         "last_quarter_reward": float(curve.reward[-quarter:].mean()),
-        "reward": curve.reward.tolist(),
-        "epsilon": curve.epsilon.tolist(),
-        "loss": curve.loss.tolist(),
+        "reward": np.round(curve.reward, 4).tolist(),
+        "epsilon": np.round(curve.epsilon, 4).tolist(),
+        "loss": np.round(curve.loss, 6).tolist(),
     }

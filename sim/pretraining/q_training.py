@@ -8,13 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
 
 from hw.types import Array
-from sim.adaptation.q_network import QNetwork, new_network
-from sim.solvers.threads import one_thread
+from sim.adaptation.q_network import QNetwork, Weights, new_network
+from sim.solvers.blas import one_blas_thread
+
+FIRST_MOMENT, SECOND_MOMENT, TINY = 0.9, 0.999, 1e-8
+"""Adam's usual rates (Kingma & Ba 2015)."""
+
+LONGEST = 1.0
+"""Longer gradients are shortened to this norm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +31,24 @@ class Transitions:
     next_state: Array  # (N, inputs)
 
 
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Sampled transitions."""
+
+    state: Weights  # (B, inputs)
+    choice: NDArray[np.int64]  # (B, branches) 0 to 2
+    reward: Weights  # (B,)
+    following: Weights  # (B, inputs)
+
+
 class ReplayBuffer:
-    """The last `capacity` transitions, as tensors."""
+    """The last `capacity` transitions."""
 
     def __init__(self, inputs: int, branches: int, capacity: int = 10_000) -> None:
-        self._columns = (
-            torch.zeros(capacity, inputs),
-            torch.zeros(capacity, branches, dtype=torch.int64),
-            torch.zeros(capacity),
-            torch.zeros(capacity, inputs),
-        )
+        self._state = np.zeros((capacity, inputs), dtype=np.float32)
+        self._choice = np.zeros((capacity, branches), dtype=np.int64)
+        self._reward = np.zeros(capacity, dtype=np.float32)
+        self._following = np.zeros((capacity, inputs), dtype=np.float32)
         self._capacity, self._next, self._size = capacity, 0, 0
 
     def __len__(self) -> int:
@@ -45,53 +57,63 @@ class ReplayBuffer:
     def add(self, steps: Transitions) -> None:
         """Add steps; the oldest ones are dropped."""
         rows = (self._next + np.arange(len(steps.reward))) % self._capacity
-        for column, values in zip(
-            self._columns, (steps.state, steps.directions + 1, steps.reward, steps.next_state), strict=True
-        ):
-            column[torch.from_numpy(rows)] = torch.from_numpy(np.asarray(values)).to(column.dtype)
+        self._state[rows], self._following[rows] = steps.state, steps.next_state
+        self._choice[rows], self._reward[rows] = steps.directions + 1, steps.reward
         self._next = int((self._next + len(rows)) % self._capacity)
         self._size = min(self._size + len(rows), self._capacity)
 
-    def sample(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """`n` transitions with replacement: state, choice (0 to 2 per branch), reward, next state."""
-        rows = torch.from_numpy(rng.integers(self._size, size=n))
-        state, choice, reward, following = (column[rows] for column in self._columns)
-        return state, choice, reward, following
+    def sample(self, n: int, rng: np.random.Generator) -> Batch:
+        """`n` transitions with replacement."""
+        rows = rng.integers(self._size, size=n)
+        return Batch(self._state[rows], self._choice[rows], self._reward[rows], self._following[rows])
 
 
 class DoubleQLearner:
-    """Double Q-learning: online and target network with their optimiser."""
+    """Double Q-learning: online and target network with Adam."""
 
     def __init__(self, network: QNetwork, learning_rate: float, discount: float, polyak: float = 0.01) -> None:
         self.online = network
         self._target = new_network(network.inputs, network.branches, 0, network.slots)
-        self._target.load_state_dict(network.state_dict())
-        self._optimiser = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
-        self._discount, self._polyak = discount, polyak
+        self._target.flat[:] = network.flat
+        self._rate, self._discount, self._polyak = learning_rate, discount, polyak
+        self._first, self._second, self._steps = np.zeros_like(network.flat), np.zeros_like(network.flat), 0
 
-    def update(self, batch: tuple[Tensor, Tensor, Tensor, Tensor]) -> float:
-        """One gradient step on a batch of `ReplayBuffer.sample`; returns its loss."""
-        state, choice, reward, following = batch
-        with one_thread():
-            target = branching_target(self.online, self._target, reward, following, self._discount)
-            taken = self.online(state).gather(-1, choice[..., None])[..., 0]
-            loss = ((taken - target[:, None]) ** 2).mean()
-            self._optimiser.zero_grad()
-            torch.autograd.backward(loss)
-            nn.utils.clip_grad_norm_(self.online.parameters(), 1.0)
-            self._optimiser.step()
-            with torch.no_grad():
-                for slow, fast in zip(self._target.parameters(), self.online.parameters(), strict=True):
-                    slow.lerp_(fast, self._polyak)
-        return float(loss.detach())
+    def learn(self, replay: ReplayBuffer, steps: int, batch: int, rng: np.random.Generator) -> float:
+        """`steps` gradient steps on samples of `batch` transitions; returns their mean loss."""
+        with one_blas_thread():
+            return float(np.mean([self._update(replay.sample(batch, rng)) for _ in range(steps)]))
+
+    def _update(self, batch: Batch) -> float:
+        target = branching_target(self.online, self._target, batch.reward, batch.following, self._discount)
+        q, made = self.online.values(batch.state)
+        choice = batch.choice[..., None]
+        error = np.take_along_axis(q, choice, axis=-1) - target[:, None, None]
+        slope = np.zeros_like(q)
+        np.put_along_axis(slope, choice, error * (2.0 / error.size), axis=-1)
+        self._step(self.online.slopes(made, slope))
+        self._target.flat += self._polyak * (self.online.flat - self._target.flat)
+        return float((error**2).mean())
+
+    def _step(self, slopes: Weights) -> None:
+        """Adam, on gradients of a limited norm."""
+        norm = float(np.sqrt(slopes @ slopes))
+        if norm > LONGEST:
+            slopes *= LONGEST / norm
+        self._steps += 1
+        self._first += (1.0 - FIRST_MOMENT) * (slopes - self._first)
+        self._second += (1.0 - SECOND_MOMENT) * (slopes * slopes - self._second)
+        spread = np.sqrt(self._second / (1.0 - SECOND_MOMENT**self._steps))
+        spread += TINY
+        self.online.flat -= self._rate / (1.0 - FIRST_MOMENT**self._steps) * self._first / spread
 
 
-def branching_target(online: QNetwork, target: QNetwork, reward: Tensor, following: Tensor, discount: float) -> Tensor:
+def branching_target(
+    online: QNetwork, target: QNetwork, reward: Weights, following: Weights, discount: float
+) -> Weights:
     """(B,) reward + discount * mean over branches of target(s', argmax online(s')).
 
     No state is terminal: an episode ends with the session, which the state does not show.
     """
-    with torch.no_grad():
-        best = online(following).argmax(dim=-1, keepdim=True)
-        value = target(following).gather(-1, best)[..., 0].mean(dim=-1)
-        return torch.add(reward, value, alpha=discount)
+    best = online(following).argmax(axis=-1)[..., None]
+    value = np.take_along_axis(target(following), best, axis=-1)[..., 0].mean(axis=-1)
+    return np.asarray(reward + discount * value)

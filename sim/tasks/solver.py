@@ -78,7 +78,9 @@ class ExpectationsOf(Protocol[T_co]):
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over everything but B."""
+        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c), averaged over everything
+        but B.
+        """
         ...
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:

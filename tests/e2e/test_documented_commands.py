@@ -32,7 +32,6 @@ ELSEWHERE = {
     r" pretrain": "minutes to an hour; tests/adaptsim_cli/commands runs it with few rollouts",
     r" world-tables": "minutes of two cores; tests/adaptsim_cli/commands runs it with few rollouts",
     r" benchmark (--task (pushing|scooping)|--fresh)": "needs the tables of forty worlds",
-    r" checkpoints repair": "minutes; tests/adaptsim_cli/commands runs it with few steps",
     r" curling": "the task of a tutorial; tests/documents/test_tutorials.py",
     r" --object my-tofu.toml": "needs a pretraining of ten minutes",
     r" --rerun": "opens a viewer; tests/extras",

@@ -11,7 +11,6 @@ from sim.tasks.task import Task
 
 METHODS = {
     "adaptsim": "sim.adaptation.methods.adaptsim:create",
-    "adaptsim-attainable": "sim.adaptation.methods.q_policy:create_attainable",
     "adaptsim-belief": "sim.adaptation.methods.belief:create",
     "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
     "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",

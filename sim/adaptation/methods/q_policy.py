@@ -32,17 +32,6 @@ def create_history(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
     return _with(task, checkpoint, "history")
 
 
-def create_attainable(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
-    """AdaptSim as in the paper, except that its reward has an attainable threshold. Raises CheckpointError."""
-    if checkpoint is None or checkpoint.attainable is None:
-        where = "there is no checkpoint" if checkpoint is None else f"{checkpoint.path} holds none"
-        raise CheckpointError(
-            f"adaptsim-attainable needs an adaptation policy that learned with an attainable threshold, and {where}: "
-            f"make one with `adaptsim checkpoints repair --task {task.name}`"
-        )
-    return QPolicy(task, checkpoint.attainable, "iteration")
-
-
 def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> QPolicy:
     if checkpoint is None:
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")

@@ -1,7 +1,7 @@
 """Replays training episodes in the simulator: are their rewards and decisions true?
 
-Every visited distribution gets its task policy again, which runs in the episode's target by true rollouts; the emulator
-answers the same requests.
+Every visited distribution gets a task policy of its own, which runs in the episode's target by true rollouts; the
+emulator answers the same requests.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.memory import MemoryName
 from sim.adaptation.q_network import QNetwork
+from sim.pretraining.acting import LIBRARY
 from sim.pretraining.emulated import EmulatedRolls
-from sim.pretraining.episodes import Episodes, EpisodeSettings, sparse
+from sim.pretraining.episodes import Episodes, sparse
 from sim.pretraining.verification.statistics import Estimate, clustered
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Requests, Roll, Rollouts
@@ -82,16 +83,18 @@ def replay(
     noise = int(rng.integers(2**31))
     true = _seen(task, some, requests, roll(requests), noise)
     returns = _returns(task, some, true, rng)
+    if emulator is None:
+        earned = episodes.trial_rewards.mean(axis=-1)
+        everything = "every reward, all episodes, by the trials of training"
+        returns.append(_return(task, everything, episodes.rewards, earned, rng))
     agreements: list[Agreement] = []
     if emulator is not None:
+        others = _requests(solver, some, rng)
+        again = _seen(task, some, others, roll(others), int(rng.integers(2**31)))
         emulated = _seen(task, some, requests, EmulatedRolls(emulator, rng)(requests), noise)
         paid, earned = (sparse(task, e.trial_rewards.mean(axis=-1)) for e in (emulated, true))
         returns.append(_return(task, "sparse, by the trials of a visit on both sides", paid, earned, rng))
-        agreements = [_agreement(task, m, network, some, true, emulated, rng) for m, network in networks.items()]
-    earned = episodes.trial_rewards.mean(axis=-1)
-    returns.append(
-        _return(task, "every reward, all episodes, by the trials of training", episodes.rewards, earned, rng)
-    )
+        agreements = [_agreement(task, m, network, again, true, emulated, rng) for m, network in networks.items()]
     return Replays(int(np.prod(some.rewards.shape[:2])), tuple(returns), tuple(agreements))
 
 
@@ -105,7 +108,7 @@ def _requests(solver: Solver, episodes: Episodes, rng: np.random.Generator) -> R
     for start in range(0, len(means), AT_ONCE):
         part = slice(start, start + AT_ONCE)
         same = np.random.default_rng(seed)
-        policies = solver.policies(means[part, None, :], same, settings=EpisodeSettings().solver)
+        policies = solver.policies(means[part, None, :], same, settings=LIBRARY)
         actions += [policy.actions(c) for policy, c in zip(policies, contexts[part], strict=True)]
     targets = np.repeat(episodes.targets, particles * visits * trials, axis=0)
     assert len(targets) == count * particles * visits * trials
@@ -117,6 +120,7 @@ def _seen(task: Task, episodes: Episodes, requests: Requests, rollouts: Rollouts
     seen = task.observation.with_noise(rollouts.observation, np.random.default_rng(noise))
     return replace(
         episodes,
+        contexts=task.context.normalise(requests.context).reshape(episodes.contexts.shape),
         observations=seen.reshape(episodes.observations.shape),
         trial_rewards=rollouts.rewards(task, requests.context).reshape(episodes.trial_rewards.shape),
     )
@@ -143,18 +147,19 @@ def _agreement(
     task: Task,
     memory: MemoryName,
     network: QNetwork,
-    stored: Episodes,
+    again: Episodes,
     true: Episodes,
     emulated: Episodes,
     rng: np.random.Generator,
 ) -> Agreement:
     def directions(episodes: Episodes) -> Array:
         """(E, decisions, p) of the greedy policy in every state of the episodes."""
-        greedy = network.directions(episodes.transitions(task, memory).state)  # rows: H, E, P
-        by_target = np.moveaxis(greedy.reshape(-1, *stored.rewards.shape[:2], greedy.shape[-1]), 1, 0)
+        states = [episodes.state(task, memory, t) for t in range(episodes.directions.shape[2])]
+        greedy = network.directions(np.concatenate(states))  # rows: H, E, P
+        by_target = np.moveaxis(greedy.reshape(-1, *again.rewards.shape[:2], greedy.shape[-1]), 1, 0)
         return by_target.reshape(len(by_target), -1, greedy.shape[-1]).astype(np.float64)
 
-    reference, others = directions(true), (directions(emulated), directions(stored))
+    reference, others = directions(true), (directions(emulated), directions(again))
     alike = [clustered((reference == other).mean(axis=(1, 2)), rng) for other in others]
     opposite = [float((reference * other < 0).mean()) for other in others]
     return Agreement(memory, reference[..., 0].size, alike[0], alike[1], opposite[0], opposite[1])

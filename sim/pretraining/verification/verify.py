@@ -10,7 +10,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
 from sim.pretraining.episodes import Episodes
+from sim.pretraining.gate import gate_visits
 from sim.pretraining.meta_training import MetaSettings
-from sim.pretraining.pipeline import STAGES, read_report, stage_seeds
+from sim.pretraining.pipeline import MEMORIES, STAGES, policy_files, read_report, stage_seeds
 from sim.pretraining.timing import wall_times_s
 from sim.pretraining.verification.emulator import HeldOut, held_out
 from sim.pretraining.verification.policies import Pairs, PairSettings, compare_policies
@@ -51,7 +52,7 @@ S = TypeVar("S", MetaSettings, EmulatorSettings)
 
 @dataclass(frozen=True)
 class VerificationSettings:
-    """The size of a verification: by default about 3,600 rollouts."""
+    """The size of a verification: by default about 5,500 rollouts."""
 
     pairs: PairSettings = field(default_factory=PairSettings)
     episodes: int = 104  # of one particle each
@@ -78,7 +79,7 @@ class Pretrained:
     folder: Path
     plan: Mapping[str, Any]
     card: Card
-    curve: Mapping[str, Any]  # policy.toml: the training curve of the adaptation policy
+    policies: Mapping[MemoryName, Mapping[str, Any]]  # learning curve and gate of each adaptation policy
     networks: Mapping[MemoryName, QNetwork]
     episodes: Episodes
     solver: Solver | None  # None without emulator and exact answers
@@ -126,7 +127,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     again = f"finish it with `adaptsim pretrain --task {task.name} --out {folder}`"
     if not is_finished(folder):
         raise DatasetError(f"{folder} holds no finished pretraining: {again}")
-    plan, curve = read_report(folder / "plan.toml"), read_report(folder / "policy.toml")
+    plan = read_report(folder / "plan.toml")
     if (plan["task"], plan["fingerprint"]) != (task.name, fingerprint(task)):
         raise DatasetError(
             f"the pretraining in {folder} is of {plan['task']} with ranges {plan['fingerprint']}, wanted {task.name} "
@@ -137,15 +138,15 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
         emulator = Emulator(task, load_tensors(folder / "emulator.safetensors"))
         dataset = load_dataset(folder / "dataset", task)
     solver: Solver | None = EmulatorSolver(emulator) if emulator else task.exact(task) if task.exact else None
-    files: dict[MemoryName, Path] = {m: folder / f"policy-{m}.safetensors" for m in get_args(MemoryName)}
-    files["iteration"] = folder / "policy.safetensors"
+    files = {memory: policy_files(folder, memory) for memory in MEMORIES}
+    files = {memory: both for memory, both in files.items() if all(path.exists() for path in both)}
     return Pretrained(
         task=task,
         folder=folder,
         plan=plan,
         card=read_card(folder / "checkpoint", task.name),
-        curve=curve,
-        networks={m: restore_policy(task, m, load_tensors(path)) for m, path in files.items() if path.exists()},
+        policies={memory: read_report(report) for memory, (_, report) in files.items()},
+        networks={m: restore_policy(task, m, load_tensors(weights)) for m, (weights, _) in files.items()},
         episodes=Episodes(**load_tensors(folder / "episodes.safetensors")),
         solver=solver,
         emulator=emulator,
@@ -179,12 +180,12 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     """Simulations and wall time of each stage."""
     task, measured = made.task, wall_times_s(made.folder)
     meta = _known(MetaSettings, made.plan["budget"]["meta"])
-    rounds = meta.rounds(task.adaptation.horizon)
-    episodes = (rounds + rounds // task.adaptation.horizon) * meta.parallel * task.adaptation.trials_per_iteration
+    visits = len(MEMORIES) * (meta.visits(task) + gate_visits(task))
+    episodes = 0 if made.emulator else visits * task.adaptation.trials_per_iteration
     drawn = len(made.dataset) if made.dataset is not None else 0
     counted = made.card.simulations
     evaluated = counted - drawn - episodes
-    simulations = dict(zip(STAGES, (drawn, 0, 0, episodes, 0, max(0, evaluated), 0), strict=True))
+    simulations = dict(zip(STAGES, (drawn, 0, 0, episodes, max(0, evaluated), 0), strict=True))
     if made.by_naf:  # NAF simulates for every policy, in every stage
         together = StageCost("all stages, NAF's own rollouts included", counted, None)
         return (*(StageCost(stage, None, measured[stage]) for stage in STAGES if stage in measured), together)
@@ -206,7 +207,8 @@ def _held_out(made: Pretrained) -> HeldOut | None:
 def _replayed(made: Pretrained, settings: VerificationSettings) -> int:
     targets, particles, visits = made.episodes.rewards.shape
     wanted = min(targets, -(-settings.episodes // particles))
-    return int(wanted * particles * visits * made.task.adaptation.trials_per_iteration)
+    times = 1 if made.emulator is None else 2
+    return int(times * wanted * particles * visits * made.task.adaptation.trials_per_iteration)
 
 
 def _roll(made: Pretrained, executor: Executor, progress: Callable[[int, int], None], total: int) -> Roll:

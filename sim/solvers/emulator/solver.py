@@ -150,13 +150,13 @@ class EmulatorSolver:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c), averaged over everything but
-        B.
+        """(B,) emulated rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c), averaged over
+        everything but B.
         """
         drawn = Disturbances.evenly(self.task, draws, rng)
         executed = actions[:, :, None, :] + drawn.error
         success, end = self.emulator.outcomes(targets[:, None, None, :], executed, drawn.nuisance)
-        rewards = success * self.task.reward_of_success(end, contexts[:, None, :])  # (M, B, G, draws)
+        rewards = success * self.task.reward_of_success(end, contexts[..., None, :])  # (M, B, G, draws)
         return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:

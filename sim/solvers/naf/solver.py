@@ -70,7 +70,7 @@ class NafSolver:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c).
+        """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c).
 
         `draws` rollouts per context, or at least `REWARD_ROLLOUTS` per target, spread evenly over contexts; the same
         action errors and nuisance for all targets.
@@ -78,7 +78,8 @@ class NafSolver:
         count, g = actions.shape[:2]
         repeats = min(draws, -(-REWARD_ROLLOUTS // g))
         drawn, a = Disturbances.evenly(self.task, g * repeats, rng), len(self.task.action)
-        where = np.tile(np.repeat(contexts, repeats, axis=0), (count, 1))
+        everywhere = np.broadcast_to(contexts, (count, g, contexts.shape[-1]))
+        where = np.repeat(everywhere, repeats, axis=1).reshape(count * g * repeats, -1)
         requests = Requests(
             parameters=np.repeat(targets, g * repeats, axis=0),
             context=where,

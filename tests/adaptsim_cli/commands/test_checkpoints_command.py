@@ -107,21 +107,3 @@ def test_wrong_flags_and_objects_are_named(copied: Path, capfd: pytest.CaptureFi
     asked = ["checkpoints", "verify", str(copied), "--task", "pendulum", "--object", str(own), "--rollouts", "0"]
     assert app.run(asked) == 8
     assert "different parameters, margin of pendulum" in capfd.readouterr().err
-
-
-@pytest.mark.long
-def test_a_repaired_copy_is_made_once_and_benchmarked(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    line = ["checkpoints", "repair", "--task", "pendulum", "--steps", "64", "--json"]
-    assert app.run(line) == 0
-    captured = capsys.readouterr()
-    made = json.loads(captured.out)
-    assert made["threshold"] == pytest.approx(0.95)
-    assert made["gate"].keys() == {"policy", "stay", "drift", "above_low", "passed"}
-    assert "(threshold 0.950)" in captured.err
-    assert app.run(line) == 2
-    assert "exists already: use it, or name another --out" in " ".join(capsys.readouterr().err.split())
-    flags = ["--targets", "wd", "--methods", "adaptsim-attainable", "--budget", "2", "--seeds", "1", "--json"]
-    assert app.run(["benchmark", "--task", "pendulum", "--checkpoints", made["checkpoint"], *flags]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["rows"]
-    assert (row["method"], row["real_trials"]) == ("adaptsim-attainable", 2)

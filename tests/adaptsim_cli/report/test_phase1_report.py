@@ -30,10 +30,9 @@ from sim.tasks import get_task
 pytestmark = pytest.mark.long
 
 BUDGET = PretrainBudget(
-    meta=MetaSettings(steps=80, parallel=8),
+    meta=MetaSettings(episodes=8, parallel=8),
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=3, iterations=2, rollouts=1, oracle=16),
-    further_updates=20,
 )
 
 

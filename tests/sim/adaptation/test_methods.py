@@ -3,12 +3,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.best import choose_best
-from sim.adaptation.memory import encode, look_back, new_policy, seen_in_session
+from sim.adaptation.memory import encode, inputs, look_back, new_policy, seen_in_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
 from sim.adaptation.methods.q_policy import QPolicy
@@ -17,6 +16,8 @@ from sim.errors import CheckpointError, UnknownName
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 
+MEMORIES = ["iteration", "state", "history"]
+AIMED = replace(TOY, goal_m=lambda context: context)  # its contexts are goals
 MEAN = PARAMETERS.denormalise(np.array([0.5, 0.5, 0.0, 0.5]))
 
 
@@ -57,7 +58,7 @@ def moved(method, history):
     return method.next(history, np.random.default_rng(0))[0].mean
 
 
-@pytest.mark.parametrize("memory", ["iteration", "state", "history"])
+@pytest.mark.parametrize("memory", MEMORIES)
 def test_adaptsim_moves_each_parameter_by_a_step_or_not_at_all(memory):
     method = QPolicy(TOY, new_policy(TOY, memory, 0), memory)
     moves = set()
@@ -107,27 +108,34 @@ def test_a_history_holds_parameters_observations_rewards_and_ages_of_all_particl
         seen_in_session(TOY, [one, two], 1)
 
 
-def test_training_and_session_see_the_same_history():
+@pytest.mark.parametrize("task", [TOY, AIMED])
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_training_and_session_see_the_same(task, memory):
     rng = np.random.default_rng(0)
-    size, p = TOY.observation.size, len(PARAMETERS)
+    size, p = task.observation.size, len(PARAMETERS)
     means = PARAMETERS.denormalise(rng.random((1, 2, 3, p)))
     seen, rewards = rng.random((1, 2, 3, 2 * size)), rng.random((1, 2, 3, 2))
+    contexts = task.context.sample(rng, 12).reshape(1, 2, 3, 2, -1)
     history = [
         tuple(
             ParticleTrials(
                 Particle(means[0, j, k][None]),
                 tuple(
-                    Trial(np.zeros(2), np.zeros(2), o, float(r), None)
-                    for o, r in zip(seen[0, j, k].reshape(2, size), rewards[0, j, k], strict=True)
+                    Trial(c, np.zeros(2), o, float(r), None)
+                    for c, o, r in zip(contexts[0, j, k], seen[0, j, k].reshape(2, size), rewards[0, j, k], strict=True)
                 ),
             )
             for j in range(2)
         )
         for k in range(3)
     ]
-    trained = encode(TOY, "history", look_back(means, seen, rewards))
-    lived = np.concatenate([encode(TOY, "history", seen_in_session(TOY, history, j)) for j in range(2)])
+    goals = task.context.normalise(contexts).reshape(1, 2, 3, -1)
+    trained = encode(task, memory, look_back(means, seen, goals, rewards))
+    lived = np.concatenate([encode(task, memory, seen_in_session(task, history, j)) for j in range(2)])
     assert np.allclose(trained, lived)
+    assert trained.shape == (2, np.prod(inputs(task, memory)))
+    without = encode(task, memory, look_back(means, seen, 0.5 + 0.0 * goals, rewards))
+    assert np.array_equal(trained, without) == (task.goal_m is None)
 
 
 def test_the_order_of_older_entries_does_not_matter_to_the_network():
@@ -137,9 +145,9 @@ def test_the_order_of_older_entries_does_not_matter_to_the_network():
     swapped = slots[:, [0, 2, 1, *range(3, q.slots)]]
     empty = slots.copy()
     empty[:, 1:, -1] = 0.0
-    out = [q(torch.from_numpy(x.reshape(1, -1)).float()).detach() for x in (slots, swapped, empty)]
-    assert torch.allclose(out[0], out[1], atol=1e-5)
-    assert not torch.allclose(out[0], out[2], atol=1e-3)
+    out = [q(x.reshape(1, -1)) for x in (slots, swapped, empty)]
+    assert np.allclose(out[0], out[1], atol=1e-5)
+    assert not np.allclose(out[0], out[2], atol=1e-3)
 
 
 def test_adaptsim_starts_apart_and_a_particle_without_trials_stays():

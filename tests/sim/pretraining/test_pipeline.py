@@ -1,9 +1,9 @@
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from toy_learning import SETTINGS, roll, trained
 from toy_task import PARAMETERS, TOY, simulate
 
@@ -15,10 +15,12 @@ from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
-from sim.pretraining.episodes import EpisodeSettings, sparse, visit
+from sim.pretraining.acting import Library, Solved, fill_library
+from sim.pretraining.emulated import EmulatedRolls
+from sim.pretraining.episodes import Simulator, sparse, visit
 from sim.pretraining.evaluation import EvaluationSettings, evaluate
-from sim.pretraining.meta_training import MetaSettings, explore, learn_from, sample_targets, train_adaptation
-from sim.pretraining.pipeline import EVERYTHING, STAGES, PretrainBudget, Wanted, pretrain
+from sim.pretraining.meta_training import MetaSettings, explore, sample_targets, train_adaptation
+from sim.pretraining.pipeline import EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
@@ -27,9 +29,8 @@ from sim.tasks import get_task
 TINY = PretrainBudget(
     rollouts=256,
     denser=44,
-    further_updates=50,
     emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
-    meta=MetaSettings(steps=24, parallel=8, updates=1),
+    meta=MetaSettings(episodes=8, parallel=8, library=64),
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
@@ -62,16 +63,28 @@ def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
     return path, seen
 
 
+@functools.cache
+def library() -> Library:
+    return fill_library(EmulatorSolver(trained()[0]), 0, 256)
+
+
+def simulator(acting=None, seed=0) -> Simulator:
+    """The emulator's, as in a training."""
+    emulator = trained()[0]
+    return Simulator(
+        EmulatorSolver(emulator), acting or library(), EmulatedRolls(emulator, np.random.default_rng(seed))
+    )
+
+
 def test_a_visit_earns_more_at_the_right_parameters():
-    emulator, _ = trained()
-    rng = np.random.default_rng(0)
-    targets = PARAMETERS.sample(rng, 16)
-    settings = EpisodeSettings(SolverSettings(candidates=64, scenarios=4), contexts=2, draws=4)
-    right = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
-    wrong = visit(EmulatorSolver(emulator), roll, targets[::-1], targets, np.random.default_rng(1), settings)
+    solver = EmulatorSolver(trained()[0])
+    true = Simulator(solver, Solved(solver, SolverSettings(candidates=64, scenarios=4)), roll)
+    targets = PARAMETERS.sample(np.random.default_rng(0), 16)
+    right = visit(true, targets, targets, np.random.default_rng(1))
+    wrong = visit(true, targets[::-1], targets, np.random.default_rng(1))
     assert right.observations.shape == (16, 2 * TOY.observation.size)
     assert right.rewards.mean() > wrong.rewards.mean() + 0.1
-    again = visit(EmulatorSolver(emulator), roll, targets, targets, np.random.default_rng(1), settings)
+    again = visit(true, targets, targets, np.random.default_rng(1))
     assert np.array_equal(again.observations, right.observations)
     assert np.array_equal(again.rewards, right.rewards)
 
@@ -93,43 +106,49 @@ def test_sparse_rewards_and_exploration():
     assert (mixed != 1).any(axis=1).mean() == pytest.approx(0.5 * 26 / 27, abs=0.07)
 
 
+def test_a_library_lets_every_distribution_act_like_the_nearest_one():
+    shelf, rng = library(), np.random.default_rng(1)
+    contexts, actions = shelf(shelf.means[:8], rng)
+    for i in range(8):  # the same pairs, in another order
+        found = {(*c, *a) for c, a in zip(contexts[i], actions[i], strict=True)}
+        assert found == {(*c, *a) for c, a in zip(shelf.contexts[i], shelf.actions[i], strict=True)}
+    means = PARAMETERS.sample(rng, 64)
+    reused = visit(simulator(), means, means, np.random.default_rng(2)).rewards
+    solver = EmulatorSolver(trained()[0])
+    anew = visit(simulator(Solved(solver)), means, means, np.random.default_rng(2)).rewards
+    assert abs(reused.mean() - anew.mean()) < 0.02
+    assert np.corrcoef(reused, anew)[0, 1] > 0.5
+
+
 @pytest.mark.long
 def test_training_repeats_exactly_and_depends_on_the_seed():
-    emulator, _ = trained()
-    settings = MetaSettings(steps=16, parallel=8, updates=1)
-    one, curve, episodes = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
-    two, same, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 0)
-    three, _, _ = train_adaptation(EmulatorSolver(emulator), roll, settings, 1)
+    settings = MetaSettings(episodes=20, parallel=8)
+    one, curve, episodes = train_adaptation(simulator(), settings, 0)
+    two, same, _ = train_adaptation(simulator(), settings, 0)
+    three, _, _ = train_adaptation(simulator(), settings, 1)
     states = np.random.default_rng(0).random((50, one.inputs))
     assert np.array_equal(one.directions(states), two.directions(states))
     assert np.array_equal(curve.reward, same.reward)
     assert not np.array_equal(one.directions(states), three.directions(states))
-    assert curve.epsilon[0] == 1.0
-    assert curve.epsilon[-1] == pytest.approx(0.1)
+    assert len(curve.reward) == 3  # 20 episodes are begun 8 at a time
+    assert curve.epsilon.tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to .1
     horizon = TOY.adaptation.horizon
-    assert episodes.directions.shape == (4, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
+    assert episodes.directions.shape == (12, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
     moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0].astype(int), TOY.adaptation.delta)
     assert np.allclose(moved, episodes.means[:, :, 1])
 
 
 @pytest.mark.long
-def test_a_policy_with_memory_learns_from_the_episodes_of_another():
-    emulator, _ = trained()
-    _, _, episodes = train_adaptation(EmulatorSolver(emulator), roll, MetaSettings(steps=256, parallel=32), 0)
-    for memory in ("iteration", "state", "history"):
-        steps = episodes.transitions(TOY, memory)
-        assert len(steps.reward) == len(steps.state) == episodes.directions[..., 0].size
-        assert np.isin(steps.reward, sparse(TOY, episodes.rewards)).all()
-        one = learn_from(TOY, episodes, memory, 300, 0)
-        assert np.array_equal(
-            one.directions(steps.state), learn_from(TOY, episodes, memory, 300, 0).directions(steps.state)
-        )
-        values = one(torch.from_numpy(steps.state).float()).detach().max(dim=-1).values.mean(dim=-1)
-        assert np.corrcoef(values, _returns(episodes))[0, 1] > 0.5  # what follows is foreseen
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_a_policy_with_each_memory_foresees_what_follows(memory):
+    network, _, episodes = train_adaptation(simulator(), MetaSettings(episodes=400, parallel=50), 0, memory)
+    horizon = TOY.adaptation.horizon
+    values = [network(episodes.state(TOY, memory, t)).max(axis=-1).mean(axis=-1) for t in range(horizon)]
+    assert np.corrcoef(np.concatenate(values), _returns(episodes))[0, 1] > 0.5
 
 
 def _returns(episodes):
-    """Discounted sparse rewards of the rest of each episode, in the order of the transitions."""
+    """Discounted sparse rewards of the rest of each episode, in the order of the steps."""
     rewards, total = sparse(TOY, episodes.rewards), np.zeros(episodes.rewards.shape[:2])
     rows = []
     for t in range(rewards.shape[2] - 1, 0, -1):

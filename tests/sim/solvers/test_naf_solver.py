@@ -11,6 +11,8 @@ from sim.adaptation.memory import new_policy
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName
 from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.acting import Solved
+from sim.pretraining.episodes import Simulator
 from sim.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.misfit import misfit
@@ -189,8 +191,9 @@ def test_what_a_policy_says_of_itself_holds():
 @pytest.mark.long
 def test_phase_1_runs_on_it():
     solver = solver_with(QUICK)
-    network, curve, _ = train_adaptation(solver, roll, MetaSettings(steps=8, parallel=2), 0)
-    assert len(curve.reward) == TOY.adaptation.horizon
+    simulator = Simulator(solver, Solved(solver), roll)
+    network, curve, _ = train_adaptation(simulator, MetaSettings(episodes=2, parallel=2), 0)
+    assert len(curve.reward) == 1
     assert curve.reward.min() > 0.0
     settings = EvaluationSettings(targets=1, particles=1, iterations=1, rollouts=8, oracle=2)
     report = evaluate(solver, {"adaptsim": QPolicy(TOY, network)}, roll, settings, 0)

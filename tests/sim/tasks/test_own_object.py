@@ -26,8 +26,7 @@ g = [1, 2]
 h = [2, 2.6]
 """
 TINY = PretrainBudget(
-    further_updates=20,
-    meta=MetaSettings(steps=20, parallel=2),
+    meta=MetaSettings(episodes=2, parallel=2, library=64),
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=1, oracle=4),
 )

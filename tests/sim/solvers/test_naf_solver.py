@@ -10,9 +10,9 @@ from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName
-from sim.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.pretraining.acting import Solved
 from sim.pretraining.episodes import Simulator
+from sim.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.misfit import misfit

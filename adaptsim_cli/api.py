@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.wiring.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
+    from sim.adaptation.verdict import Verdict
     from sim.tasks.solver import SolvedPolicy
 
 __all__ = [
@@ -55,7 +56,7 @@ class Iteration:
     number: int  # from 1
     mean_reward: float  # of its trials
     best: BestRecord  # the best parameters, and their expected reward with its 95 % interval
-    verdict: str
+    verdict: Verdict
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 
 

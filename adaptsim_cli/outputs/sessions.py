@@ -6,6 +6,7 @@ from typing import Any
 
 from adaptsim_cli.outputs.base import Output, Part, Quantities, said
 from adaptsim_cli.outputs.trials import UNITS, Best
+from sim.adaptation.verdict import Verdict
 
 
 class SessionRow(Part):
@@ -21,7 +22,7 @@ class SessionRow(Part):
     iterations: int = said("complete iterations")
     trials: int = said("completed trials that count")
     mean_reward: float | None = said("of these trials; null without one")
-    verdict: str = said("sentence of its last iteration; empty before the first")
+    verdict: Verdict | None = said("of its last iteration; null before the first")
     size_bytes: int = said("its size on the disk")
     note: str = said("the operator's note")
     tags: list[str] = said("its tags")
@@ -61,7 +62,7 @@ class ShownResult(Part):
 
     iteration: int = said("its number, from 1")
     best: Best = said("the best parameters so far")
-    verdict: str = said("one sentence on the session")
+    verdict: Verdict = said("whether to stop or to go on, and why")
     timing_s: dict[str, float] = said("wall time by stage; `total` is their sum")
 
 

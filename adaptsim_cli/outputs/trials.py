@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from adaptsim_cli.outputs.base import Output, Part, Quantities, said
+from sim.adaptation.verdict import Verdict
 
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
@@ -61,7 +62,7 @@ class Iteration(Output):
     units: dict[str, str] = said(UNITS)
     particles: list[Particle] = said("particles, side by side")
     best: Best = said("the best parameters so far")
-    verdict: str = said("one sentence on the session")
+    verdict: Verdict = said("whether to stop or to go on, and why")
     outlook: Outlook | None = said("null if the method does not look ahead")
     timing_s: dict[str, float] = said("wall time by stage; `other` has no name, `total` is their sum")
 

@@ -16,6 +16,7 @@ from adaptsim_cli.report.figures import NARROW, WIDE, Level
 from adaptsim_cli.report.hindsight import Judgement
 from adaptsim_cli.report.measured import Measured, mean_of, trial_std
 from adaptsim_cli.report.svg import plain
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -130,6 +131,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
         iterations=views,
         trials=trials,
         latest=results[-1] if results else None,
+        verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
         best=_named(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from adaptsim_cli.screen import views
+from adaptsim_cli.session.advice import HEADLINES
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
@@ -45,7 +45,7 @@ def _session(s: Mapping[str, Any]) -> list[RenderableType]:
     )
     lines: list[RenderableType] = [_name(str(s["session"]), s["tags"]), _joined(facts)]
     if s["verdict"]:
-        lines.append(views.indent(Text(re.split(r"[:(]", str(s["verdict"]))[0].strip().rstrip("."))))
+        lines.append(views.indent(Text(HEADLINES[s["verdict"]["kind"]])))
     if s["note"]:
         lines.append(views.indent(Text(str(s["note"]), style="italic")))
     return lines

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from sim.adaptation.method import Best, Iteration, Particle
-from sim.adaptation.outlook import Outlook
+from sim.adaptation.method import Best, Iteration, Outlook, Particle
 from sim.adaptation.posterior import Posterior
+from sim.adaptation.verdict import Verdict
 from sim.tasks.solver import SolvedPolicy
 
 
@@ -25,7 +25,7 @@ class Assessment(NamedTuple):
     """The judgement of a session by its trials."""
 
     best: Best
-    verdict: str  # one sentence
+    verdict: Verdict
     outlook: Outlook | None  # None: the method makes no forecast
 
 

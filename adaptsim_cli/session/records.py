@@ -19,10 +19,11 @@ from adaptsim_cli.storage.validation import place
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.verdict import Verdict
 from sim.types import Dimension, Space
 
 if TYPE_CHECKING:
-    from sim.adaptation.outlook import Outlook
+    from sim.adaptation.method import Outlook
 
 FORMAT = 3
 COUNTED_FROM_ONE_SINCE = 3
@@ -291,7 +292,7 @@ class ResultRecord(Record):
     trials: tuple[tuple[int, int], ...]  # (number, attempt)
     next_particles: tuple[Samples, ...]
     best: BestRecord
-    verdict: str
+    verdict: Verdict
     outlook: OutlookRecord | None = None  # None: the method makes no forecast
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained

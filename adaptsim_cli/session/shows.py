@@ -14,6 +14,7 @@ from rich.text import Text
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen import values, views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.amending import Amended
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
@@ -21,6 +22,7 @@ from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.verifying import Verified
 from hw.types import Array
 from sim.adaptation.method import Particle
+from sim.adaptation.verdict import Verdict
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -109,11 +111,12 @@ def adapted(
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
     )
+    verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
-        estimate, *_correction(task, result), Text(result.verdict, style=_style(result)), Text(spent, style="dim"),
+        estimate, *_correction(task, result), verdict, Text(spent, style="dim"),
     )  # fmt: skip
 
 
@@ -187,7 +190,8 @@ def session(shown: Mapping[str, Any]) -> RenderableType:
         Text(f"Rejected: trial {r['trial']}, attempt {r['attempt']}: {r['reason']}", style="yellow")
         for r in shown["rejected"]
     ]
-    last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
+    results = shown["results"]
+    last = [Text(in_words(Verdict(**results[-1]["verdict"]), facts["object_name"]))] if results else []
     return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *rejected, *last)
 
 

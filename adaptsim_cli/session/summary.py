@@ -32,7 +32,7 @@ def summary(
             for index, (particle, then) in enumerate(zip(before, result.next_particles, strict=True))
         ],
         "best": result.best.model_dump(mode="json"),
-        "verdict": result.verdict,
+        "verdict": result.verdict.model_dump(mode="json"),
         "outlook": None if result.outlook is None else result.outlook.model_dump(mode="json"),
         "timing_s": {key: round(value, 3) for key, value in result.timing_s.items()},
     }
@@ -81,7 +81,7 @@ def overview(store: SessionStore) -> dict[str, Any]:
         "iterations": len(results),
         "trials": len(rewards),
         "mean_reward": float(np.mean(rewards)) if rewards else None,
-        "verdict": "" if last is None else last.verdict,
+        "verdict": None if last is None else last.verdict.model_dump(mode="json"),
         "size_bytes": size_bytes(store.folder),
         "note": said.note,
         "tags": list(said.tags),
@@ -129,7 +129,7 @@ def details(store: SessionStore) -> dict[str, Any]:
             {
                 "iteration": r.iteration,
                 "best": r.best.model_dump(mode="json"),
-                "verdict": r.verdict,
+                "verdict": r.verdict.model_dump(mode="json"),
                 "timing_s": r.timing_s,
             }
             for r in results

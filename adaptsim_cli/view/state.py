@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.screen.values import number
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.operator import Judged, Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -88,7 +89,7 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
         "rewards": [_reward(record) for record in trials],
         "per_iteration": store.facts.particles * store.facts.trials,
         "parameters": _parameters(store, task, results, posterior),
-        "verdict": results[-1].verdict if results else "",
+        "verdict": in_words(results[-1].verdict, store.facts.object_name) if results else "",
         "best": _best(task, results[-1]) if results else None,
     }
 

@@ -183,13 +183,12 @@ class _SolverLearner:
         return None if self.belief is None else posterior(self.belief, history)
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        from sim.adaptation.best import choose_best
-        from sim.adaptation.methods.adaptsim import AdaptSim
-        from sim.adaptation.verdict import verdict
+        from sim.adaptation.best import assess
+        from sim.adaptation.judging import judge
 
-        task, method = self.expectations.task, self.method
-        best, ahead = method.assess(history) if isinstance(method, AdaptSim) else (choose_best(task, history), None)
-        return Assessment(best, verdict(task, history, self.expectations, best, ahead), ahead)
+        task = self.expectations.task
+        best, ahead = assess(self.method, task, history)
+        return Assessment(best, judge(task, history, self.expectations, best, ahead), ahead)
 
 
 def executable_on(hardware: Hardware, planner: Planner) -> Executable:

@@ -90,6 +90,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         (
             ("", "adaptsim_cli.session.records", "ResultRecord"),
             ("best", "adaptsim_cli.session.records", "BestRecord"),
+            ("verdict", "sim.adaptation.verdict", "Verdict"),
         ),
     ),
     (
@@ -192,7 +193,7 @@ SAID = {
     "ci95": "95 % interval",
     "next_particles": "particles of the next iteration",
     "best": "the parameters that the session would go with",
-    "verdict": "one sentence on the session",
+    "verdict": "whether to stop or to go on, and why",
     "at": "when",
     "text": "why, in words",
     "squares_across": "squares in a row",

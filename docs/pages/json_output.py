@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from enum import Enum
 from typing import Any
 
 from pydantic import BaseModel
@@ -76,8 +77,8 @@ def _words(kind: Any) -> str:
         return f"{len(arguments)} of {inner}" if origin is tuple else f"list of {inner}"
     if origin is dict:
         return "object" if arguments[1] is Any else f"object of {_words(arguments[1])}"
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return kind.__name__
+    if isinstance(kind, type) and issubclass(kind, BaseModel | Enum):
+        return kind.__name__ if issubclass(kind, BaseModel) else "one of " + ", ".join(one.value for one in kind)
     return {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any"}[kind]
 
 

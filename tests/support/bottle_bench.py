@@ -25,6 +25,7 @@ from hw.kinematics import forward
 from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.verdict import Kind, Verdict
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
@@ -115,7 +116,8 @@ class MiddleLearner:
         return _Middle()
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here.", None)
+        verdict = Verdict(kind=Kind.TOO_FEW, reward=0.5, ci95=(0.0, 1.0), trials=1, strange=0)
+        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None)
 
 
 class _Middle:

@@ -25,6 +25,7 @@ from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Int
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.verdict import Kind, Verdict
 from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
 from sim.types import Dimension, Space, ToolMotion
 
@@ -238,7 +239,8 @@ class ToyLearner:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]
         reward, particle = max(trials, key=lambda pair: pair[0])
         best = Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials))
-        return Assessment(best, "It works.", None)
+        verdict = Verdict(kind=Kind.CONVERGED, reward=reward, ci95=best.ci95, trials=len(trials), strange=0)
+        return Assessment(best, verdict, None)
 
 
 def paths(motion: ToolMotion) -> Paths:

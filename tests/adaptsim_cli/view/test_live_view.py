@@ -156,7 +156,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     assert operator.approvals[1]["trial"]["attempt"] == 2
     assert [r["number"] for r in last["rewards"]] == [1, 2, 3, 4]
     assert [len(p["steps"]) for p in last["parameters"]] == [2, 2]
-    assert last["verdict"] == "It works."
+    assert last["verdict"].startswith("Converged")
 
 
 def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path) -> None:

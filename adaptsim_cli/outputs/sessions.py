@@ -91,7 +91,6 @@ class Verified(Part):
 
     session: str = said("its name")
     files: int = said("files that were read")
-    without_checksum: int = said("files of an earlier version; only their sizes were compared")
     damage: list[str] = said("one message a damaged file")
 
 

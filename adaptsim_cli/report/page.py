@@ -247,12 +247,12 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
     notes = sorted(store.iteration_folder(iteration).glob("trial-*.rejected.json"))
-    return tuple(f"{_words(path.name, store.first)}: {read(Note, path).text}" for path in notes)
+    return tuple(f"{_words(path.name)}: {read(Note, path).text}" for path in notes)
 
 
-def _words(name: str, first: int) -> str:
+def _words(name: str) -> str:
     _, number, _, attempt = name.removesuffix(".rejected.json").split("-")
-    return f"Trial {int(number)}, attempt {int(attempt) + 1 - first}"
+    return f"Trial {int(number)}, attempt {int(attempt)}"
 
 
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:

@@ -180,10 +180,7 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
 
 def settings_of(store: SessionStore, config: Config) -> Config:
     """The settings that a session was begun with; settings that it does not freeze come from `config`."""
-    kept = {key: getattr(store.facts, key) for key in _FROZEN}
-    if store.facts.method == "adaptsim":
-        kept["method"] = store.facts.adaptsim_is
-    return replace(config, **kept)
+    return replace(config, **{key: getattr(store.facts, key) for key in _FROZEN})
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
@@ -197,7 +194,6 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         world_sha256=origin.world_sha256,
         seed=config.seed,
         method=config.method,
-        adaptsim_is="adaptsim",
         solver=config.solver,
         object=config.object,
         particles=config.particles,

@@ -49,7 +49,7 @@ class Room:
 def about(folder: Path) -> About:
     """Note and tags of the session in `folder`; empty if there are none. Raises SessionError."""
     path = folder / ABOUT
-    return records.read(About, path, must_be_sealed=True) if path.exists() else About()
+    return records.read(About, path) if path.exists() else About()
 
 
 def annotate(folder: Path, note: str | None = None, add: Sequence[str] = (), remove: Sequence[str] = ()) -> About:

@@ -25,11 +25,7 @@ from sim.types import Dimension, Space
 if TYPE_CHECKING:
     from sim.adaptation.method import Outlook
 
-FORMAT = 3
-COUNTED_FROM_ONE_SINCE = 3
-"""The first format that also numbers iterations, attempts, particles and results from 1 on the disk."""
-SEALED_SINCE = 2
-"""The first format in which every record is sealed and holds the SHA-256 of every other file of a session."""
+FORMAT = 4
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
@@ -69,7 +65,6 @@ class Facts(Record):
     world_sha256: str = ""
     seed: int
     method: str
-    adaptsim_is: str = "adaptsim-of-checkpoint"  # what the method adaptsim meant when the session was begun
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
     object: str = ""  # file with the ranges of an own object
     particles: int
@@ -328,27 +323,14 @@ def to_toml(record: Record) -> bytes:
     return sealed.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
 
 
-def renumbered(record: AnyRecord, by: int) -> AnyRecord:
-    """The record with all numbers but that of the trial raised by `by`: earlier formats counted from 0."""
-    if isinstance(record, TrialRecord):
-        counted = ("attempt", "iteration", "particle", "trial")
-        return record.model_copy(update={name: getattr(record, name) + by for name in counted})
-    if isinstance(record, ResultRecord):
-        trials = tuple((number, attempt + by) for number, attempt in record.trials)
-        return record.model_copy(update={"iteration": record.iteration + by, "trials": trials})
-    return record
-
-
-def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> AnyRecord:
+def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """Read a record. Raises SessionError naming the file and its defect."""
-    data, is_sealed = _load(path)
-    version = data.get("format", 1)
-    if isinstance(version, int) and version > FORMAT:
+    data = _table(path, is_sealed=True)
+    if (version := data.get("format", FORMAT)) != FORMAT:
         raise SessionError(
-            f"{path} is of format {version}; this version reads up to {FORMAT}. Install a newer adaptsim"
+            f"{path} is of format {version}, and this version of adaptsim reads format {FORMAT}. Open it with the "
+            "version that wrote it, or start another session with --session"
         )
-    if not is_sealed and (must_be_sealed or (isinstance(version, int) and version >= SEALED_SINCE)):
-        raise corrupt(path, "its checksum is missing")
     try:
         return kind.model_validate(data)
     except ValidationError as error:
@@ -358,23 +340,23 @@ def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> 
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """The one table of a TOML or JSON file. Raises SessionError naming the file."""
-    return _load(path)[0]
+    """The one table of a JSON file without a seal. Raises SessionError naming the file."""
+    return _table(path, is_sealed=False)
 
 
-def _load(path: Path) -> tuple[dict[str, Any], bool]:
-    """The table in a file, and whether it is sealed."""
+def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
+    """The table in a file, without its seal."""
     try:
         content = read_bytes(path, JSON_BYTES)
-        is_sealed = sealed.is_sealed(content, path.suffix)
+        if is_sealed:
+            sealed.require_seal(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
     except FileNotFoundError as error:
         raise corrupt(path, "it is missing") from error
     except (Unreadable, sealed.SealBroken) as error:
         raise corrupt(path, f"it {error}") from error
-    if is_sealed:
-        data.pop(sealed.KEY, None)
-    return data, is_sealed
+    data.pop(sealed.KEY, None)
+    return data
 
 
 def require_size(path: Path, size: int) -> None:

@@ -160,11 +160,8 @@ def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
 
 def verified(checked: Sequence[Verified]) -> RenderableType:
     """The table of `sessions verify`, and below it every damaged file."""
-    body = [
-        (one.session, str(one.files), str(one.without_checksum), str(len(one.damage)) if one.damage else "none")
-        for one in checked
-    ]
-    table = views.rows(("session", "files", "without checksum", "damaged"), body, right=(1, 2, 3))
+    body = [(one.session, str(one.files), str(len(one.damage)) if one.damage else "none") for one in checked]
+    table = views.rows(("session", "files", "damaged"), body, right=(1, 2))
     return Group(table, *(Text(message) for one in checked for message in one.damage))
 
 

@@ -1,7 +1,7 @@
 """A completed trial as one MCAP file: pictures, joints, transforms, the arm, its track, its outcome and its events.
 
 A recording is stored before it is tracked and never edited. So this file is made on request, from the recording and the
-trial's record. Recordings of earlier versions become as complete as new ones.
+trial's record.
 """
 
 from __future__ import annotations

@@ -56,7 +56,6 @@ def test_a_session_as_it_was_written(root: Path) -> None:
     verified = verify(root, NAME)
     assert not verified.damage
     assert verified.files == len(files_of(root))
-    assert verified.without_checksum == 0
 
 
 @pytest.mark.long
@@ -117,5 +116,5 @@ def test_a_damaged_session_hides_no_other(root: Path, complete: SessionStore) ->
 def test_a_checksum_that_was_removed_is_noticed(root: Path) -> None:
     path = root / NAME / "session.toml"
     path.write_bytes(path.read_bytes().rpartition(b"# sha256 ")[0])
-    with pytest.raises(SessionError, match="its checksum is missing"):
+    with pytest.raises(SessionError, match="lost its checksum"):
         SessionStore.open(root, NAME)

@@ -22,9 +22,10 @@ import numpy as np
 
 from adaptsim_cli import config
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.session import recording, store, table
 from adaptsim_cli.session.recording import Recording
-from adaptsim_cli.session.records import BestRecord, Facts, TrialRecord
+from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.table import Row
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ class Session:
         return store.SessionStore.open(self.root, self.name)
 
     def _trial(self, number: int) -> TrialRecord:
-        trials = {trial.number: trial for trial in self.trials}
+        trials = {trial.trial: trial for trial in self.trials}
         if number not in trials:
             known = ", ".join(map(str, trials)) or "none"
             raise UsageError(f"trial {number} of {self.name} is not completed; completed are {known}")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
@@ -29,7 +29,7 @@ from adaptsim_cli.session.in_terminal import InTerminal
 from adaptsim_cli.session.log import logged
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Facts, SessionStart, as_records, as_row
+from adaptsim_cli.session.records import Facts, SessionStart, as_records
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
@@ -106,23 +106,23 @@ def conduct(
             session.watcher.reported(path)
             if request.as_json:
                 screen.data("run-iteration", summary)
-            store.mark_shown(summary["iteration"] - 1, datetime.now(UTC).isoformat(timespec="seconds"))
+            store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break
     screen.plain(f"Report: {path}")
-    if (result := store.result(summary["iteration"] - 1)) is not None:
+    if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
     return path
 
 
-def _is_done(summary: Mapping[str, Any], method: str) -> bool:
+def _is_done(summary: Iteration, method: str) -> bool:
     """Raises UsageError if the method makes no forecast."""
-    if summary.get("outlook") is None:
+    if summary.outlook is None:
         raise UsageError(
             f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
             "use --iterations instead"
         )
-    return bool(summary["outlook"]["done"])
+    return summary.outlook.done
 
 
 def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:

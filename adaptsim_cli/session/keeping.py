@@ -15,8 +15,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Pruned, Record
+from adaptsim_cli.session.records import Pruned
 from adaptsim_cli.session.store import MOTION, PRUNED, TRIAL, SessionStore, entries, folder_of
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked

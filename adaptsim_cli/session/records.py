@@ -4,37 +4,29 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import AnyRecord, Quantities, Record
+from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.storage import sealed
-from adaptsim_cli.storage.validation import place
+from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
-from perception.types import ObjectTrack, Outcome
+from perception.types import Outcome
 from sim.adaptation.verdict import Verdict
-from sim.types import Dimension, Space
-
-if TYPE_CHECKING:
-    from sim.adaptation.method import Outlook
+from sim.types import Space
 
 FORMAT = 4
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
-
-
-class Record(BaseModel):
-    """Base of all stored records: frozen, and unknown keys are an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class DimensionRecord(Record):
@@ -81,7 +73,7 @@ class Facts(Record):
     parameters: tuple[DimensionRecord, ...]
     context: tuple[DimensionRecord, ...]
     action: tuple[DimensionRecord, ...]
-    curves: dict[str, int] = {}
+    curves: dict[str, int] = Field(default_factory=dict)
     """Name -> index of the track's columns that are drawn over time instead of on the table."""
 
     def named(self) -> dict[str, str | int]:
@@ -101,41 +93,6 @@ class SessionStart(Record):
     particles: tuple[Samples, ...]
 
 
-class TrackRecord(Record):
-    """An `ObjectTrack`."""
-
-    t_s: Row
-    state: tuple[Row, ...]
-    confidence: Row
-    outcome: Outcome
-    end_in_tool_m: Row | None  # None: not known
-    flags: tuple[str, ...]
-
-    @classmethod
-    def from_track(cls, track: ObjectTrack) -> TrackRecord:
-        """The record of a track."""
-        end = track.end_in_tool_m
-        return cls(
-            t_s=as_row(track.t_s),
-            state=tuple(as_row(row) for row in track.state),
-            confidence=as_row(track.confidence),
-            outcome=track.outcome,
-            end_in_tool_m=as_row(end) if np.isfinite(end).all() else None,
-            flags=track.flags,
-        )
-
-    def track(self) -> ObjectTrack:
-        """The track, its arrays read-only."""
-        return ObjectTrack(
-            t_s=np.array(self.t_s),
-            state=np.array(self.state),
-            outcome=self.outcome,
-            end_in_tool_m=np.full(3, math.nan) if self.end_in_tool_m is None else np.array(self.end_in_tool_m),
-            confidence=np.array(self.confidence),
-            flags=self.flags,
-        )
-
-
 class KeyMoment(Record):
     """A camera frame stored for the report."""
 
@@ -144,36 +101,50 @@ class KeyMoment(Record):
     file: str
 
 
-class MotionRecord(Record):
-    """motion.json: a finished motion, with its proposal; stored before the recording is tracked."""
+class ProposedTrial(Record):
+    """A trial before its motion. A completed trial's record begins with these fields."""
 
-    drawn_context: Row
-    context: Row
-    action: Row
+    trial: int  # number of the trial in the session, from 1
+    attempt: int  # number of the attempt, from 1
+    iteration: int
+    particle: int
+    parameters: Quantities  # the particle's mean, for which its policy was trained
+    drawn_context: Quantities  # wanted, before the camera measured
+    context: Quantities  # as measured
+    goal_m: Row | None  # (x, y) wanted place of the object, for a task with such goals
+    action: Quantities  # commanded
     predicted_reward: float
-    predicted_low: float
+    predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
     predicted_high: float
+
+    @property
+    def place(self) -> tuple[int, TrialKey]:
+        """(iteration, key) of the trial; stages count from 0."""
+        return self.iteration - 1, TrialKey(self.trial, self.attempt - 1)
+
+    @property
+    def context_array(self) -> Array:
+        """(c,) the measured context, in units."""
+        return np.array(list(self.context.values()))
+
+    @property
+    def action_array(self) -> Array:
+        """(a,) the commanded action, in units."""
+        return np.array(list(self.action.values()))
+
+
+class MotionRecord(ProposedTrial):
+    """motion.json: a finished motion; stored before the recording is tracked."""
+
     started: str  # ISO 8601
     stopped: str | None  # why the motion ended early; None: it did not
     timing_s: dict[str, float]
-    checksums: dict[str, str] = {}  # name -> SHA-256 of each recorded file
+    checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
 
 
-class TrialRecord(Record):
-    """trial.json: one completed execution."""
+class TrialRecord(MotionRecord):
+    """trial.json: one tracked trial; JSON, tables, pages and films are views of it."""
 
-    number: int
-    attempt: int
-    iteration: int
-    particle: int
-    trial: int
-    drawn_context: Row
-    context: Row
-    goal_m: Row | None = None  # (x, y) wanted place of the object, for a task with such goals
-    action: Row
-    predicted_reward: float
-    predicted_low: float
-    predicted_high: float
     observation: Row
     reward: float
     outcome: Outcome
@@ -181,26 +152,28 @@ class TrialRecord(Record):
     track: TrackRecord
     moments: tuple[KeyMoment, ...]
     control_success_rate: float
-    started: str  # ISO 8601
-    timing_s: dict[str, float]
-    files: dict[str, int]  # name -> size in bytes of the other files in the folder, without motion.json
-    checksums: dict[str, str] = {}  # name -> SHA-256 of each file derived from the recording
+    files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 
     @property
-    def place(self) -> tuple[int, TrialKey]:
-        """(iteration, key) of the trial; stages count from 0."""
-        return self.iteration - 1, TrialKey(self.number, self.attempt - 1)
+    def outcome_words(self) -> str:
+        """The outcome in plain words."""
+        return self.outcome.value.replace("_", " ")
 
-    def amended(self, by: Amendment) -> TrialRecord:
-        """The trial with its amended outcome and reward."""
+    @property
+    def off_goal_mm(self) -> float | None:
+        """Distance of the object's final place from its goal; None without a goal."""
+        return None if self.goal_m is None else 1e3 * math.dist(self.track.state[-1][:2], self.goal_m)
+
+    def counting_as(self, outcome: Outcome, reward: float, observation: Row) -> TrialRecord:
+        """The trial with the outcome that an operator set."""
         tracked = self.overruled_from or self.outcome
         return self.model_copy(
             update={
-                "outcome": by.outcome,
-                "overruled_from": None if tracked == by.outcome else tracked,
-                "reward": by.reward,
-                "observation": by.observation,
-                "track": self.track.model_copy(update={"outcome": by.outcome}),
+                "outcome": outcome,
+                "overruled_from": None if tracked == outcome else tracked,
+                "reward": reward,
+                "observation": observation,
+                "track": self.track.model_copy(update={"outcome": outcome}),
             }
         )
 
@@ -239,47 +212,6 @@ class Amendment(Note):
     observation: Row
 
 
-class BestRecord(Record):
-    """The particle with the highest mean reward so far, and the 95 % interval of that mean."""
-
-    params: dict[str, float]
-    mean_reward: float
-    trials: int
-    ci95: tuple[float, float]
-
-
-NOTICEABLE = 0.05
-"""Corrections below this fraction of the quantity's range are not shown."""
-
-
-class OutlookRecord(Record):
-    """The expected gain of another iteration, and the correction of the simulator's actions."""
-
-    gain: float  # expected reward gained by one more iteration
-    likely: float  # chance that more than 0.05 is left to gain
-    done: bool  # another iteration is not worth its trials
-    hopeless: bool  # nothing in the ranges of the action is expected to work
-    correction: Row  # in units of the action, mean over contexts
-    correction_std: Row  # standard deviation over contexts
-
-    def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
-        """The quantities of the action with a noticeable correction, each with its correction."""
-        pairs = zip(dimensions, self.correction, strict=True)
-        return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
-
-    @classmethod
-    def of(cls, outlook: Outlook) -> OutlookRecord:
-        """The record of an outlook."""
-        return cls(
-            gain=outlook.gain,
-            likely=outlook.likely,
-            done=outlook.done,
-            hopeless=outlook.hopeless,
-            correction=as_row(outlook.correction),
-            correction_std=as_row(outlook.correction_std),
-        )
-
-
 class ResultRecord(Record):
     """result.json: the result of one iteration's trials."""
 
@@ -310,9 +242,6 @@ class Pruned(Record):
     files: dict[str, int]  # name -> size in bytes
 
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
-
-
 def to_json(record: Record) -> bytes:
     """The record as indented, sealed JSON. Raises ValueError on a value that is not finite."""
     return sealed.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
@@ -334,9 +263,7 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = place(first["loc"]) or "the whole file"
-        raise corrupt(path, f"{where}: {first['msg']}") from error
+        raise corrupt(path, explained(error)) from error
 
 
 def read_object(path: Path) -> dict[str, Any]:
@@ -371,8 +298,3 @@ def corrupt(path: Path, why: str) -> SessionError:
     return SessionError(
         f"{path} is corrupt or incomplete ({why}). Restore it from a copy, or start another session with --session"
     )
-
-
-def as_row(array: Array) -> Row:
-    """An array of any shape as one flat row of floats."""
-    return tuple(float(x) for x in np.asarray(array).ravel())

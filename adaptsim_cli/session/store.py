@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
@@ -19,7 +20,6 @@ from adaptsim_cli.session.records import (
     MotionRecord,
     Note,
     Pruned,
-    Record,
     ResultRecord,
     SessionStart,
     TrialRecord,
@@ -135,7 +135,10 @@ class SessionStore:
             if name not in pruned:
                 records.require_size(folder / name, size)
         amendments = self.amendments(iteration, key)
-        return record.amended(amendments[-1]) if amendments else record
+        if not amendments:
+            return record
+        last = amendments[-1]
+        return record.counting_as(last.outcome, last.reward, last.observation)
 
     def amendments(self, iteration: int, key: TrialKey) -> tuple[Amendment, ...]:
         """Every outcome that an operator set after accepting a trial; the last one counts."""
@@ -239,9 +242,9 @@ class SessionStore:
     def _nth_marker(self, iteration: int, key: TrialKey, kind: str, n: int) -> Path:
         return self._marker(iteration, key, f"{kind}-{n + 1}" if n else kind)
 
-    def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
+    def save_motion(self, record: MotionRecord, files: Mapping[str, bytes]) -> None:
         """Store a finished motion with its recorded files, whole or not at all."""
-        folder = self.trial_folder(iteration, key)
+        folder = self.trial_folder(*record.place)
         durable.make_folder(folder.parent)
         summed = record.model_copy(update={"checksums": _checksums(files)})
         durable.write_folder(folder, {**files, MOTION: records.to_json(summed)})
@@ -251,7 +254,7 @@ class SessionStore:
         folder = self.trial_folder(*record.place)
         there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = there | {name: len(content) for name, content in derived.items()}
-        sized = record.model_copy(update={"files": sizes, "checksums": _checksums(derived)})
+        sized = record.model_copy(update={"files": sizes, "checksums": record.checksums | _checksums(derived)})
         durable.complete_folder(folder, derived, TRIAL, records.to_json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import AnyRecord
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.keeping import ABOUT, About
 from adaptsim_cli.session.records import (
     Amendment,
-    AnyRecord,
     MotionRecord,
     Note,
     ResultRecord,

@@ -54,14 +54,17 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "motion.json",
         "A motion that is over, before anyone has looked at it.",
-        (("", "adaptsim_cli.session.records", "MotionRecord"),),
+        (
+            ("", "adaptsim_cli.session.records", "ProposedTrial"),
+            ("and", "adaptsim_cli.session.records", "MotionRecord"),
+        ),
     ),
     (
         "trial.json",
         "One completed trial.",
         (
-            ("", "adaptsim_cli.session.records", "TrialRecord"),
-            ("track", "adaptsim_cli.session.records", "TrackRecord"),
+            ("the fields of motion.json, and", "adaptsim_cli.session.records", "TrialRecord"),
+            ("track", "adaptsim_cli.outputs.trials", "TrackRecord"),
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
@@ -74,7 +77,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "| `asked`, `answered` | a question, and its answer | `answer` |\n"
         "| `done` | a step is over | `stage` |\n"
         "| `noted` | a warning was shown | |\n"
-        "| `planned` | before the question whether the arm may move | `trial`, `attempt`, `iteration`, `particle`, `parameters`, `context`, `action`, `expected_reward` |\n"
+        "| `planned` | before the question whether the arm may move | the fields of motion.json up to `predicted_high` |\n"
         "| `tracked` | before the review | `outcome`, `reward`, `flags` |\n"
         "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
         "| `reported` | the report was drawn | |\n"
@@ -89,7 +92,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What the trials of one iteration led to.",
         (
             ("", "adaptsim_cli.session.records", "ResultRecord"),
-            ("best", "adaptsim_cli.session.records", "BestRecord"),
+            ("best", "adaptsim_cli.outputs.trials", "BestRecord"),
             ("verdict", "sim.adaptation.verdict", "Verdict"),
         ),
     ),

@@ -69,6 +69,8 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
                 text = str(keyword.value.value)
             if keyword.arg == "json_schema_extra" and isinstance(keyword.value, ast.Dict):
                 unit = str(ast.literal_eval(keyword.value)["unit"])
+        if isinstance(call.func, ast.Name) and call.func.id in ("said", "maybe"):
+            text = str(ast.literal_eval(call.args[0]))
         if isinstance(call.func, ast.Name) and call.func.id == "_touched":
             _, what, unit = (ast.literal_eval(a) for a in call.args)
             text = f"{what}, from the touch-off"
@@ -80,6 +82,9 @@ def _type(node: ast.expr) -> str:
         node = node.slice.elts[0]
     text = ast.unparse(node)
     for old, new in (
+        ("Quantities", "dict[str, float]"),
+        ("tuple[tuple[float, ...], ...]", "list of vectors"),
+        ("tuple[float, ...]", "vector"),
         ("tuple[Samples, ...]", "list of lists of vectors"),
         ("tuple[Row, ...]", "list of vectors"),
         ("dict[str, Any]", "table"),
@@ -111,6 +116,8 @@ def _default(node: ast.expr | None) -> str:
     if ast.unparse(node).startswith(("_", "tuple(")):
         return "the maker's"
     if isinstance(node, ast.Call):
+        if isinstance(node.func, ast.Name) and node.func.id == "said":
+            return "–"
         if any(k.arg == "default_factory" for k in node.keywords):
             return "all defaults"
         return f"`{ast.unparse(node.args[0])}`" if node.args else "–"

@@ -74,7 +74,8 @@ def _words(kind: Any) -> str:
         return " or ".join(dict.fromkeys(_words(one) for one in arguments))
     if origin in (list, tuple):
         inner = _words(arguments[0])
-        return f"{len(arguments)} of {inner}" if origin is tuple else f"list of {inner}"
+        is_fixed = origin is tuple and Ellipsis not in arguments
+        return f"{len(arguments)} of {inner}" if is_fixed else f"list of {inner}"
     if origin is dict:
         return "object" if arguments[1] is Any else f"object of {_words(arguments[1])}"
     if isinstance(kind, type) and issubclass(kind, BaseModel | Enum):

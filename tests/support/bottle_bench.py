@@ -15,9 +15,8 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Assessment, ExpectedReward
-from adaptsim_cli.session.rig import Planner, Rig
+from adaptsim_cli.session.parts import Assessment, Parts, Provenance
+from adaptsim_cli.session.target import Planner, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeBench, FakeClock
@@ -115,6 +114,9 @@ class MiddleLearner:
     def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
         return _Middle()
 
+    def posterior(self, history: Sequence[Iteration]) -> None:
+        return None
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         verdict = Verdict(kind=Kind.TOO_FEW, reward=0.5, ci95=(0.0, 1.0), trials=1, strange=0)
         return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None)
@@ -127,8 +129,8 @@ class _Middle:
     def actions(self, contexts: Array) -> Array:
         return np.array([self(context) for context in contexts])
 
-    def predict(self, context: Array) -> ExpectedReward:
-        return ExpectedReward(0.5, 0.0, 1.0)
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        return (0.5, 0.0, 1.0)
 
 
 class _Camera:

@@ -16,9 +16,8 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Assessment, ExpectedReward
-from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.parts import Assessment, Parts, Provenance
+from adaptsim_cli.session.target import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
@@ -210,8 +209,8 @@ class ToyPolicy:
     def actions(self, contexts: np.ndarray) -> np.ndarray:
         return np.array([self(context) for context in contexts])
 
-    def predict(self, context: np.ndarray) -> ExpectedReward:
-        return ExpectedReward(0.9, 0.8, 1.0)
+    def predict(self, context: np.ndarray) -> tuple[float, float, float]:
+        return (0.9, 0.8, 1.0)
 
 
 @dataclass
@@ -234,6 +233,9 @@ class ToyLearner:
 
     def final(self, history: Sequence[Iteration]) -> ToyPolicy:
         return self.train(history[-1][0].particle, history)
+
+    def posterior(self, history: Sequence[Iteration]) -> None:
+        return None
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from adaptsim_cli.config import same_lab
+from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words
-from adaptsim_cli.session.records import BestRecord, Facts, ResultRecord
+from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.verdict import Kind, Reason, Verdict
 
 FACTS = Facts(

@@ -11,6 +11,7 @@ from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.sessions import Damaged, SessionRow
 from adaptsim_cli.session.amending import amend, amendable
 from adaptsim_cli.session.keeping import annotate, prune
 from adaptsim_cli.session.redoing import redo
@@ -107,10 +108,12 @@ def test_a_damaged_session_hides_no_other(root: Path, complete: SessionStore) ->
     for name, file in (("cut", "start.json"), ("empty", "session.toml")):
         shutil.copytree(complete.folder, root / name)
         (root / name / file).unlink()
-    listed = {row["session"]: row.get("error") for row in (overview_or_damage(root, name) for name in names(root))}
-    assert listed[NAME] is None
-    assert "start.json" in str(listed["cut"])
-    assert "session.toml" in str(listed["empty"])
+    listed = {row.session: row for row in (overview_or_damage(root, name) for name in names(root))}
+    assert isinstance(listed[NAME], SessionRow)
+    for name, file in (("cut", "start.json"), ("empty", "session.toml")):
+        damaged = listed[name]
+        assert isinstance(damaged, Damaged)
+        assert file in damaged.error
 
 
 def test_a_checksum_that_was_removed_is_noticed(root: Path) -> None:

@@ -189,8 +189,6 @@ def begin(
     Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this name
     exists, UnknownName, WorldError, CheckpointError.
     """
-    from dataclasses import replace
-
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring
 
@@ -199,7 +197,7 @@ def begin(
         "hw": config.SIMULATED,
     }  # fmt: skip
     resolved = config.load(flags)
-    settings = replace(resolved.config, world=conduct.absolute(resolved.config.world))
+    settings = resolved.config.model_copy(update={"world": conduct.absolute(resolved.config.world)})
     root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")

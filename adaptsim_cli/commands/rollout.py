@@ -64,7 +64,6 @@ def rollout(
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
     from contextlib import ExitStack
-    from dataclasses import replace
     from datetime import UTC, datetime
     from tempfile import TemporaryDirectory
 
@@ -92,7 +91,7 @@ def rollout(
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
-        settings = replace(settings, **{key: getattr(resolved.config, key) for key in changed})
+        settings = settings.model_copy(update={key: getattr(resolved.config, key) for key in changed})
     name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)

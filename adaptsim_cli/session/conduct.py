@@ -6,7 +6,7 @@ import difflib
 import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -74,7 +74,7 @@ def conduct(
     shows them after a restart. Raises any error that stops a session, with the command to continue.
     """
     root = resolved.places.sessions
-    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
+    asked = _anywhere(resolved.config)
     name = request.session or default_name(asked)
     known = _known(root, name)
     config = _continued(asked, known, request) if known else asked
@@ -143,7 +143,7 @@ def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
-    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
+    asked = _anywhere(resolved.config)
     name = request.session or default_name(asked)
     if (known := _known(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
@@ -160,6 +160,11 @@ def absolute(named: str) -> str:
     """A file's absolute path, so that a session can be continued from another folder; other names unchanged."""
     is_file = named.endswith(".toml") or "/" in named
     return str(Path(named).expanduser().absolute()) if is_file else named
+
+
+def _anywhere(config: Config) -> Config:
+    """The settings with absolute paths."""
+    return config.model_copy(update={"world": absolute(config.world), "object": absolute(config.object)})
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -180,7 +185,7 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
 
 def settings_of(store: SessionStore, config: Config) -> Config:
     """The settings that a session was begun with; settings that it does not freeze come from `config`."""
-    return replace(config, **{key: getattr(store.facts, key) for key in _FROZEN})
+    return config.model_copy(update={key: getattr(store.facts, key) for key in _FROZEN})
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:

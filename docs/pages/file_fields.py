@@ -6,7 +6,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "adaptsim.toml",
         "Settings of a project folder, or of the user (`adaptsim config path`). Each key is also the variable `ADAPTSIM_<KEY>`.",
-        (("", "adaptsim_cli.config", "_Values"),),
+        (("", "adaptsim_cli.config", "Config"),),
     ),
     (
         "rig.toml",

@@ -111,13 +111,11 @@ def _type(node: ast.expr) -> str:
 
 def _default(node: ast.expr | None) -> str:
     """The default as it stands in the source; a dash where the field must be given."""
-    if node is None:
+    if node is None or ast.unparse(node).startswith("said("):
         return "–"
     if ast.unparse(node).startswith(("_", "tuple(")):
         return "the maker's"
     if isinstance(node, ast.Call):
-        if isinstance(node.func, ast.Name) and node.func.id == "said":
-            return "–"
         if any(k.arg == "default_factory" for k in node.keywords):
             return "all defaults"
         return f"`{ast.unparse(node.args[0])}`" if node.args else "–"

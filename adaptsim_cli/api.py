@@ -22,15 +22,17 @@ import numpy as np
 
 from adaptsim_cli import config
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.session import recording, store, table
 from adaptsim_cli.session.recording import Recording
-from adaptsim_cli.session.records import BestRecord, Facts, TrialRecord
+from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.table import Row
 
 if TYPE_CHECKING:
     from adaptsim_cli.wiring.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
+    from sim.adaptation.verdict import Verdict
     from sim.tasks.solver import SolvedPolicy
 
 __all__ = [
@@ -55,7 +57,7 @@ class Iteration:
     number: int  # from 1
     mean_reward: float  # of its trials
     best: BestRecord  # the best parameters, and their expected reward with its 95 % interval
-    verdict: str
+    verdict: Verdict
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 
 
@@ -153,7 +155,7 @@ class Session:
         return store.SessionStore.open(self.root, self.name)
 
     def _trial(self, number: int) -> TrialRecord:
-        trials = {trial.number: trial for trial in self.trials}
+        trials = {trial.trial: trial for trial in self.trials}
         if number not in trials:
             known = ", ".join(map(str, trials)) or "none"
             raise UsageError(f"trial {number} of {self.name} is not completed; completed are {known}")
@@ -187,8 +189,6 @@ def begin(
     Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this name
     exists, UnknownName, WorldError, CheckpointError.
     """
-    from dataclasses import replace
-
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring
 
@@ -197,7 +197,7 @@ def begin(
         "hw": config.SIMULATED,
     }  # fmt: skip
     resolved = config.load(flags)
-    settings = replace(resolved.config, world=conduct.absolute(resolved.config.world))
+    settings = resolved.config.model_copy(update={"world": conduct.absolute(resolved.config.world)})
     root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")

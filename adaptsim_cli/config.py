@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -40,8 +40,8 @@ _PREFIX = "ADAPTSIM_"
 _NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG", "ADAPTSIM_K4A_LIBRARY"}  # the last: hw/camera/k4a_library.py
 
 
-class _Values(BaseModel):
-    """Types and ranges; the description of a key is its help, with its unit."""
+class Config(BaseModel):
+    """All settings, checked; the description of a key is its help, with its unit."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -65,26 +65,6 @@ class _Values(BaseModel):
     calibration_days: Annotated[
         int, Field(ge=1, description="age at which the program warns about a calibration, days")
     ] = 30
-
-
-@dataclass(frozen=True)
-class Config:
-    """All settings, checked."""
-
-    hw: Hardware
-    rig: str
-    task: str
-    world: str
-    method: str
-    checkpoint: str
-    solver: str
-    object: str
-    realtime: bool
-    seed: int
-    particles: int
-    workers: int
-    min_free_mb: int
-    calibration_days: int
 
     @property
     def is_simulated(self) -> bool:
@@ -182,7 +162,7 @@ def load(
     """All settings; a flag of None was not given. Raises UsageError naming the source, the key and the known keys."""
     env = os.environ if env is None else env
     where = places(env, project)
-    values: dict[str, Any] = _Values().model_dump()
+    values: dict[str, Any] = Config().model_dump()
     sources = dict.fromkeys(values, "default")
     layers = (
         (str(where.user_file), _read(where.user_file)),
@@ -208,7 +188,7 @@ def load(
 def template() -> str:
     """A settings file with every setting as a comment: default and meaning."""
     lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
-    for name, info in _Values.model_fields.items():
+    for name, info in Config.model_fields.items():
         lines += [f"# {info.description}", f"#{name} = {json.dumps(info.default)}", ""]
     return "\n".join(lines)
 
@@ -229,7 +209,7 @@ def _from_environment(env: Mapping[str, str]) -> dict[str, str]:
 
 def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str, Any]:
     try:
-        return _Values.model_validate(dict(layer), strict=strict).model_dump(include=set(layer))
+        return Config.model_validate(dict(layer), strict=strict).model_dump(include=set(layer))
     except ValidationError as error:
         raise UsageError(f"{source}: {_message(error)}") from error
 
@@ -237,10 +217,11 @@ def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str
 def _message(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     key = place(first["loc"])
-    known = tuple(field.name for field in fields(Config))
+    known = tuple(Config.model_fields)
     if first["type"] == "extra_forbidden":
         return unknown(key, key, known, "Known keys")
-    info = _Values.model_fields[str(first["loc"][0])]
     if first["type"] == "literal_error":
         return f"{key} = {first['input']!r}: choose one of {', '.join(get_args(Hardware))}"
-    return f"{key} = {first['input']!r}: {plain(first['msg'])} ({info.description})"
+    return (
+        f"{key} = {first['input']!r}: {plain(first['msg'])} ({Config.model_fields[str(first['loc'][0])].description})"
+    )

@@ -105,16 +105,16 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
     }
     with rig_in_lab(task, world, seed) as (lab, rig):
         try:
-            ready = rig.set_up(wanted, TrialKey(1, 0), cast(Operator, Nobody()))
-            action = policy(ready.context)
+            placed = rig.place(wanted, TrialKey(1, 0), cast(Operator, Nobody()))
+            action = policy(placed.context)
             facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
-            executed = ready.plan(action).execute()
-            seen, images = _seen(rig, ready.context, action, executed.files())
+            executed = rig.execute(rig.plan(placed, action))
+            seen, images = _seen(rig, placed.context, action, executed.files())
         except (NotExecutable, MotionRefused, PerceptionError) as error:
             return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
         truth = lab.truth()["trials"][-1]
         X_BO = np.array(truth["X_BO_placed"])
-    motion = task.require_hardware().plan(ready.context, action)
+    motion = task.require_hardware().plan(placed.context, action)
     alone = _without_arm(name, world, motion, X_BO)
     back_m = np.zeros((4, 4))
     back_m[0, 3] = NUDGE_M
@@ -122,7 +122,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
     row = Row(
         **facts,
         outcome=(alone.outcome.value, seen.outcome.value),
-        reward=(task.score(alone, ready.context), task.score(seen, ready.context)),
+        reward=(task.score(alone, placed.context), task.score(seen, placed.context)),
         end_m=(tuple(alone.state[-1].round(4).tolist()), tuple(seen.state[-1].round(4).tolist())),
         true_m=tuple(tuple(np.round(np.array(m["X_BO"])[-1, :3, 3], 4).tolist()) for m in truth["motions"]),
         is_lost=any(LOST_ON_THE_WAY in flag for flag in seen.flags),
@@ -143,9 +143,8 @@ def _seen(
     with TemporaryDirectory() as folder:
         for name, content in files.items():
             (Path(folder) / name).write_bytes(content)
-        replay = rig.replay(context, action, Path(folder))
-        track = replay.track()
-        return track, {n: c for n, c in replay.evidence(track).files.items() if n.endswith(".jpg")}
+        seen = rig.track(context, action, Path(folder))
+        return seen.track, {n: c for n, c in seen.files.items() if n.endswith(".jpg")}
 
 
 def _without_arm(name: str, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:

@@ -20,8 +20,8 @@ import numpy as np
 from adaptsim_cli import config
 from adaptsim_cli.wiring.benchmark import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.method import WORTHWHILE, Outlook
 from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
-from sim.adaptation.outlook import WORTHWHILE, Outlook
 from sim.adaptation.reality import RealityPolicy
 from sim.benchmark.places import Simulated, Tabled
 from sim.benchmark.sessions import Conditions, judge, run_session

@@ -25,7 +25,7 @@ def show(as_json: _Json = False) -> None:
     from adaptsim_cli.screen import console, views
 
     resolved = config.load()
-    settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in asdict(resolved.config).items()}
+    settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in resolved.config.model_dump().items()}
     screen = console.Screen(as_json=as_json)
     body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
     if not as_json:

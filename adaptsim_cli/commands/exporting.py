@@ -67,7 +67,7 @@ def replay(
     from adaptsim_cli.session import rerun_file, store, table, video, whole
 
     opened = store.SessionStore.open(config.load().places.sessions, session)
-    records = {record.number: record for record in table.trials_of(opened)}
+    records = {record.trial: record for record in table.trials_of(opened)}
     if trial not in records:
         known = ", ".join(map(str, records)) or "none"
         raise UsageError(f"trial {trial} of {session} is not completed; completed are {known}")

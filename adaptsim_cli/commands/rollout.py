@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from adaptsim_cli.commands import completing
 
 if TYPE_CHECKING:
+    from adaptsim_cli.outputs.trials import Rollout
     from adaptsim_cli.screen.console import Screen
 
 _Values = list[str] | None
@@ -64,7 +64,6 @@ def rollout(
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
     from contextlib import ExitStack
-    from dataclasses import replace
     from datetime import UTC, datetime
     from tempfile import TemporaryDirectory
 
@@ -92,7 +91,7 @@ def rollout(
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
-        settings = replace(settings, **{key: getattr(resolved.config, key) for key in changed})
+        settings = settings.model_copy(update={key: getattr(resolved.config, key) for key in changed})
     name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)
@@ -116,13 +115,13 @@ def rollout(
     screen.next(*(() if out else page), adapt)
 
 
-def _tell(screen: Screen, record: Mapping[str, Any]) -> None:
+def _tell(screen: Screen, record: Rollout) -> None:
     """Print the result of the trial."""
     from math import dist
 
-    outcome = record["outcome"].replace("_", " ")
-    if record["goal_m"] is not None:
-        outcome += f", {1e3 * dist(record['track']['state'][-1][:2], record['goal_m']):.0f} mm from the goal"
-    screen.plain(f"{outcome}, reward {record['reward']:.2f}")
-    for flag in record["flags"]:
+    outcome = record.outcome.value.replace("_", " ")
+    if record.goal_m is not None:
+        outcome += f", {1e3 * dist(record.track.state[-1][:2], record.goal_m):.0f} mm from the goal"
+    screen.plain(f"{outcome}, reward {record.reward:.2f}")
+    for flag in record.flags:
         screen.note(f"note: {flag}")

@@ -21,6 +21,7 @@ def list_rollouts(as_json: _Json = False) -> None:
     Example: adaptsim rollouts list
     """
     from adaptsim_cli import config
+    from adaptsim_cli.outputs.sessions import RolloutRow
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import listing, rollouts
 
@@ -31,8 +32,8 @@ def list_rollouts(as_json: _Json = False) -> None:
         screen.data("rollouts list", {"rollouts": found})
     elif found:
         screen.show(listing.rollouts(found))
-        for one in [one for one in found if "error" not in one][-1:]:
-            screen.next((f"adaptsim rollouts report {one['rollout']}", "the newest, on a page"))
+        for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
+            screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
     else:
         screen.plain(f"No rollouts yet in {root}. Make one: adaptsim rollout --task scooping --yes")
 

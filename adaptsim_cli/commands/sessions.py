@@ -28,6 +28,7 @@ def list_sessions(
     Example: adaptsim sessions list
     """
     from adaptsim_cli import config
+    from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import listing, store, summary
     from adaptsim_cli.session.keeping import archive_of
@@ -36,15 +37,15 @@ def list_sessions(
     root = archive_of(root) if archived else root
     found = [summary.overview_or_damage(root, name) for name in store.names(root)]
     if task is not None:
-        found = [one for one in found if "error" in one or one["task"] == task]
+        found = [one for one in found if isinstance(one, Damaged) or one.task == task]
     if tag is not None:
-        found = [one for one in found if "error" in one or tag in one["tags"]]
+        found = [one for one in found if isinstance(one, Damaged) or tag in one.tags]
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("sessions list", {"sessions": found})
     elif found:
         screen.show(listing.sessions(found))
-        whole = [one["session"] for one in found if "error" not in one]
+        whole = [one.session for one in found if not isinstance(one, Damaged)]
         for name in whole[-1:]:
             screen.next(
                 (f"adaptsim sessions show {name}", "every trial of the newest"),
@@ -71,7 +72,7 @@ def show(name: _Name, as_json: _Json = False) -> None:
         screen.data("sessions show", shown)
     else:
         screen.show(shows.session(shown))
-        rejected = {one["trial"] for one in shown["rejected"]} - {trial["trial"] for trial in shown["trials"]}
+        rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
         screen.next(
             (f"adaptsim run-iteration --session {name}", "goes on with it"),
             (f"adaptsim report {name}", "pictures, paths and parameters on one page"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from adaptsim_cli.calibration.parts import Hands
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.session.rig import Rig
+from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
 from hw.ports import Arm, Camera, GuardedArm, Hand

@@ -17,7 +17,7 @@ from sim.errors import NotExecutable
 from sim.panda.correction import ToolCorrection
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.rig import Paths, Planner
+    from adaptsim_cli.session.target import Paths, Planner
     from sim.tasks.task import Hardware, Task
     from sim.types import ToolMotion
 
@@ -54,7 +54,7 @@ class MountedTask:
 
         It caches plans, because a policy, its prediction and the trial need the same motion.
         """
-        from adaptsim_cli.session.rig import Planner
+        from adaptsim_cli.session.target import Planner
         from hw.kinematics import forward
 
         planned: dict[tuple[object, ...], Paths] = {}

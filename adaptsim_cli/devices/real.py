@@ -19,7 +19,7 @@ from adaptsim_cli.devices.rig_file.reading import BOARD
 from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.rig import Rig
+from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
 from hw.franka.settings import Payload

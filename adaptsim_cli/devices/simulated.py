@@ -10,7 +10,7 @@ from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import as_shipped
-from adaptsim_cli.session.rig import Rig
+from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
 from hw.ports import Arm

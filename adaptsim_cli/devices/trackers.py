@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from adaptsim_cli.session.rig import Tracker, TrackRequest
+from adaptsim_cli.session.target import Tracker, TrackRequest
 from perception.types import ObjectTrack, Outcome
 from sim.errors import UnknownName
 from sim.tasks.task import Task

@@ -1,8 +1,8 @@
-"""The common base of all JSON output: a version, no unknown keys, a meaning for every field, and units."""
+"""The common base of stored records and of JSON output: no unknown keys, a meaning for every field, and units."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -29,17 +29,24 @@ def maybe(meaning: str) -> Any:
     return Field(None, description=meaning)
 
 
-class Part(BaseModel):
-    """A part of an output: frozen, and unknown keys are an error, so that every key is documented."""
+AnyRecord = TypeVar("AnyRecord", bound="Record")
+
+
+class Record(BaseModel):
+    """What is stored or printed: frozen, and unknown keys are an error, so that every key is documented."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", json_schema_serialization_defaults_required=True)
 
+    def view(self, kind: type[AnyRecord]) -> AnyRecord:
+        """The fields of `kind` that this record has, as a `kind`."""
+        return kind(**{name: getattr(self, name) for name in kind.model_fields if hasattr(self, name)})
 
-class Output(Part):
+
+class Output(Record):
     """The output of one command."""
 
     version: int = Field(
-        VERSION, description="of this output; it increases when a key is removed or changes its meaning"
+        default=VERSION, description="of this output; it increases when a key is removed or changes its meaning"
     )
 
 

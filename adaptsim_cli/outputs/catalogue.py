@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from pydantic import BaseModel
+
 from adaptsim_cli.outputs import learning, rig, sessions, trials
 from adaptsim_cli.outputs.base import Output, said, unit_of
 
@@ -72,7 +74,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
 """The output of every command that takes `--json`."""
 
 
-def output(command: str, value: Mapping[str, Any]) -> dict[str, Any]:
+def output(command: str, value: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
     """`value` as the output of `command`, with its version first.
 
     Raises ValidationError if it does not match the model.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs.base import Output, Part, Quantities, maybe, said
+from adaptsim_cli.outputs.base import Output, Quantities, Record, maybe, said
 from adaptsim_cli.outputs.trials import UNITS
 
 
-class WorldRow(Part):
+class WorldRow(Record):
     """One world of the simulated lab."""
 
     name: str = said("its name")
@@ -17,7 +17,7 @@ class WorldRow(Part):
     physics: str = said("drake or mujoco")
 
 
-class Described(Part):
+class Described(Record):
     """One parameter, context, action or nuisance of a task."""
 
     name: str = said("its name")
@@ -56,7 +56,7 @@ class World(Output):
     trials: list[dict[str, Any]] | None = maybe("place and motion of the object in every trial so far")
 
 
-class CheckpointRow(Part):
+class CheckpointRow(Record):
     """One checkpoint."""
 
     task: str = said("its task; ? if its card cannot be read")
@@ -71,7 +71,7 @@ class Checkpoints(Output):
     checkpoints: list[CheckpointRow] = said("one each")
 
 
-class Figure(Part):
+class Figure(Record):
     """One figure of a card."""
 
     name: str = said("what it is")
@@ -92,7 +92,7 @@ class CheckpointVerified(Output):
     figures: list[Figure] = said("one each")
 
 
-class Identifiable(Part):
+class Identifiable(Record):
     """How well sessions can identify one parameter."""
 
     name: str = said("its name")

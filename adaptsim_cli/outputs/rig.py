@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs.base import Output, Part, maybe, said
+from adaptsim_cli.outputs.base import Output, Record, maybe, said
 
 Matrix = list[list[float]]
 Numbers = list[float]
@@ -96,7 +96,7 @@ class Overlay(Output):
     pictures: dict[str, str] = said("the picture of every view")
 
 
-class Camera(Part):
+class Camera(Record):
     """One of several cameras."""
 
     name: str = said("its name")
@@ -133,7 +133,7 @@ class Board(Output):
     measured: bool = said("whether its width was measured on the print")
 
 
-class Measured(Part):
+class Measured(Record):
     """A value with its interval."""
 
     value: float = said("the value, in the unit that the name ends with")
@@ -170,7 +170,7 @@ class TouchOffList(Output):
     open_sessions: list[str] = said("sessions that use the current one")
 
 
-class ComparedValue(Part):
+class ComparedValue(Record):
     """One quantity of two touch-offs."""
 
     quantity: str = said("what it is")
@@ -189,7 +189,7 @@ class TouchOffsCompared(Output):
     quantities: list[ComparedValue] = said("one each")
 
 
-class Check(Part):
+class Check(Record):
     """One line of the checklist."""
 
     group: str = said("part of the lab")
@@ -208,7 +208,7 @@ class Doctor(Output):
     checks: list[Check] = said("one each")
 
 
-class Setting(Part):
+class Setting(Record):
     """One setting."""
 
     value: str | int | float | bool = said("its value")

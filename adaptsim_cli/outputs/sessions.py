@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs.base import Output, Part, Quantities, said
-from adaptsim_cli.outputs.trials import UNITS, Best
+from adaptsim_cli.outputs.base import Output, Quantities, Record, said
+from adaptsim_cli.outputs.trials import UNITS, BestRecord, Trial
+from perception.types import Outcome
+from sim.adaptation.verdict import Verdict
 
 
-class SessionRow(Part):
+class SessionRow(Record):
     """One session in one line. A damaged one has only `session` and `error`."""
 
     session: str = said("its name")
@@ -21,13 +23,13 @@ class SessionRow(Part):
     iterations: int = said("complete iterations")
     trials: int = said("completed trials that count")
     mean_reward: float | None = said("of these trials; null without one")
-    verdict: str = said("sentence of its last iteration; empty before the first")
+    verdict: Verdict | None = said("of its last iteration; null before the first")
     size_bytes: int = said("its size on the disk")
     note: str = said("the operator's note")
-    tags: list[str] = said("its tags")
+    tags: tuple[str, ...] = said("its tags")
 
 
-class Damaged(Part):
+class Damaged(Record):
     """A session that cannot be read."""
 
     session: str = said("its name")
@@ -40,32 +42,27 @@ class SessionList(Output):
     sessions: list[SessionRow | Damaged] = said("one each")
 
 
-class ShownTrial(Part):
-    """One completed trial that counts."""
+class ShownTrial(Trial):
+    """One completed trial that counts, with its place in the session."""
 
-    trial: int = said("number of the trial in the session, from 1")
     attempt: int = said("which attempt at it counts, from 1")
     iteration: int = said("number of its iteration, from 1")
     particle: int = said("number of its particle, from 1")
-    reward: float = said("between 0 and 1")
     predicted_reward: float = said("reward that the simulator predicted")
-    outcome: str = said("how it ended")
-    overruled_from: str | None = said("tracked outcome, if the operator set another")
-    context: Quantities = said("context as measured, in `units`")
-    action: Quantities = said("commanded action, in `units`")
+    overruled_from: Outcome | None = said("tracked outcome, if the operator set another")
     timing_s: dict[str, float] = said("wall time by stage")
 
 
-class ShownResult(Part):
+class ShownResult(Record):
     """One complete iteration."""
 
     iteration: int = said("its number, from 1")
-    best: Best = said("the best parameters so far")
-    verdict: str = said("one sentence on the session")
+    best: BestRecord = said("the best parameters so far")
+    verdict: Verdict = said("whether to stop or to go on, and why")
     timing_s: dict[str, float] = said("wall time by stage; `total` is their sum")
 
 
-class ShownRejection(Part):
+class ShownRejection(Record):
     """One attempt that does not count."""
 
     trial: int = said("number of the trial, from 1")
@@ -85,12 +82,11 @@ class SessionShown(Output):
     results: list[ShownResult] = said("its complete iterations, in order")
 
 
-class Verified(Part):
+class Verified(Record):
     """One session, file by file."""
 
     session: str = said("its name")
     files: int = said("files that were read")
-    without_checksum: int = said("files of an earlier version; only their sizes were compared")
     damage: list[str] = said("one message a damaged file")
 
 
@@ -148,7 +144,7 @@ class Pruned(Output):
     size_bytes: int = said("disk space freed")
 
 
-class Quantity(Part):
+class Quantity(Record):
     """One parameter, context or action."""
 
     name: str = said("its name")
@@ -206,7 +202,7 @@ class Reported(Output):
     report: str = said("page that was written")
 
 
-class ComparedMethod(Part):
+class ComparedMethod(Record):
     """The pooled result of the sessions of one method."""
 
     method: str = said("which method")
@@ -228,7 +224,7 @@ class Compared(Output):
     tables: list[str] = said("tables that were written")
 
 
-class Stored(Part):
+class Stored(Record):
     """A trial as first tracked."""
 
     outcome: str = said("outcome that counts")
@@ -238,7 +234,7 @@ class Stored(Part):
     flags: list[str] = said("warnings of the tracking")
 
 
-class Now(Part):
+class Now(Record):
     """The same trial, tracked now."""
 
     outcome: str = said("tracked outcome")
@@ -247,7 +243,7 @@ class Now(Part):
     flags: list[str] = said("warnings of the tracking")
 
 
-class RetrackedTrial(Part):
+class RetrackedTrial(Record):
     """One trial, tracked again."""
 
     trial: int = said("number of the trial in the session, from 1")
@@ -269,14 +265,14 @@ class Retracked(Output):
     trials: list[RetrackedTrial] = said("one each")
 
 
-class RolloutRow(Part):
+class RolloutRow(Record):
     """One rollout in one line. A damaged one has only `rollout` and `error`."""
 
     rollout: str = said("its name")
     task: str = said("which task")
     hw: str = said("hardware: fake, panda or fr3")
     world: str = said("world of the simulated lab; empty on a real arm")
-    outcome: str = said("how it ended")
+    outcome: Outcome = said("how it ended")
     reward: float = said("between 0 and 1")
     context: Quantities = said("context as measured, in the task's units")
     action: Quantities = said("commanded action, in the task's units")
@@ -285,7 +281,7 @@ class RolloutRow(Part):
     folder: str = said("its folder")
 
 
-class DamagedRollout(Part):
+class DamagedRollout(Record):
     """A rollout that cannot be read."""
 
     rollout: str = said("its name")

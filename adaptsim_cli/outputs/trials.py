@@ -1,24 +1,37 @@
-"""Outputs of the commands that make trials: run-iteration, rollout, preview."""
+"""Trials and what follows from them, as they are stored and printed by run-iteration, rollout and preview."""
 
 from __future__ import annotations
 
-from adaptsim_cli.outputs.base import Output, Part, Quantities, said
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptsim_cli.outputs.base import Output, Quantities, Record, said
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.adaptation.verdict import Verdict
+from sim.types import Dimension
+
+if TYPE_CHECKING:
+    from sim.adaptation.method import Outlook
 
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
 
-class Trial(Part):
+class Trial(Record):
     """One completed trial that counts."""
 
     trial: int = said("number of the trial in the session, from 1")
     context: Quantities = said("context as measured, in `units`")
     action: Quantities = said("commanded action, in `units`")
     reward: float = said("between 0 and 1")
-    outcome: str = said("how it ended, a value of `perception.types.Outcome`")
-    observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
+    outcome: Outcome = said("how it ended, a value of `perception.types.Outcome`")
+    observation: tuple[float, ...] = said("motion of the object, normalised with the task's fixed bounds, time by time")
 
 
-class Particle(Part):
+class ParticleShown(Record):
     """One particle with its trials."""
 
     params: Quantities = said("parameters that its trials were made with, in `units`")
@@ -27,7 +40,7 @@ class Particle(Part):
     next_params: Quantities = said("parameters of the next iteration, in `units`")
 
 
-class Best(Part):
+class BestRecord(Record):
     """The best parameters of the session so far."""
 
     params: Quantities = said("parameters, in `units`")
@@ -36,17 +49,38 @@ class Best(Part):
     ci95: tuple[float, float] = said("95 % interval of the estimate")
 
 
-class Outlook(Part):
-    """The expected gain of another iteration."""
+NOTICEABLE = 0.05
+"""Corrections below this fraction of the quantity's range are not shown."""
+
+
+class OutlookRecord(Record):
+    """The expected gain of another iteration, and the correction of the simulator's actions."""
 
     gain: float = said("reward that one more iteration is expected to bring")
     likely: float = said("chance that more than 0.05 is left to gain")
     done: bool = said("another iteration is not worth its trials")
     hopeless: bool = said("nothing in the ranges of the action is expected to work")
-    correction: list[float] = said(
+    correction: tuple[float, ...] = said(
         "the correction that the trials add to the simulator's action, in the order of the action"
     )
-    correction_std: list[float] = said("its standard deviation over contexts")
+    correction_std: tuple[float, ...] = said("its standard deviation over contexts")
+
+    def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
+        """The quantities of the action with a noticeable correction, each with its correction."""
+        pairs = zip(dimensions, self.correction, strict=True)
+        return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
+
+    @classmethod
+    def of(cls, outlook: Outlook) -> OutlookRecord:
+        """The record of an outlook."""
+        return cls(
+            gain=outlook.gain,
+            likely=outlook.likely,
+            done=outlook.done,
+            hopeless=outlook.hopeless,
+            correction=as_row(outlook.correction),
+            correction_std=as_row(outlook.correction_std),
+        )
 
 
 class Iteration(Output):
@@ -59,22 +93,58 @@ class Iteration(Output):
     world: str = said("world of the simulated lab; empty on a real arm")
     seed: int = said("seed of all random numbers")
     units: dict[str, str] = said(UNITS)
-    particles: list[Particle] = said("particles, side by side")
-    best: Best = said("the best parameters so far")
-    verdict: str = said("one sentence on the session")
-    outlook: Outlook | None = said("null if the method does not look ahead")
+    particles: list[ParticleShown] = said("particles, side by side")
+    best: BestRecord = said("the best parameters so far")
+    verdict: Verdict = said("whether to stop or to go on, and why")
+    outlook: OutlookRecord | None = said("null if the method does not look ahead")
     timing_s: dict[str, float] = said("wall time by stage; `other` has no name, `total` is their sum")
 
 
-class Track(Part):
-    """The tracked object."""
+class TrackRecord(Record):
+    """The tracked object, an `ObjectTrack`."""
 
-    t_s: list[float] = said("times, from the start of the tool's motion")
-    state: list[list[float]] = said("a row for each time: position in m, or the states of a task without an arm")
-    confidence: list[float] = said("between 0 and 1, for each time")
-    outcome: str = said("how it ended")
-    end_in_tool_m: list[float] | None = said("the object's last position in the tool's frame; null if unknown")
-    flags: list[str] = said("warnings of the tracking and of the end of the motion")
+    t_s: tuple[float, ...] = said("times, from the start of the tool's motion")
+    state: tuple[tuple[float, ...], ...] = said(
+        "a row for each time: position in m, or the states of a task without an arm"
+    )
+    confidence: tuple[float, ...] = said("between 0 and 1, for each time")
+    outcome: Outcome = said("how it ended")
+    end_in_tool_m: tuple[float, ...] | None = said("the object's last position in the tool's frame; null if unknown")
+    flags: tuple[str, ...] = said("warnings of the tracking and of the end of the motion")
+
+    @classmethod
+    def from_track(cls, track: ObjectTrack) -> TrackRecord:
+        """The record of a track."""
+        end = track.end_in_tool_m
+        return cls(
+            t_s=as_row(track.t_s),
+            state=tuple(as_row(row) for row in track.state),
+            confidence=as_row(track.confidence),
+            outcome=track.outcome,
+            end_in_tool_m=as_row(end) if np.isfinite(end).all() else None,
+            flags=track.flags,
+        )
+
+    def track(self) -> ObjectTrack:
+        """The track, its arrays read-only."""
+        return ObjectTrack(
+            t_s=np.array(self.t_s),
+            state=np.array(self.state),
+            outcome=self.outcome,
+            end_in_tool_m=np.full(3, math.nan) if self.end_in_tool_m is None else np.array(self.end_in_tool_m),
+            confidence=np.array(self.confidence),
+            flags=self.flags,
+        )
+
+
+def as_row(array: Array) -> tuple[float, ...]:
+    """An array of any shape as one flat row of floats."""
+    return tuple(float(x) for x in np.asarray(array).ravel())
+
+
+def named(names: Sequence[str], point: Array) -> Quantities:
+    """A point by the names of its quantities. Raises ValueError if the counts differ."""
+    return dict(zip(names, as_row(point), strict=True))
 
 
 class Rollout(Output):
@@ -87,18 +157,18 @@ class Rollout(Output):
     units: dict[str, str] = said(UNITS)
     params: Quantities | None = said("parameters of the policy; null if the action was chosen by hand")
     context: Quantities = said("context as measured, in `units`")
-    goal_m: list[float] | None = said("(x, y) of the goal, for a task with a goal on the table")
+    goal_m: tuple[float, ...] | None = said("(x, y) of the goal, for a task with a goal on the table")
     action: Quantities = said("commanded action, in `units`")
     camera_late_s: float = said("calibrated delay of the camera's time stamps, already subtracted")
-    outcome: str = said("how it ended")
+    outcome: Outcome = said("how it ended")
     reward: float = said("between 0 and 1")
-    flags: list[str] = said("warnings of the tracking and of the end of the motion")
-    observation: list[float] = said("motion of the object, normalised with the task's fixed bounds, time by time")
-    track: Track = said("the tracked object")
+    flags: tuple[str, ...] = said("warnings of the tracking and of the end of the motion")
+    observation: tuple[float, ...] = said("motion of the object, normalised with the task's fixed bounds, time by time")
+    track: TrackRecord = said("the tracked object")
     when: str = said("when it was made")
 
 
-class Limit(Part):
+class Limit(Record):
     """One limit of one path."""
 
     path: str = said("approach, motion or return")

@@ -15,6 +15,7 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
 from adaptsim_cli.report.measured import Measured, mean_of, trial_std
 from adaptsim_cli.report.page import both, fill
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.table import Row, as_csv, rows, trials_of
@@ -51,6 +52,11 @@ class Compared:
         return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
 
     @property
+    def verdict(self) -> str:
+        """The verdict after its last iteration, in words."""
+        return in_words(self.result.verdict, self.facts.object_name) if self.result else "No iteration is complete yet."
+
+    @property
     def pair(self) -> tuple[str, str, int]:
         """The key for pairing sessions of different methods."""
         return self.facts.hw, self.facts.world_sha256, self.facts.seed
@@ -72,7 +78,7 @@ class Compared:
             "best_reward": best.best.mean_reward if best else "",
             "best_low": best.best.ci95[0] if best else "",
             "best_high": best.best.ci95[1] if best else "",
-            "verdict": best.verdict if best else "",
+            "verdict": best.verdict.kind.value if best else "",
         }
 
 

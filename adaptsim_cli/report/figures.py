@@ -46,13 +46,13 @@ def rewards(
             means.append((middle, mean))
             canvas.line(middle - band * 0.42, mean, middle + band * 0.42, mean, "mean")
         for trial in here:
-            slot = (trial.particle - 1) * per_particle + trial.trial - 1
+            slot = (trial.trial - 1) % (particles * per_particle)
             x = middle + step * (slot - (slots - 1) / 2)
             low, high = y(trial.predicted_low), y(trial.predicted_high)
             canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)
             mean = y(trial.predicted_reward)
             canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle - 1}")
-            told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
+            told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
             css = "dot" if trial.reward > 0 else "dot open"
             canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", told)
     if len(means) > 1:

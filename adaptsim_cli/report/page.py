@@ -6,21 +6,21 @@ import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
-from math import dist
 from pathlib import Path
 
 import numpy as np
 
+from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures, path_figures
 from adaptsim_cli.report.figures import NARROW, WIDE, Level
 from adaptsim_cli.report.hindsight import Judgement
 from adaptsim_cli.report.measured import Measured, mean_of, trial_std
 from adaptsim_cli.report.svg import plain
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
     Note,
-    OutlookRecord,
     ResultRecord,
     Row,
     Samples,
@@ -55,18 +55,6 @@ class TrialView:
     context: str
     action: str
     prediction: str = ""  # the figure, "" without a prediction
-
-    @property
-    def outcome(self) -> str:
-        """The outcome in plain words."""
-        return self.record.outcome.value.replace("_", " ")
-
-    @property
-    def miss(self) -> str:
-        """Distance of the object's final place from its goal, in words; "" without a goal."""
-        if self.record.goal_m is None:
-            return ""
-        return f"{1e3 * dist(self.record.track.state[-1][:2], self.record.goal_m):.0f} mm from the goal"
 
 
 @dataclass(frozen=True)
@@ -118,7 +106,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
     """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, known = store.facts, None if isinstance(judgement, str) else judgement
     views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
-    trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.number)
+    trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
@@ -130,6 +118,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
         iterations=views,
         trials=trials,
         latest=results[-1] if results else None,
+        verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
         best=_named(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),
@@ -237,20 +226,20 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     strip = tuple(Still(m.label, m.t_s, picture(folder / m.file)) for m in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
-    context = _quantities(_described(facts, facts.context), record.context)
-    action = _quantities(_described(facts, facts.action), record.action)
-    drawn = path_figures.prediction(record, known.predictions[record.number], tuple(facts.curves)) if known else ""
+    context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
+    action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
+    drawn = path_figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
     return TrialView(record, strip, overlay, context, action, drawn)
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
     notes = sorted(store.iteration_folder(iteration).glob("trial-*.rejected.json"))
-    return tuple(f"{_words(path.name, store.first)}: {read(Note, path).text}" for path in notes)
+    return tuple(f"{_words(path.name)}: {read(Note, path).text}" for path in notes)
 
 
-def _words(name: str, first: int) -> str:
+def _words(name: str) -> str:
     _, number, _, attempt = name.removesuffix(".rejected.json").split("-")
-    return f"Trial {int(number)}, attempt {int(attempt) + 1 - first}"
+    return f"Trial {int(number)}, attempt {int(attempt)}"
 
 
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:

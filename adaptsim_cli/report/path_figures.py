@@ -32,9 +32,9 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     if len(corners):
         canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
         canvas.text(x(corners[0, 0]), y(corners[0, 1]) + 16, "where the object is placed")
-    for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].number):
+    for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].trial):
         css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
-        told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
+        told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
         pixels = [(x(px), y(py)) for px, py in path]
         if trial.goal_m is not None:
             gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
@@ -61,7 +61,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
     for trial, (t_s, values) in zip(trials, paths, strict=True):
         css = f"track c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         css += "" if trial.reward > 0 else " failed"
-        told = f"trial {trial.number}: {trial.outcome.value.replace('_', ' ')}, reward {trial.reward:.2f}"
+        told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
         canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
     return canvas.svg()
 
@@ -74,7 +74,7 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
     seen = np.array(trial.track.state)[:, list(expected.columns)]
     if not curves:
         return _from_above(trial, expected, seen)
-    canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.number}, observed and predicted")
+    canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.trial}, observed and predicted")
     t_s = np.array(trial.track.t_s)
     x = Scale(0.0, float(max(t_s[-1], expected.t_s[-1])), 52.0, 392.0)
     for row, label in enumerate(curves):
@@ -102,7 +102,7 @@ def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
     half = np.array([170.0 / per_m, max(130.0, min(260.0, per_m * size[1])) / 2 / per_m])
     low, high = middle - half, middle + half
     bottom = 12.0 + per_m * float(high[1] - low[1])
-    canvas = Canvas(400, bottom + 44, f"Trial {trial.number}, observed and predicted path, seen from above")
+    canvas = Canvas(400, bottom + 44, f"Trial {trial.trial}, observed and predicted path, seen from above")
     x, y = Scale(low[0], high[0], 52.0, 392.0), Scale(low[1], high[1], bottom, 12.0)
     canvas.rect(52.0, 12.0, 340.0, bottom - 12.0, "table", 6)
     canvas.grid(x, y)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
+from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import path_figures
 from adaptsim_cli.report.page import both, fill, picture
 from adaptsim_cli.storage import durable
@@ -18,7 +15,7 @@ from sim.types import Dimension
 MOMENTS = ("start", "contact", "middle", "lift", "end", "rest")
 
 
-def write(record: Mapping[str, Any], folder: Path, out: Path | None = None) -> Path:
+def write(record: Rollout, folder: Path, out: Path | None = None) -> Path:
     """Write the page (default: `report.html` in the rollout's folder) and return its path. Raises SessionError."""
     path = (out if out is not None else folder / "report.html").absolute()
     durable.make_folder(path.parent)
@@ -26,30 +23,29 @@ def write(record: Mapping[str, Any], folder: Path, out: Path | None = None) -> P
     return path
 
 
-def render(record: Mapping[str, Any], folder: Path) -> str:
+def render(record: Rollout, folder: Path) -> str:
     """The page as HTML."""
-    task = get_task(record["task"]) if record["task"] in TASKS else None
-    spaces = {"Context": "context", "Action": "action", "Parameters of its policy": "params"}
+    task = get_task(record.task) if record.task in TASKS else None
     known: dict[str, Dimension] = {}
     if task is not None:
         known = {d.name: d for space in (task.parameters, task.context, task.action) for d in space.dimensions}
-    track = np.array(record["track"]["state"], dtype=np.float64)
-    times = np.array(record["track"]["t_s"], dtype=np.float64)
+    track = record.track.track()
     curves = dict(zip(task.observation.curves, task.observation.columns, strict=False)) if task is not None else {}
     figures = [
-        (label, both(partial(path_figures.one_curve, times, track[:, column], label)))
+        (label, both(partial(path_figures.one_curve, track.t_s, track.state[:, column], label)))
         for label, column in curves.items()
-    ] or [("On the table", both(lambda width: path_figures.one_path(track, record.get("goal_m"), width)))]
+    ] or [("On the table", both(lambda width: path_figures.one_path(track.state, record.goal_m, width)))]
+    points = {"Context": record.context, "Action": record.action, "Parameters of its policy": record.params}
     return fill(
         "rollout.html.j2",
         record=record,
         name=folder.name,
-        title=(task.title[:1].upper() + task.title[1:]) if task is not None else record["task"],
+        title=(task.title[:1].upper() + task.title[1:]) if task is not None else record.task,
         figures=figures,
         strip=[(m, picture(folder / f"moment-{m}.jpg")) for m in MOMENTS if (folder / f"moment-{m}.jpg").is_file()],
         quantities=[
-            (title, [(known.get(name, Dimension(name, "", 0.0, 1.0)), value) for name, value in record[key].items()])
-            for title, key in spaces.items()
-            if record.get(key)
+            (title, [(known.get(name, Dimension(name, "", 0.0, 1.0)), value) for name, value in point.items()])
+            for title, point in points.items()
+            if point
         ],
     )

@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -26,6 +26,9 @@ from adaptsim_cli.screen.durations import Durations
 from adaptsim_cli.screen.keyboard import read_line
 from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
@@ -101,7 +104,7 @@ class Screen:
         for listener in self._listeners:
             listener.noted(text.strip())
 
-    def data(self, command: str, value: Mapping[str, Any]) -> None:
+    def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> None:
         """Print the --json output of `command` on one line of stdout, checked against its model, version first."""
         from adaptsim_cli.outputs import catalogue
 

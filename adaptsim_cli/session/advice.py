@@ -1,39 +1,94 @@
-"""The next commands after an iteration, by its verdict. Pure."""
+"""A verdict in words, and the next commands after an iteration. Pure."""
 
 from __future__ import annotations
 
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.session.records import Facts, ResultRecord
+from sim.adaptation.method import WORTHWHILE
+from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 
 ENOUGH_ITERATIONS = 5
 """The paper's number of iterations."""
 
-GO_ON, ENOUGH, HOPELESS = "Go on: reward", "Stop here: reward", "Stop here: no action"
-TOO_FEW, NOT_YET, CONVERGED = "Too few trials to judge", "Not converged yet", "Converged"
-STAYS_LOW, CANNOT_EXPRESS = "Reward stays low", "cannot express"
-"""The parts by which the sentences of `sim.adaptation.verdict` are recognised."""
-
 Steps = tuple[tuple[str, str], ...]
 """(command, reason) of each step."""
+
+HEADLINES = {
+    Kind.GO_ON: "Go on",
+    Kind.ENOUGH: "Stop here",
+    Kind.HOPELESS: "No action in the ranges seems to work",
+    Kind.TOO_FEW: "Too few trials to judge",
+    Kind.NOT_CONVERGED: "Not converged yet",
+    Kind.CONVERGED: "Converged",
+    Kind.STAYS_LOW: "The reward stays low",
+}
+"""Each kind of verdict in a few words."""
+
+
+def in_words(verdict: Verdict, object_name: str) -> str:
+    """The verdict in one to three sentences."""
+    if verdict.kind is Kind.TOO_FEW:
+        return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
+    reward = f"reward {verdict.reward:.2f}, 95 % interval {verdict.ci95[0]:.2f} to {verdict.ci95[1]:.2f}"
+    told = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
+    if Reason.FAILURES in verdict.reasons:
+        told.append("The latest trials all failed.")
+    if verdict.kind is Kind.HOPELESS:
+        told.append("Stop here, and check how the tool is mounted, the object, and the calibration of the camera.")
+    if verdict.is_inexpressible:
+        told.append(
+            f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories lie "
+            "outside of what any parameters in the ranges predict."
+        )
+    elif verdict.kind is Kind.STAYS_LOW:
+        told.append(
+            "The trajectories look like simulated ones, but no parameters in the ranges seem to give an action that "
+            f"suits this {object_name}."
+        )
+    return " ".join(told)
+
+
+def _worth(verdict: Verdict) -> str:
+    """What another iteration is worth, for a method with a forecast."""
+    if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
+        return ""
+    worth = f"; another iteration is worth {verdict.gain:.2f}"
+    if verdict.kind is Kind.ENOUGH:
+        return worth
+    chance = f"{100.0 * verdict.likely:.0f} %"
+    return f"{worth}, and with a chance of {chance} there is more than {WORTHWHILE:.2f} to gain"
 
 
 def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     """The next commands, the likeliest first."""
+    verdict, done = result.verdict, result.iteration
     go_on = f"adaptsim run-iteration --session {facts.name}"
+    again = (go_on, f"iteration {done + 1}")
     use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
-    done, verdict = result.iteration, result.verdict
-    if CANNOT_EXPRESS in verdict or verdict.startswith(HOPELESS):
-        where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
-        tool = (f"adaptsim touch-off {where}", "measures table and tool again")
-        camera = (f"adaptsim calibrate check {where}", "has the camera moved?")
-        return (camera, tool, use) if facts.calibration else (use,)
-    if verdict.startswith(STAYS_LOW):
-        return (
-            (f"adaptsim lab list --task {facts.task}", "the ranges; to set your own: docs/guide/own-objects.md"),
-            use,
-        )
-    if verdict.startswith((CONVERGED, ENOUGH)):
-        return (use, (go_on, "only to know the reward more precisely"))
-    if verdict.startswith(NOT_YET) and done >= ENOUGH_ITERATIONS:
-        return (use, (go_on, f"{done} iterations are done; more rarely help"))
-    return ((go_on, f"iteration {done + 1}"), use)
+    checks = _checks(facts)
+    match verdict.kind:
+        case Kind.HOPELESS:
+            return (*checks, use)
+        case Kind.STAYS_LOW if verdict.is_inexpressible:
+            return (*checks, use)
+        case Kind.STAYS_LOW:
+            ranges = "the ranges; to set your own: docs/guide/own-objects.md"
+            return ((f"adaptsim lab list --task {facts.task}", ranges), use)
+        case Kind.ENOUGH | Kind.CONVERGED:
+            steps: Steps = (use, (go_on, "only to know the reward more precisely"))
+        case Kind.NOT_CONVERGED if done >= ENOUGH_ITERATIONS:
+            steps = (use, (go_on, f"{done} iterations are done; more rarely help"))
+        case _:
+            steps = (again, use)
+    return (*steps, *checks) if verdict.is_inexpressible else steps
+
+
+def _checks(facts: Facts) -> Steps:
+    """The checks of a rig that has a camera."""
+    if not facts.calibration:
+        return ()
+    where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
+    return (
+        (f"adaptsim calibrate check {where}", "has the camera moved?"),
+        (f"adaptsim touch-off {where}", "measures table and tool again"),
+    )

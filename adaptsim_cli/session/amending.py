@@ -12,10 +12,13 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.records import Amendment, TrialRecord, as_row
+from adaptsim_cli.outputs.trials import as_row
+from adaptsim_cli.session.operator import Choices
+from adaptsim_cli.session.records import Amendment, TrialRecord
 from adaptsim_cli.session.stages import Existing, TrialKey, current_key
 from adaptsim_cli.session.store import SessionStore
-from perception.types import Outcome
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
 from sim.tasks.task import Task
 
 _STEP = timedelta(seconds=1)
@@ -81,16 +84,22 @@ def amendable(
     """
     iteration, key = _accepted(store, number)
     record = store.trial(iteration, key)
-    track, context = record.track.track(), np.array(record.context)
-    rewards = {outcome: task.score(replace(track, outcome=outcome), context) for outcome in outcomes}
-    choices = {outcome: reward for outcome, reward in rewards.items() if np.isfinite(reward)}
+    choices = choices_of(task, outcomes, record.track.track(), record.context_array)
     if not choices:
         raise UsageError(f"trial {number} of {store.facts.name} was simulated without a camera: its outcome is exact")
     return record, choices
 
 
-Choices = dict[Outcome, float]
-"""Outcome that the track can support -> its reward."""
+def choices_of(task: Task, outcomes: tuple[Outcome, ...], track: ObjectTrack, context: Array) -> Choices:
+    """Every outcome that the track can support in this context (c,), with its reward."""
+    rewards = {outcome: task.score(replace(track, outcome=outcome), context) for outcome in outcomes}
+    return {outcome: reward for outcome, reward in rewards.items() if np.isfinite(reward)}
+
+
+def overruled(task: Task, record: TrialRecord, outcome: Outcome) -> TrialRecord:
+    """The trial with the outcome that the operator saw, scored again."""
+    track = replace(record.track.track(), outcome=outcome)
+    return record.counting_as(outcome, task.score(track, record.context_array), as_row(task.observation(track)))
 
 
 def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str) -> Amended:

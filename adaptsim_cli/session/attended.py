@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rich.text import Text
@@ -11,7 +10,7 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
-from adaptsim_cli.session.operator import Accept, Judged, Overrule, Proposal, Redo, Review
+from adaptsim_cli.session.operator import Accept, Choices, Overrule, Proposal, Redo, Review
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.store import SessionStore
@@ -59,12 +58,12 @@ class Attended:
         then = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
         self.screen.go_on(f"{proposal.announcement}.", "to start", then=then)
 
-    def review(self, judged: Judged) -> Review:
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""
-        self.screen.show(f"  Tracked: {views.words(judged.outcome.value)}, reward {judged.reward:.2f}")
-        for flag in judged.flags:
+        self.screen.show(f"  Tracked: {tracked.outcome_words}, reward {tracked.reward:.2f}")
+        for flag in tracked.track.flags:
             self.screen.note(f"  note: {flag}")
-        keys = (_ACCEPT, *((_OVERRULE,) if judged.possible else ()), _REDO, _LATER)
+        keys = (_ACCEPT, *((_OVERRULE,) if choices else ()), _REDO, _LATER)
         while (answer := self.screen.choose("Is this what you saw?", *keys, explain=_REVIEW)) != "":
             if answer == "q":
                 raise StoppedByOperator(
@@ -72,7 +71,7 @@ class Attended:
                 )
             if answer == "r" and (reason := self._reason()) is not None:
                 return Redo(reason)
-            if answer == "o" and (outcome := which_outcome(self.screen, judged.possible)) is not None:
+            if answer == "o" and (outcome := which_outcome(self.screen, choices)) is not None:
                 return Overrule(outcome)
         return Accept()
 
@@ -88,12 +87,12 @@ class Attended:
         return None if reason is None else reason or "the operator had it redone"
 
 
-def which_outcome(screen: Screen, possible: Sequence[tuple[Outcome, float]]) -> Outcome | None:
-    """Ask for one of the `possible` outcomes, shown with their rewards; None: keep the tracked one."""
-    numbered = {str(n): outcome for n, (outcome, _) in enumerate(possible, start=1)}
+def which_outcome(screen: Screen, choices: Choices) -> Outcome | None:
+    """Ask for one of the possible outcomes, shown with their rewards; None: keep the tracked one."""
+    numbered = {str(n): outcome for n, outcome in enumerate(choices, start=1)}
     keys = [
         Key(number, "to choose it", f"{views.words(outcome.value)} (reward {reward:.2f})")
-        for number, (outcome, reward) in zip(numbered, possible, strict=True)
+        for number, (outcome, reward) in zip(numbered, choices.items(), strict=True)
     ]
     for key in keys:
         screen.show(f"  {key.typed}  {key.meaning}")
@@ -102,7 +101,7 @@ def which_outcome(screen: Screen, possible: Sequence[tuple[Outcome, float]]) -> 
 
 
 def choose_amendment(
-    screen: Screen, store: SessionStore, record: TrialRecord, choices: Mapping[Outcome, float], named: str | None
+    screen: Screen, store: SessionStore, record: TrialRecord, choices: Choices, named: str | None
 ) -> Outcome:
     """The amended outcome of a trial: the one `named`, or one that a person chooses from its pictures.
 
@@ -111,13 +110,13 @@ def choose_amendment(
     if named is not None:
         known = {outcome.value: outcome for outcome in choices}
         if (outcome := known.get(named.replace(" ", "_"))) is None:
-            raise UsageError(f"--outcome {named}: trial {record.number} can have ended as one of {', '.join(known)}")
+            raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(known)}")
         return outcome
     folder = store.trial_folder(*record.place)
-    screen.show(f"Trial {record.number} counts as {views.words(record.outcome.value)}, reward {record.reward:.2f}.")
+    screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")
     for moment in record.moments:
         screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")
-    if (outcome := which_outcome(screen, tuple(choices.items()))) is None:
+    if (outcome := which_outcome(screen, choices)) is None:
         raise StoppedByOperator("nothing was amended")
     return outcome
 
@@ -150,7 +149,7 @@ class Unattended:
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
             )
 
-    def review(self, judged: Judged) -> Review:
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; accepts every outcome."""
         return Accept()
 

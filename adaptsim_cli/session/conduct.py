@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
@@ -29,7 +29,7 @@ from adaptsim_cli.session.in_terminal import InTerminal
 from adaptsim_cli.session.log import logged
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Facts, SessionStart, as_records, as_row
+from adaptsim_cli.session.records import Facts, SessionStart, as_records
 from adaptsim_cli.session.stages import Draw, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
@@ -74,7 +74,7 @@ def conduct(
     shows them after a restart. Raises any error that stops a session, with the command to continue.
     """
     root = resolved.places.sessions
-    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
+    asked = _anywhere(resolved.config)
     name = request.session or default_name(asked)
     known = _known(root, name)
     config = _continued(asked, known, request) if known else asked
@@ -106,23 +106,23 @@ def conduct(
             session.watcher.reported(path)
             if request.as_json:
                 screen.data("run-iteration", summary)
-            store.mark_shown(summary["iteration"] - 1, datetime.now(UTC).isoformat(timespec="seconds"))
+            store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break
     screen.plain(f"Report: {path}")
-    if (result := store.result(summary["iteration"] - 1)) is not None:
+    if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
     return path
 
 
-def _is_done(summary: Mapping[str, Any], method: str) -> bool:
+def _is_done(summary: Iteration, method: str) -> bool:
     """Raises UsageError if the method makes no forecast."""
-    if summary.get("outlook") is None:
+    if summary.outlook is None:
         raise UsageError(
             f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
             "use --iterations instead"
         )
-    return bool(summary["outlook"]["done"])
+    return summary.outlook.done
 
 
 def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
@@ -143,7 +143,7 @@ def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
-    asked = replace(resolved.config, world=absolute(resolved.config.world), object=absolute(resolved.config.object))
+    asked = _anywhere(resolved.config)
     name = request.session or default_name(asked)
     if (known := _known(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
@@ -160,6 +160,11 @@ def absolute(named: str) -> str:
     """A file's absolute path, so that a session can be continued from another folder; other names unchanged."""
     is_file = named.endswith(".toml") or "/" in named
     return str(Path(named).expanduser().absolute()) if is_file else named
+
+
+def _anywhere(config: Config) -> Config:
+    """The settings with absolute paths."""
+    return config.model_copy(update={"world": absolute(config.world), "object": absolute(config.object)})
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -180,10 +185,7 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
 
 def settings_of(store: SessionStore, config: Config) -> Config:
     """The settings that a session was begun with; settings that it does not freeze come from `config`."""
-    kept = {key: getattr(store.facts, key) for key in _FROZEN}
-    if store.facts.method == "adaptsim":
-        kept["method"] = store.facts.adaptsim_is
-    return replace(config, **kept)
+    return config.model_copy(update={key: getattr(store.facts, key) for key in _FROZEN})
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
@@ -197,7 +199,6 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         world_sha256=origin.world_sha256,
         seed=config.seed,
         method=config.method,
-        adaptsim_is="adaptsim",
         solver=config.solver,
         object=config.object,
         particles=config.particles,

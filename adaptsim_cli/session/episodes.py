@@ -122,7 +122,7 @@ def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
     """The episode of a trajectory: the state at even times; the action is that of the whole trial."""
     track = record.track.track()
     times_s = np.arange(0.0, float(track.t_s[-1]) + 1e-9, 1.0 / SIMULATED_FPS)
-    action = np.tile(np.array(record.action, np.float32), (len(times_s), 1))
+    action = np.tile(record.action_array.astype(np.float32), (len(times_s), 1))
     state = track.at(times_s).astype(np.float32)
     return Episode(record, store.facts.title, state, action, times_s.astype(np.float32), (), (0, 0))
 

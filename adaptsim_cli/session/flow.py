@@ -8,47 +8,36 @@ stored before the next one begins, so a session can stop or be killed between an
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
-from typing import Any
-
-import numpy as np
+from pathlib import Path
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs import catalogue
+from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
-from adaptsim_cli.session import amending, shows, trial
+from adaptsim_cli.session import amending, shows
+from adaptsim_cli.session.amending import choices_of, overruled
 from adaptsim_cli.session.drift import drift
 from adaptsim_cli.session.history import history_of, particles_of
-from adaptsim_cli.session.operator import Accept, Judged, Operator, Overrule, Proposal, Redo
+from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.policy import Believing
-from adaptsim_cli.session.records import (
-    BestRecord,
-    MotionRecord,
-    OutlookRecord,
-    ResultRecord,
-    Samples,
-    TrackRecord,
-    TrialRecord,
-    as_row,
-)
+from adaptsim_cli.session.records import MotionRecord, ProposedTrial, ResultRecord, Samples, TrialRecord
 from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, changes_until, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Executed, Ready, TrialEvidence
-from adaptsim_cli.session.watching import Seen, Unwatched, Watcher
+from adaptsim_cli.session.target import Executed, Placed, Planned, TrackedTrial
+from adaptsim_cli.session.watching import Unwatched, Watcher
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
-from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
 from sim.tasks.solver import SolvedPolicy
+from sim.tasks.task import Task
 
 TOTAL, REJECTED = "total", "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
@@ -81,7 +70,7 @@ class Session:
         self.beside_s.update(spent)
 
 
-def run_iteration(session: Session) -> dict[str, Any]:
+def run_iteration(session: Session) -> Iteration:
     """Do the missing steps of the present iteration, show the result, and return its summary.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
@@ -118,27 +107,28 @@ def run_trial(session: Session, stage: RunTrial) -> None:
 
 def _move(session: Session, stage: RunTrial) -> bool:
     """Set up, propose, confirm, execute, and store the recording. False: nothing has moved, try again."""
-    store, operator = session.store, session.operator
+    store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
         policy = _policy(session, stage.iteration, stage.particle)
-        ready = _set_up(session, stage)
-        with session.screen.busy("Choosing the action: the best that the arm can do", "choosing"):
-            action = policy(ready.context)
-        planned = ready.plan(action, session.screen.busy)
+        placed = _place(session, stage)
+        with progress("Choosing the action: the best that the arm can do", "choosing"):
+            action = policy(placed.context)
+        planned = target.plan(placed, action, progress)
         mean = particles_of(store, stage.iteration)[stage.particle].mean
-        keep = partial(store.scratch, "overlay.jpg")
-        proposal = trial.propose(session.parts.task, stage, mean, policy, ready, action, planned, keep, session.screen)
-        session.watcher.proposed(proposal, planned.sight())
-        operator.approve(proposal, session.parts.target.is_real)
+        proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
+        session.screen.show(shows.proposal(session.parts.task, proposal))
+        session.watcher.proposed(proposal, planned.preview)
+        operator.approve(proposal, target.is_real)
 
         started = _now()
         store.mark_started(stage.iteration, stage.key, started)
-
-        def save(executed: Executed) -> None:
-            motion = _motion_record(proposal, started, executed.stopped, session.screen.lap_s())
-            store.save_motion(stage.iteration, stage.key, motion, executed.files())
-
-        trial.execute(planned, save, session.screen)
+        executed = target.execute(planned, progress)
+        with progress("Storing the recording", "storing"):
+            files = executed.files()
+            motion = motion_record(proposal, started, executed, session.screen.lap_s())
+            store.save_motion(motion, files)
+        if executed.stopped is not None:
+            raise executed.stopped
         _say_drift(session)
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
@@ -157,36 +147,30 @@ def _say_drift(session: Session) -> None:
 
 def _look(session: Session, stage: RunTrial) -> None:
     """Track the recording, have the result reviewed and store the trial; everything is read from the disk."""
-    store, operator = session.store, session.operator
+    store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:
         _reject(session, stage, motion.stopped)
         return
-    context, action = np.array(motion.context), np.array(motion.action)
+    folder = store.trial_folder(stage.iteration, stage.key)
     try:
-        folder = store.trial_folder(stage.iteration, stage.key)
-        replay, track = trial.look(session.parts.target, context, action, folder, session.screen)
+        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy)
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
             return
         raise
-    judged = _judged(session, context, track)
-    with session.screen.busy("Choosing the pictures of its key moments", "storing"):
-        evidence = replay.evidence(track)
-    session.watcher.tracked(judged, track, Seen(replay.track_px(track), evidence.moments, evidence.files))
-    review = operator.review(judged)
+    record = trial_record(task, motion, seen)
+    session.watcher.tracked(record, seen)
+    review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
     if isinstance(review, Redo):
         _reject(session, stage, review.reason)
         return
-    tracked = track.outcome
-    if isinstance(review, Overrule):
-        track = replace(track, outcome=review.outcome)
-        evidence = replay.evidence(track)
     with session.screen.busy("Storing the trial", "storing"):
-        record = _trial_record(session, stage, motion, evidence, track, tracked)
+        if isinstance(review, Overrule):
+            record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
-        store.save_trial(record, evidence.files)
+        store.save_trial(record, seen.files)
     tell(session)
     session.screen.show(shows.trial_done(record, manual=not isinstance(review, Accept)))
 
@@ -212,7 +196,7 @@ def adapt(session: Session, stage: Adapt) -> None:
         trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
         next_particles=tuple(_rows(particle) for particle in particles),
         best=BestRecord(
-            params=dict(zip(names, as_row(found.best.particle.mean), strict=True)),
+            params=named(names, found.best.particle.mean),
             mean_reward=found.best.mean_reward,
             trials=found.best.trials,
             ci95=found.best.ci95,
@@ -224,7 +208,7 @@ def adapt(session: Session, stage: Adapt) -> None:
         changes=changes,
         amended=amending.sentences(store, stage.iteration, known),
     )
-    shown = catalogue.output("run-iteration", _summary(session, records, result))
+    shown = _summary(session, records, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.beside_s.clear()
     tell(session)
@@ -235,16 +219,12 @@ def tell(session: Session) -> None:
     learner, last = session.parts.learner, session.store.iterations() - 1
 
     def posterior() -> Posterior | None:
-        return (
-            learner.posterior(history_of(session.parts.task, session.store, last))
-            if isinstance(learner, Believing)
-            else None
-        )
+        return learner.posterior(history_of(session.parts.task, session.store, last))
 
     session.watcher.changed(session.store, posterior)
 
 
-def show(session: Session, stage: Show) -> dict[str, Any]:
+def show(session: Session, stage: Show) -> Iteration:
     """Show what the iteration changed and return its summary."""
     store, screen = session.store, session.screen
     if (result := store.result(stage.iteration)) is None:
@@ -254,12 +234,12 @@ def show(session: Session, stage: Show) -> dict[str, Any]:
     return _summary(session, store.trials(stage.iteration), result)
 
 
-def _summary(session: Session, trials: Sequence[TrialRecord], result: ResultRecord) -> dict[str, Any]:
+def _summary(session: Session, trials: Sequence[TrialRecord], result: ResultRecord) -> Iteration:
     before = particles_of(session.store, result.iteration - 1)
-    return summary(session.store.facts, session.parts.task.parameters.names, before, trials, result)
+    return summary(session.store.facts, before, trials, result)
 
 
-def _set_up(session: Session, stage: RunTrial) -> Ready:
+def _place(session: Session, stage: RunTrial) -> Placed:
     """Announce the trial, then have the object placed and found."""
     task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
@@ -267,64 +247,57 @@ def _set_up(session: Session, stage: RunTrial) -> Ready:
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     session.screen.show(shows.trial(task, session.store.facts, stage, particle))
-    return parts.target.set_up(drawn, stage.key, session.operator, session.screen.busy)
+    return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
 
 
-def _judged(session: Session, context: Array, track: ObjectTrack) -> Judged:
-    task, outcomes = session.parts.task, session.parts.target.outcomes
-    rewards = [(o, task.score(replace(track, outcome=o), context)) for o in outcomes]
-    possible = tuple((o, reward) for o, reward in rewards if np.isfinite(reward))
-    return Judged(track.outcome, task.score(track, context), track.flags, possible)
-
-
-def _motion_record(
-    made: Proposal, started: str, stopped: HardwareError | None, timing_s: dict[str, float]
-) -> MotionRecord:
-    return MotionRecord(
-        drawn_context=as_row(made.drawn),
-        context=as_row(made.context),
-        action=as_row(made.action),
-        predicted_reward=made.prediction.reward,
-        predicted_low=made.prediction.low,
-        predicted_high=made.prediction.high,
-        started=started,
-        stopped=None if stopped is None else str(stopped),
-        timing_s=timing_s,
-    )
-
-
-def _trial_record(
-    session: Session,
+def propose(
+    task: Task,
     stage: RunTrial,
-    motion: MotionRecord,
-    evidence: TrialEvidence,
-    track: ObjectTrack,
-    tracked: Outcome,
-) -> TrialRecord:
-    task, context = session.parts.task, np.array(motion.context)
-    return TrialRecord(
-        number=stage.key.number,
+    parameters: Array,
+    policy: SolvedPolicy,
+    planned: Planned,
+    keep: Callable[[bytes], Path],
+) -> Proposal:
+    """A planned trial with its expected reward; `parameters` (p,) are those of the policy.
+
+    `keep` stores the picture of the detection for the operator.
+    """
+    placed = planned.placed
+    expected, low, high = policy.predict(placed.context)
+    trial = ProposedTrial(
+        trial=stage.key.number,
         attempt=stage.key.attempt + 1,
         iteration=stage.iteration + 1,
         particle=stage.particle + 1,
-        trial=stage.trial + 1,
-        drawn_context=motion.drawn_context,
-        context=motion.context,
-        goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
-        action=motion.action,
-        predicted_reward=motion.predicted_reward,
-        predicted_low=motion.predicted_low,
-        predicted_high=motion.predicted_high,
-        observation=as_row(task.observation(track)),
-        reward=task.score(track, context),
-        outcome=track.outcome,
-        overruled_from=None if tracked == track.outcome else tracked,
-        track=TrackRecord.from_track(track),
-        moments=evidence.moments,
-        control_success_rate=evidence.control_success_rate,
-        started=motion.started,
-        timing_s={},
-        files={},
+        parameters=named(task.parameters.names, parameters),
+        drawn_context=named(task.context.names, placed.drawn),
+        context=named(task.context.names, placed.context),
+        goal_m=None if task.goal_m is None else as_row(task.goal_m(placed.context)),
+        action=named(task.action.names, planned.action),
+        predicted_reward=expected,
+        predicted_low=low,
+        predicted_high=high,
+    )
+    overlay = None if placed.overlay is None else keep(placed.overlay)
+    return Proposal(trial, planned.summary, planned.announcement, overlay)
+
+
+def motion_record(made: Proposal, started: str, executed: Executed, timing_s: dict[str, float]) -> MotionRecord:
+    """The record of a finished motion."""
+    stopped = None if executed.stopped is None else str(executed.stopped)
+    return MotionRecord(**dict(made.trial), started=started, stopped=stopped, timing_s=timing_s)
+
+
+def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialRecord:
+    """The record of a tracked trial."""
+    return TrialRecord(
+        **dict(motion),
+        observation=as_row(task.observation(seen.track)),
+        reward=task.score(seen.track, motion.context_array),
+        outcome=seen.track.outcome,
+        track=TrackRecord.from_track(seen.track),
+        moments=seen.moments,
+        control_success_rate=seen.control_success_rate,
     )
 
 

@@ -35,8 +35,8 @@ def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, .
 
 def _learnt_from(task: Task, record: TrialRecord) -> Trial:
     return Trial(
-        context=np.array(record.context),
-        action=np.array(record.action),
+        context=record.context_array,
+        action=record.action_array,
         observation=np.array(record.observation),
         reward=record.reward,
         end_state=task.end_of(record.track.track()),

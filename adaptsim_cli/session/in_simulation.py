@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
+from adaptsim_cli.outputs.trials import TrackRecord
 from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import TrackRecord, read, to_json
+from adaptsim_cli.session.records import read, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import TrialEvidence
+from adaptsim_cli.session.target import Executed, Placed, Planned, Progress, TrackedTrial, silently
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
@@ -42,87 +40,22 @@ class InSimulation:
         """See `Target`; never: nothing can have moved."""
         return False
 
-    def replay(self, context: Array, action: Array, folder: Path) -> SimulatedReplay:
-        """See `Target`: the stored trajectory of a trial. Raises SessionError."""
-        return SimulatedReplay(read(TrackRecord, folder / FILE).track())
-
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> SimulatedReady:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """See `Target`: the drawn context is the true one."""
-        return SimulatedReady(self, drawn)
+        return Placed(drawn, drawn)
 
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+        """See `Target`: nothing limits a simulated trial."""
+        summary = f"{self.duration_s:.1f} s of the {self.object_name} will be simulated"
+        return Planned(placed, action, summary, f"The {self.object_name} is simulated for {self.duration_s:.1f} s")
 
-@dataclass(frozen=True, eq=False)
-class SimulatedReady:
-    """A simulated target with its context set, ready to plan."""
+    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+        """See `Target`: run the rollout, which nothing can stop."""
+        with progress(f"Simulating the {self.object_name}", "simulating"):
+            trajectory = self.rollout(planned.placed.context, planned.action)
+        return Executed(lambda: {FILE: to_json(TrackRecord.from_track(trajectory))})
 
-    target: InSimulation
-    drawn: Array
-    overlay: None = None
-
-    @property
-    def context(self) -> Array:
-        """(c,) as it was drawn, in units."""
-        return self.drawn
-
-    def plan(self, action: Array, during: During = silently) -> SimulatedPlan:
-        """The rollout of `action` (a,), not run yet."""
-        return SimulatedPlan(self.target, self.context, action)
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedPlan:
-    """A simulated trial that waits to be executed."""
-
-    target: InSimulation
-    context: Array
-    action: Array
-
-    @property
-    def summary(self) -> str:
-        """How long the rollout lasts, for the screen."""
-        return f"{self.target.duration_s:.1f} s of the {self.target.object_name} will be simulated"
-
-    @property
-    def announcement(self) -> str:
-        """The sentence that asks for approval."""
-        return f"The {self.target.object_name} is simulated for {self.target.duration_s:.1f} s"
-
-    def sight(self) -> None:
-        """There is no camera."""
-
-    def execute(self, during: During = silently) -> SimulatedTrial:
-        """Run the rollout."""
-        with during(f"Simulating the {self.target.object_name}", "simulating"):
-            return SimulatedTrial(self.target.rollout(self.context, self.action))
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedTrial:
-    """A finished simulated trial; nothing can stop one."""
-
-    trajectory: ObjectTrack
-    stopped: None = None
-
-    def files(self) -> Mapping[str, bytes]:
-        """The file with the trajectory, stored beside the trial."""
-        return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedReplay:
-    """A stored simulated trial, read again."""
-
-    trajectory: ObjectTrack
-    looking: str = "Reading the trajectory"
-
-    def track(self) -> ObjectTrack:
-        """The trajectory; there is nothing to track."""
-        return self.trajectory
-
-    def evidence(self, track: ObjectTrack) -> TrialEvidence:
-        """Nothing besides the trajectory."""
-        return TrialEvidence()
-
-    def track_px(self, track: ObjectTrack) -> Array:
-        """See `TrialReplay`: there is no camera."""
-        return np.zeros((0, 2))
+    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+        """See `Target`: the stored trajectory. Raises SessionError."""
+        with progress("Reading the trajectory", "reading"):
+            return TrackedTrial(read(TrackRecord, folder / FILE).track())

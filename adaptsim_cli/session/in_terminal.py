@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Seen, Sight, Telling
+from adaptsim_cli.session.target import MotionPreview, TrackedTrial
+from adaptsim_cli.session.watching import PosteriorSource
 from hw.bounded import decode_image
-from perception.types import ObjectTrack
 
 
 class InTerminal:
@@ -21,17 +22,17 @@ class InTerminal:
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
 
-    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        if sight is not None:
-            self._screen.picture(sight.picture)
+        if preview is not None:
+            self._screen.picture(preview.picture)
 
-    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
         """See `Watcher`."""
         if seen.moments:
             self._screen.picture(strip([seen.files[moment.file] for moment in seen.moments]))
 
-    def changed(self, store: SessionStore, posterior: Telling) -> None:
+    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`; does nothing, because the numbers are shown as text."""
 
     def reported(self, path: Path) -> None:

@@ -15,8 +15,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Pruned, Record
+from adaptsim_cli.session.records import Pruned
 from adaptsim_cli.session.store import MOTION, PRUNED, TRIAL, SessionStore, entries, folder_of
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.locking import locked
@@ -49,7 +50,7 @@ class Room:
 def about(folder: Path) -> About:
     """Note and tags of the session in `folder`; empty if there are none. Raises SessionError."""
     path = folder / ABOUT
-    return records.read(About, path, must_be_sealed=True) if path.exists() else About()
+    return records.read(About, path) if path.exists() else About()
 
 
 def annotate(folder: Path, note: str | None = None, add: Sequence[str] = (), remove: Sequence[str] = ()) -> About:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow
 from adaptsim_cli.screen import views
+from adaptsim_cli.session.advice import HEADLINES
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def sessions(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+def sessions(found: Sequence[SessionRow | Damaged]) -> RenderableType:
     """Sessions with task, progress and result; damaged sessions come last."""
-    whole = [part for s in found if "error" not in s for part in _session(s)]
-    damaged = [Text.assemble((str(s["session"]), "bold"), f" {s['error']}") for s in found if "error" in s]
+    whole = [part for s in found if isinstance(s, SessionRow) for part in _session(s)]
+    damaged = [Text.assemble((s.session, "bold"), f" {s.error}") for s in found if isinstance(s, Damaged)]
     return Group(*whole, *damaged)
 
 
-def rollouts(found: Sequence[Mapping[str, Any]]) -> RenderableType:
+def rollouts(found: Sequence[RolloutRow | DamagedRollout]) -> RenderableType:
     """Rollouts with outcome and reward, one per line."""
     return Group(*(part for r in found for part in _rollout(r)))
 
@@ -31,33 +31,31 @@ def size(count: int) -> str:
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB" if count >= 1e6 else "under 1 MB"
 
 
-def _session(s: Mapping[str, Any]) -> list[RenderableType]:
-    where = f"SIMULATED world {str(s['world']).split('/')[-1]}" if s["world"] else f"REAL ROBOT {s['hw']}"
-    reward = "no reward yet" if s["mean_reward"] is None else f"mean reward {s['mean_reward']:.2f}"
+def _session(s: SessionRow) -> list[RenderableType]:
+    where = f"SIMULATED world {s.world.split('/')[-1]}" if s.world else f"REAL ROBOT {s.hw}"
     facts = (
-        str(s["task"]),
+        s.task,
         where,
-        str(s["method"]),
-        f"{_count(s['iterations'], 'iteration')}, {_count(s['trials'], 'trial')}",
-        reward,
-        size(s["size_bytes"]),
-        str(s["created"])[:16].replace("T", " "),
+        s.method,
+        f"{_count(s.iterations, 'iteration')}, {_count(s.trials, 'trial')}",
+        "no reward yet" if s.mean_reward is None else f"mean reward {s.mean_reward:.2f}",
+        size(s.size_bytes),
+        s.created[:16].replace("T", " "),
     )
-    lines: list[RenderableType] = [_name(str(s["session"]), s["tags"]), _joined(facts)]
-    if s["verdict"]:
-        lines.append(views.indent(Text(re.split(r"[:(]", str(s["verdict"]))[0].strip().rstrip("."))))
-    if s["note"]:
-        lines.append(views.indent(Text(str(s["note"]), style="italic")))
+    lines: list[RenderableType] = [_name(s.session, s.tags), _joined(facts)]
+    if s.verdict:
+        lines.append(views.indent(Text(HEADLINES[s.verdict.kind])))
+    if s.note:
+        lines.append(views.indent(Text(s.note, style="italic")))
     return lines
 
 
-def _rollout(r: Mapping[str, Any]) -> list[RenderableType]:
-    if "error" in r:
-        return [Text.assemble((str(r["rollout"]), "bold"), f" {r['error']}")]
-    where = f"SIMULATED world {str(r['world']).split('/')[-1]}" if r["world"] else f"REAL ROBOT {r['hw']}"
-    outcome = str(r["outcome"]).replace("_", " ")
-    facts = (str(r["task"]), where, f"{outcome}, reward {r['reward']:.2f}", size(r["size_bytes"]))
-    return [_name(str(r["rollout"]), ()), _joined((*facts, str(r["when"])[:16].replace("T", " ")))]
+def _rollout(r: RolloutRow | DamagedRollout) -> list[RenderableType]:
+    if isinstance(r, DamagedRollout):
+        return [Text.assemble((r.rollout, "bold"), f" {r.error}")]
+    where = f"SIMULATED world {r.world.split('/')[-1]}" if r.world else f"REAL ROBOT {r.hw}"
+    facts = (r.task, where, f"{views.words(r.outcome.value)}, reward {r.reward:.2f}", size(r.size_bytes))
+    return [_name(r.rollout, ()), _joined((*facts, r.when[:16].replace("T", " ")))]
 
 
 def _name(name: str, tags: Sequence[str]) -> Text:

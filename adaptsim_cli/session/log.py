@@ -18,14 +18,15 @@ from typing import Any, Literal
 from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.operator import Judged, Proposal
-from adaptsim_cli.session.records import Record, as_row
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Seen, Sight, Telling
+from adaptsim_cli.session.target import MotionPreview, TrackedTrial
+from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.storage import durable
 from hw.bounded import JSON_BYTES, read_bytes
-from perception.types import ObjectTrack
 
 FILE = "log.jsonl"
 
@@ -68,27 +69,15 @@ class SessionLog:
         """See `Listener`."""
         self.write("noted", text)
 
-    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        stage, expected = made.stage, made.prediction
-        self.write(
-            "planned",
-            made.summary,
-            trial=stage.key.number,
-            attempt=stage.key.attempt + 1,
-            iteration=stage.iteration + 1,
-            particle=stage.particle + 1,
-            parameters=as_row(made.parameters),
-            context=as_row(made.context),
-            action=as_row(made.action),
-            expected_reward=[expected.reward, expected.low, expected.high],
-        )
+        self.write("planned", made.summary, **made.trial.model_dump(mode="json"))
 
-    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
         """See `Watcher`."""
-        self.write("tracked", outcome=judged.outcome.value, reward=judged.reward, flags=list(judged.flags))
+        self.write("tracked", outcome=record.outcome.value, reward=record.reward, flags=list(record.track.flags))
 
-    def changed(self, store: SessionStore, posterior: Telling) -> None:
+    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
         existing = store.existing()
         self.write("stored", trials=len(existing.completed), iterations=len(existing.results))

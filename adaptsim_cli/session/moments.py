@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import KeyMoment
-from adaptsim_cli.session.rig import Image
+from adaptsim_cli.session.target import Image
 from hw.types import Array, CameraModel, ContactWindow, Frame
 from perception.types import ObjectTrack
 

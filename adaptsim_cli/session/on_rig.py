@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,23 +14,32 @@ from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.drift import brightness
-from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
 from adaptsim_cli.session.records import RIG, to_json
-from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import TrialEvidence
-from adaptsim_cli.session.watching import Sight
+from adaptsim_cli.session.target import (
+    Executed,
+    MotionPreview,
+    Paths,
+    Placed,
+    Planned,
+    Planner,
+    Progress,
+    Rig,
+    TrackedTrial,
+    Tracker,
+    TrackRequest,
+    silently,
+)
 from hw.errors import ArmFault, HardwareError
 from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.geometry import project
-from perception.types import SETTLE_S, ObjectTrack, Outcome
+from perception.types import SETTLE_S, Outcome
 from sim.tasks.task import Hardware, Task
-from sim.types import ToolMotion
 
 
 @dataclass(frozen=True)
@@ -73,18 +82,18 @@ class OnRig:
         operator.repeat_interrupted(stage)
         return self.is_real
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> RigReady:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """Have the object placed, find it with the camera, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
             rig.attendant.prepare(task.object_name)
         wanted_m = tracker.placement(drawn)
         operator.placed(task.object_name, wanted_m, rig.is_real)
-        with during(f"Placing the {task.object_name}", "placing"):
+        with progress(f"Placing the {task.object_name}", "placing"):
             rig.bench.place(wanted_m, key.number, key.attempt)
-        with during("Taking a picture", "finding"):
+        with progress("Taking a picture", "finding"):
             frame, model = self.in_time(rig.camera.snapshot()), rig.camera.model()
-        with during(f"Finding the {task.object_name}", "finding"):
+        with progress(f"Finding the {task.object_name}", "finding"):
             detection = tracker.find(frame, model, rig.hand_eye.X_BC)
         context = tracker.context(drawn, detection)
         if not task.context.contains(context):
@@ -92,13 +101,91 @@ class OnRig:
             found = ", ".join(f"{value:.3f}" for value in context)
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
-        return RigReady(self, drawn, context, frame, detection, recording.encode_jpeg(overlay, 90))
+        return Placed(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
 
-    def replay(self, context: Array, action: Array, folder: Path) -> RigReplay:
-        """Read the recording, and find the object again in the same pixels as before the motion."""
-        stored = recording.read(folder / recording.FILE)
-        detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
-        return RigReplay(self, stored, self.hardware.plan(context, action), detection)
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+        """The three paths of the motion, after they passed every limit."""
+        with progress("Planning the motion", "planning"):
+            paths = self.planner.paths(self.hardware.plan(placed.context, action))
+        with progress("Checking every limit along the motion", "checking"):
+            for path in paths:
+                self.planner.check(path)
+        duration_s = sum(path.duration_s for path in paths)
+        speed_m_s = top_speed_m_s(paths, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
+        what = f"comes to the {self.task.object_name}, makes its motion and goes back"
+        return Planned(
+            placed=placed,
+            action=action,
+            summary=f"The motion takes {duration_s:.1f} s and passed all limits",
+            announcement=clear_to_move(self.is_real, what, duration_s, speed_m_s),
+            preview=self._preview(placed, paths),
+            paths=paths,
+        )
+
+    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+        """Approach, record the motion, go back.
+
+        If the arm stops or loses its tool, the recording until then is kept.
+        """
+        assert planned.paths is not None and planned.placed.frame is not None
+        approach, motion, back = planned.paths
+        arm, camera, after = self.rig.arm, self.rig.camera, None
+        stopped: HardwareError | None
+        with progress(f"The robot comes to the {self.task.object_name}", "moving"):
+            arm.execute(approach)
+        with progress("The robot makes its motion and the camera records", "moving"):
+            played, frames, stopped = self._film(motion)
+        if stopped is None:
+            try:
+                with progress("The robot goes back", "moving"):
+                    arm.execute(back)
+                if self.hardware.carries:
+                    with progress("Taking a picture of the table", "finding"):
+                        after = self.in_time(camera.snapshot())
+            except HardwareError as fault:
+                stopped = fault
+        return Executed(partial(self._files, planned.placed, planned.placed.frame, played, frames, after), stopped)
+
+    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+        """Read the recording, find the object again in the same pixels as before the motion, and track it."""
+        with progress("Reading the recording", "reading"):
+            stored = recording.read(folder / recording.FILE)
+            detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+        motion, played, name = self.hardware.plan(context, action), stored.execution, self.task.object_name
+        request = TrackRequest(
+            frames=stored.frames,
+            model=stored.model,
+            X_BC=stored.X_BC,
+            detection=detection,
+            X_BT_at=self.tool_pose(played),
+            q_at=joints(played),
+            t_start_s=played.t_start_s,
+            duration_s=float(motion.t_s[-1]),
+            at_home=stored.at_home,
+        )
+        with progress(f"Tracking the {name} in {len(stored.frames)} frames", "tracking"):
+            track = self.tracker.track(request)
+        with progress("Choosing the pictures of its key moments", "storing"):
+            wanted = moments.moments(motion.t_s[-1], motion.contact, float(track.t_s[-1]))
+            seen_m = np.array([[*detection.xy_m, 0.0], *track.state[:, :3]])
+            kept, images = moments.key_frames(
+                stored.frames,
+                stored.model,
+                stored.X_BC,
+                seen_m,
+                played.t_start_s,
+                wanted,
+                fallen=track.outcome is Outcome.TIPPED,
+                track=track,
+            )
+            path = recording.encode_object(track, played.t_start_s)
+        return TrackedTrial(
+            track=track,
+            track_px=project(stored.model.colour, inverse(stored.X_BC), track.state[:, :3]),
+            moments=kept,
+            files={recording.OBJECT_FILE: path, **images},
+            control_success_rate=played.control_success_rate,
+        )
 
     def tool_pose(self, played: Execution) -> Callable[[float], Array]:
         """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
@@ -109,112 +196,38 @@ class OnRig:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
-
-@dataclass(frozen=True, eq=False)
-class RigReady:
-    """The object lies in the area, and the camera has found it."""
-
-    target: OnRig
-    drawn: Array  # (c,) the wanted context
-    context: Array  # (c,) as measured
-    frame: Frame  # the object was found in it
-    detection: Any
-    overlay: bytes  # JPEG with the detection drawn
-
-    def plan(self, action: Array, during: During = silently) -> RigPlan:
-        """The three paths of the motion, after they passed every limit."""
-        planner = self.target.planner
-        with during("Planning the motion", "planning"):
-            paths = planner.paths(self.target.hardware.plan(self.context, action))
-        with during("Checking every limit along the motion", "checking"):
-            for path in paths:
-                planner.check(path)
-        return RigPlan(self, paths)
-
-
-@dataclass(frozen=True, eq=False)
-class RigPlan:
-    """A motion that passed every limit."""
-
-    found: RigReady
-    paths: Paths  # approach, motion, way back
-
-    @property
-    def duration_s(self) -> float:
-        """Duration of all three paths together, s."""
-        return sum(path.duration_s for path in self.paths)
-
-    @property
-    def summary(self) -> str:
-        """How long the motion takes, for the screen."""
-        return f"The motion takes {self.duration_s:.1f} s and passed all limits"
-
-    @property
-    def announcement(self) -> str:
-        """The sentence that asks for approval: what moves, and how fast."""
-        target = self.found.target
-        flange, X_FT = target.planner.flange, target.hardware.X_FT
-        speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
-        what = f"comes to the {target.task.object_name}, makes its motion and goes back"
-        return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
-
-    def sight(self) -> Sight:
+    def _preview(self, placed: Placed, paths: Paths) -> MotionPreview:
         """The picture with the path of the tool, and the arm along all three paths."""
-        found, target = self.found, self.found.target
-        model, context = target.rig.camera.model(), target.task.context
-        X_CB = inverse(target.rig.hand_eye.X_BC)
-        begun_s = self.paths[0].duration_s
-        motion_s = (begun_s, begun_s + self.paths[1].duration_s)
-        t_s, q_rad = _decimated(self.paths)
-        X_BF = np.array([target.planner.flange(q) for q in q_rad])
-        tool_m = (X_BF @ target.hardware.X_FT)[:, :3, 3]
+        model, context = self.rig.camera.model(), self.task.context
+        X_CB = inverse(self.rig.hand_eye.X_BC)
+        begun_s = paths[0].duration_s
+        motion_s = (begun_s, begun_s + paths[1].duration_s)
+        t_s, q_rad = _decimated(paths)
+        X_BF = np.array([self.planner.flange(q) for q in q_rad])
+        tool_m = (X_BF @ self.hardware.X_FT)[:, :3, 3]
         joints_m = link_poses(q_rad)[:, :FLANGE, :3, 3]
         path_m = tool_m[(t_s >= motion_s[0]) & (t_s <= motion_s[1])]
-        corners = np.array([target.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
+        corners = np.array([self.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
-        return Sight(
-            picture=found.overlay,
+        return MotionPreview(
+            picture=placed.overlay or b"",
             size_px=(model.colour.width, model.colour.height),
             path_px=project(model.colour, X_CB, path_m),
             path_m=path_m,
             t_s=t_s,
             arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
             motion_s=motion_s,
-            spot_m=np.asarray(found.detection.xy_m),
+            spot_m=np.asarray(placed.detection.xy_m),
             area_m=np.array([low[0], high[0], low[1], high[1]]),
-            goal_m=None if target.task.goal_m is None else np.asarray(target.task.goal_m(found.context)),
+            goal_m=None if self.task.goal_m is None else np.asarray(self.task.goal_m(placed.context)),
         )
-
-    def execute(self, during: During = silently) -> RigTrial:
-        """Approach, record the motion, go back.
-
-        If the arm stops or loses its tool, the recording until then is kept.
-        """
-        approach, motion, back = self.paths
-        target, after = self.found.target, None
-        stopped: HardwareError | None
-        arm = target.rig.arm
-        with during(f"The robot comes to the {target.task.object_name}", "moving"):
-            arm.execute(approach)
-        with during("The robot makes its motion and the camera records", "moving"):
-            played, frames, stopped = self._film(motion)
-        if stopped is None:
-            try:
-                with during("The robot goes back", "moving"):
-                    arm.execute(back)
-                if target.hardware.carries:
-                    with during("Taking a picture of the table", "finding"):
-                        after = target.in_time(target.rig.camera.snapshot())
-            except HardwareError as fault:
-                stopped = fault
-        return RigTrial(self.found, played, frames, stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` and record it.
 
         The recording always ends, and an error while ending it never hides an earlier one.
         """
-        rig, frames = self.found.target.rig, tuple[Frame, ...]()
+        rig, frames = self.rig, tuple[Frame, ...]()
         rig.await_enabled()
         rig.camera.start_recording()
         try:
@@ -228,89 +241,33 @@ class RigPlan:
             return None, frames, error
         return played, rig.camera.stop_recording(), None
 
+    def _files(
+        self, placed: Placed, before: Frame, played: Execution | None, filmed: Sequence[Frame], after: Frame | None
+    ) -> Mapping[str, bytes]:
+        """Recording, overlay, and the facts of a real rig. `played` is None if the arm stopped during the motion.
 
-@dataclass(frozen=True, eq=False)
-class RigTrial:
-    """The data of one motion from arm and camera."""
-
-    found: RigReady
-    played: Execution | None  # None: the arm stopped during the motion
-    frames: Sequence[Frame]  # on the camera's clock; those of the simulated lab may still be rendering
-    stopped: HardwareError | None
-    after: Frame | None  # with the arm at home again; only for a task that carries its object
-
-    def files(self) -> Mapping[str, bytes]:
-        """Recording, overlay, and the facts of a real rig."""
-        target, before = self.found.target, self.found.frame
-        rig, played, frames = target.rig, self.played, tuple(map(target.in_time, self.frames))
+        `filmed` are on the camera's clock; those of the simulated lab may still be rendering.
+        """
+        rig, frames = self.rig, tuple(map(self.in_time, filmed))
         if played is None:
             none = np.zeros((0, 7))
             played = Execution(frames[0].t_s if frames else before.t_s, np.zeros(0), none, none, 0.0)
-        eye = rig.hand_eye
         mcap = recording.encode(
             before,
             frames,
             rig.camera.model(),
-            eye.X_BC,
+            rig.hand_eye.X_BC,
             played,
-            target.tool_pose(played),
-            eye.camera_late_s,
-            self.after,
+            self.tool_pose(played),
+            rig.hand_eye.camera_late_s,
+            after,
             rig.arm.model,
         )
         said = {}
         if rig.attendant is not None:
             facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.colour)})
             said = {RIG: to_json(facts)}
-        return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}
-
-
-@dataclass(frozen=True, eq=False)
-class RigReplay:
-    """A recorded motion, with the object as it lay before the motion."""
-
-    target: OnRig
-    stored: recording.Recording
-    motion: ToolMotion
-    detection: Any
-
-    @property
-    def looking(self) -> str:
-        """The sentence on the screen while the object is tracked."""
-        return f"Tracking the {self.target.task.object_name} in {len(self.stored.frames)} frames"
-
-    def track(self) -> ObjectTrack:
-        """Track the object in the recorded frames. Raises PerceptionError."""
-        stored, played = self.stored, self.stored.execution
-        return self.target.tracker.track(
-            TrackRequest(
-                frames=stored.frames,
-                model=stored.model,
-                X_BC=stored.X_BC,
-                detection=self.detection,
-                X_BT_at=self.target.tool_pose(played),
-                q_at=joints(played),
-                t_start_s=played.t_start_s,
-                duration_s=float(self.motion.t_s[-1]),
-                at_home=stored.at_home,
-            )
-        )
-
-    def evidence(self, track: ObjectTrack) -> TrialEvidence:
-        """The frames of the key moments, and the track for a viewer."""
-        stored, motion, played = self.stored, self.motion, self.stored.execution
-        wanted = moments.moments(motion.t_s[-1], motion.contact, float(track.t_s[-1]))
-        seen_m = np.array([[*self.detection.xy_m, 0.0], *track.state[:, :3]])
-        fallen = track.outcome is Outcome.TIPPED
-        kept, images = moments.key_frames(
-            stored.frames, stored.model, stored.X_BC, seen_m, played.t_start_s, wanted, fallen=fallen, track=track
-        )
-        path = recording.encode_object(track, played.t_start_s)
-        return TrialEvidence({recording.OBJECT_FILE: path, **images}, kept, played.control_success_rate)
-
-    def track_px(self, track: ObjectTrack) -> Array:
-        """See `TrialReplay`."""
-        return project(self.stored.model.colour, inverse(self.stored.X_BC), track.state[:, :3])
+        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}
 
 
 _SHOWN = 120

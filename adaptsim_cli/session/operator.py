@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.session.policy import ExpectedReward
+from adaptsim_cli.session.records import ProposedTrial, TrialRecord
 from adaptsim_cli.session.stages import RunTrial
 from hw.types import Array
 from perception.types import Outcome
@@ -16,26 +16,14 @@ from perception.types import Outcome
 class Proposal:
     """One trial, ready to be executed."""
 
-    stage: RunTrial
-    parameters: Array  # (p,) the particle's mean, for which the task policy was trained
-    drawn: Array  # (c,) the wanted context
-    context: Array  # (c,) as measured
-    action: Array  # (a,)
-    prediction: ExpectedReward
+    trial: ProposedTrial
     summary: str  # of the plan, one sentence
     announcement: str  # what happens if the operator agrees, one sentence
     overlay: Path | None  # picture of the detection; None without a camera
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """One executed trial, tracked and scored."""
-
-    outcome: Outcome
-    reward: float
-    flags: tuple[str, ...]
-    possible: tuple[tuple[Outcome, float], ...]
-    """Every outcome that the track can support, with its reward."""
+Choices = dict[Outcome, float]
+"""Outcome that a track can support -> its reward."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +63,8 @@ class Operator(Protocol):
         """Returns once the trial may start."""
         ...
 
-    def review(self, judged: Judged) -> Review:
-        """Accept the tracked outcome, overrule it, or have the trial repeated."""
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
+        """Accept the tracked outcome, overrule it with one of `choices`, or have the trial repeated."""
         ...
 
     def try_again(self, stage: RunTrial) -> bool:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from adaptsim_cli.screen.checks import Readiness
 from adaptsim_cli.session.records import Facts
-from adaptsim_cli.session.rig import Rig
-from adaptsim_cli.session.target import Target
+from adaptsim_cli.session.target import Rig, Target
 from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
 

@@ -185,11 +185,11 @@ def _read(reader: object) -> Recording:
     images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
     with _threads() as pool:
-        for schema, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
+        for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
             fields, topic = cdr.Reader(message.data), channel.topic
             if topic in images:
                 t_ns, _ = fields.header()
-                decoded = _decode_colour if topic in COLOURS else _DEPTHS[schema.name]
+                decoded = _decode_colour if topic in COLOURS else _decode_depth
                 images[topic][t_ns] = pool.submit(decoded, fields)
             elif topic in joints:
                 t_ns, _ = fields.header()
@@ -272,17 +272,6 @@ def _decode_depth(fields: cdr.Reader) -> Depth:
     if encoding != "16UC1":
         raise ValueError(f"a depth image of encoding {encoding!r}")
     return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
-
-
-def _decode_png(fields: cdr.Reader) -> Depth:
-    """The depth image of an earlier version."""
-    image = decode_image(_compressed(fields), cv2.IMREAD_UNCHANGED)
-    if image.dtype != np.uint16:
-        raise ValueError("a depth image cannot be decoded")
-    return np.asarray(image, np.uint16)
-
-
-_DEPTHS = {_DEPTH_TYPE: _decode_depth, _PICTURE: _decode_png}
 
 
 def _compressed(fields: cdr.Reader) -> bytes:

@@ -4,40 +4,29 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 import tomli_w
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import AnyRecord, Quantities, Record
+from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.storage import sealed
-from adaptsim_cli.storage.validation import place
+from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
-from perception.types import ObjectTrack, Outcome
-from sim.types import Dimension, Space
+from perception.types import Outcome
+from sim.adaptation.verdict import Verdict
+from sim.types import Space
 
-if TYPE_CHECKING:
-    from sim.adaptation.outlook import Outlook
-
-FORMAT = 3
-COUNTED_FROM_ONE_SINCE = 3
-"""The first format that also numbers iterations, attempts, particles and results from 1 on the disk."""
-SEALED_SINCE = 2
-"""The first format in which every record is sealed and holds the SHA-256 of every other file of a session."""
+FORMAT = 4
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
-
-
-class Record(BaseModel):
-    """Base of all stored records: frozen, and unknown keys are an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class DimensionRecord(Record):
@@ -68,7 +57,6 @@ class Facts(Record):
     world_sha256: str = ""
     seed: int
     method: str
-    adaptsim_is: str = "adaptsim-of-checkpoint"  # what the method adaptsim meant when the session was begun
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
     object: str = ""  # file with the ranges of an own object
     particles: int
@@ -85,7 +73,7 @@ class Facts(Record):
     parameters: tuple[DimensionRecord, ...]
     context: tuple[DimensionRecord, ...]
     action: tuple[DimensionRecord, ...]
-    curves: dict[str, int] = {}
+    curves: dict[str, int] = Field(default_factory=dict)
     """Name -> index of the track's columns that are drawn over time instead of on the table."""
 
     def named(self) -> dict[str, str | int]:
@@ -105,41 +93,6 @@ class SessionStart(Record):
     particles: tuple[Samples, ...]
 
 
-class TrackRecord(Record):
-    """An `ObjectTrack`."""
-
-    t_s: Row
-    state: tuple[Row, ...]
-    confidence: Row
-    outcome: Outcome
-    end_in_tool_m: Row | None  # None: not known
-    flags: tuple[str, ...]
-
-    @classmethod
-    def from_track(cls, track: ObjectTrack) -> TrackRecord:
-        """The record of a track."""
-        end = track.end_in_tool_m
-        return cls(
-            t_s=as_row(track.t_s),
-            state=tuple(as_row(row) for row in track.state),
-            confidence=as_row(track.confidence),
-            outcome=track.outcome,
-            end_in_tool_m=as_row(end) if np.isfinite(end).all() else None,
-            flags=track.flags,
-        )
-
-    def track(self) -> ObjectTrack:
-        """The track, its arrays read-only."""
-        return ObjectTrack(
-            t_s=np.array(self.t_s),
-            state=np.array(self.state),
-            outcome=self.outcome,
-            end_in_tool_m=np.full(3, math.nan) if self.end_in_tool_m is None else np.array(self.end_in_tool_m),
-            confidence=np.array(self.confidence),
-            flags=self.flags,
-        )
-
-
 class KeyMoment(Record):
     """A camera frame stored for the report."""
 
@@ -148,36 +101,50 @@ class KeyMoment(Record):
     file: str
 
 
-class MotionRecord(Record):
-    """motion.json: a finished motion, with its proposal; stored before the recording is tracked."""
+class ProposedTrial(Record):
+    """A trial before its motion. A completed trial's record begins with these fields."""
 
-    drawn_context: Row
-    context: Row
-    action: Row
+    trial: int  # number of the trial in the session, from 1
+    attempt: int  # number of the attempt, from 1
+    iteration: int
+    particle: int
+    parameters: Quantities  # the particle's mean, for which its policy was trained
+    drawn_context: Quantities  # wanted, before the camera measured
+    context: Quantities  # as measured
+    goal_m: Row | None  # (x, y) wanted place of the object, for a task with such goals
+    action: Quantities  # commanded
     predicted_reward: float
-    predicted_low: float
+    predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
     predicted_high: float
+
+    @property
+    def place(self) -> tuple[int, TrialKey]:
+        """(iteration, key) of the trial; stages count from 0."""
+        return self.iteration - 1, TrialKey(self.trial, self.attempt - 1)
+
+    @property
+    def context_array(self) -> Array:
+        """(c,) the measured context, in units."""
+        return np.array(list(self.context.values()))
+
+    @property
+    def action_array(self) -> Array:
+        """(a,) the commanded action, in units."""
+        return np.array(list(self.action.values()))
+
+
+class MotionRecord(ProposedTrial):
+    """motion.json: a finished motion; stored before the recording is tracked."""
+
     started: str  # ISO 8601
     stopped: str | None  # why the motion ended early; None: it did not
     timing_s: dict[str, float]
-    checksums: dict[str, str] = {}  # name -> SHA-256 of each recorded file
+    checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
 
 
-class TrialRecord(Record):
-    """trial.json: one completed execution."""
+class TrialRecord(MotionRecord):
+    """trial.json: one tracked trial; JSON, tables, pages and films are views of it."""
 
-    number: int
-    attempt: int
-    iteration: int
-    particle: int
-    trial: int
-    drawn_context: Row
-    context: Row
-    goal_m: Row | None = None  # (x, y) wanted place of the object, for a task with such goals
-    action: Row
-    predicted_reward: float
-    predicted_low: float
-    predicted_high: float
     observation: Row
     reward: float
     outcome: Outcome
@@ -185,26 +152,28 @@ class TrialRecord(Record):
     track: TrackRecord
     moments: tuple[KeyMoment, ...]
     control_success_rate: float
-    started: str  # ISO 8601
-    timing_s: dict[str, float]
-    files: dict[str, int]  # name -> size in bytes of the other files in the folder, without motion.json
-    checksums: dict[str, str] = {}  # name -> SHA-256 of each file derived from the recording
+    files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 
     @property
-    def place(self) -> tuple[int, TrialKey]:
-        """(iteration, key) of the trial; stages count from 0."""
-        return self.iteration - 1, TrialKey(self.number, self.attempt - 1)
+    def outcome_words(self) -> str:
+        """The outcome in plain words."""
+        return self.outcome.value.replace("_", " ")
 
-    def amended(self, by: Amendment) -> TrialRecord:
-        """The trial with its amended outcome and reward."""
+    @property
+    def off_goal_mm(self) -> float | None:
+        """Distance of the object's final place from its goal; None without a goal."""
+        return None if self.goal_m is None else 1e3 * math.dist(self.track.state[-1][:2], self.goal_m)
+
+    def counting_as(self, outcome: Outcome, reward: float, observation: Row) -> TrialRecord:
+        """The trial with the outcome that an operator set."""
         tracked = self.overruled_from or self.outcome
         return self.model_copy(
             update={
-                "outcome": by.outcome,
-                "overruled_from": None if tracked == by.outcome else tracked,
-                "reward": by.reward,
-                "observation": by.observation,
-                "track": self.track.model_copy(update={"outcome": by.outcome}),
+                "outcome": outcome,
+                "overruled_from": None if tracked == outcome else tracked,
+                "reward": reward,
+                "observation": observation,
+                "track": self.track.model_copy(update={"outcome": outcome}),
             }
         )
 
@@ -243,47 +212,6 @@ class Amendment(Note):
     observation: Row
 
 
-class BestRecord(Record):
-    """The particle with the highest mean reward so far, and the 95 % interval of that mean."""
-
-    params: dict[str, float]
-    mean_reward: float
-    trials: int
-    ci95: tuple[float, float]
-
-
-NOTICEABLE = 0.05
-"""Corrections below this fraction of the quantity's range are not shown."""
-
-
-class OutlookRecord(Record):
-    """The expected gain of another iteration, and the correction of the simulator's actions."""
-
-    gain: float  # expected reward gained by one more iteration
-    likely: float  # chance that more than 0.05 is left to gain
-    done: bool  # another iteration is not worth its trials
-    hopeless: bool  # nothing in the ranges of the action is expected to work
-    correction: Row  # in units of the action, mean over contexts
-    correction_std: Row  # standard deviation over contexts
-
-    def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
-        """The quantities of the action with a noticeable correction, each with its correction."""
-        pairs = zip(dimensions, self.correction, strict=True)
-        return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
-
-    @classmethod
-    def of(cls, outlook: Outlook) -> OutlookRecord:
-        """The record of an outlook."""
-        return cls(
-            gain=outlook.gain,
-            likely=outlook.likely,
-            done=outlook.done,
-            hopeless=outlook.hopeless,
-            correction=as_row(outlook.correction),
-            correction_std=as_row(outlook.correction_std),
-        )
-
-
 class ResultRecord(Record):
     """result.json: the result of one iteration's trials."""
 
@@ -291,7 +219,7 @@ class ResultRecord(Record):
     trials: tuple[tuple[int, int], ...]  # (number, attempt)
     next_particles: tuple[Samples, ...]
     best: BestRecord
-    verdict: str
+    verdict: Verdict
     outlook: OutlookRecord | None = None  # None: the method makes no forecast
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained
@@ -314,9 +242,6 @@ class Pruned(Record):
     files: dict[str, int]  # name -> size in bytes
 
 
-AnyRecord = TypeVar("AnyRecord", bound=Record)
-
-
 def to_json(record: Record) -> bytes:
     """The record as indented, sealed JSON. Raises ValueError on a value that is not finite."""
     return sealed.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
@@ -327,53 +252,38 @@ def to_toml(record: Record) -> bytes:
     return sealed.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
 
 
-def renumbered(record: AnyRecord, by: int) -> AnyRecord:
-    """The record with all numbers but that of the trial raised by `by`: earlier formats counted from 0."""
-    if isinstance(record, TrialRecord):
-        counted = ("attempt", "iteration", "particle", "trial")
-        return record.model_copy(update={name: getattr(record, name) + by for name in counted})
-    if isinstance(record, ResultRecord):
-        trials = tuple((number, attempt + by) for number, attempt in record.trials)
-        return record.model_copy(update={"iteration": record.iteration + by, "trials": trials})
-    return record
-
-
-def read(kind: type[AnyRecord], path: Path, *, must_be_sealed: bool = False) -> AnyRecord:
+def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """Read a record. Raises SessionError naming the file and its defect."""
-    data, is_sealed = _load(path)
-    version = data.get("format", 1)
-    if isinstance(version, int) and version > FORMAT:
+    data = _table(path, is_sealed=True)
+    if (version := data.get("format", FORMAT)) != FORMAT:
         raise SessionError(
-            f"{path} is of format {version}; this version reads up to {FORMAT}. Install a newer adaptsim"
+            f"{path} is of format {version}, and this version of adaptsim reads format {FORMAT}. Open it with the "
+            "version that wrote it, or start another session with --session"
         )
-    if not is_sealed and (must_be_sealed or (isinstance(version, int) and version >= SEALED_SINCE)):
-        raise corrupt(path, "its checksum is missing")
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = place(first["loc"]) or "the whole file"
-        raise corrupt(path, f"{where}: {first['msg']}") from error
+        raise corrupt(path, explained(error)) from error
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """The one table of a TOML or JSON file. Raises SessionError naming the file."""
-    return _load(path)[0]
+    """The one table of a JSON file without a seal. Raises SessionError naming the file."""
+    return _table(path, is_sealed=False)
 
 
-def _load(path: Path) -> tuple[dict[str, Any], bool]:
-    """The table in a file, and whether it is sealed."""
+def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
+    """The table in a file, without its seal."""
     try:
         content = read_bytes(path, JSON_BYTES)
-        is_sealed = sealed.is_sealed(content, path.suffix)
+        if is_sealed:
+            sealed.require_seal(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
     except FileNotFoundError as error:
         raise corrupt(path, "it is missing") from error
     except (Unreadable, sealed.SealBroken) as error:
         raise corrupt(path, f"it {error}") from error
-    if is_sealed:
-        data.pop(sealed.KEY, None)
-    return data, is_sealed
+    data.pop(sealed.KEY, None)
+    return data
 
 
 def require_size(path: Path, size: int) -> None:
@@ -388,8 +298,3 @@ def corrupt(path: Path, why: str) -> SessionError:
     return SessionError(
         f"{path} is corrupt or incomplete ({why}). Restore it from a copy, or start another session with --session"
     )
-
-
-def as_row(array: Array) -> Row:
-    """An array of any shape as one flat row of floats."""
-    return tuple(float(x) for x in np.asarray(array).ravel())

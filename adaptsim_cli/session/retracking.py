@@ -14,12 +14,12 @@ from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.trials import named
 from adaptsim_cli.session import cdr, recording
 from adaptsim_cli.session.on_rig import joints
-from adaptsim_cli.session.records import Facts, TrialRecord, as_row, corrupt
-from adaptsim_cli.session.rig import Tracker, TrackRequest
+from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.summary import by_name
+from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.camera.replay import RecordedCamera, Take
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
@@ -60,14 +60,14 @@ class Retracked:
         """The object that `retrack --json` prints for a trial."""
         old, new = self.record, self.track
         return {
-            "trial": old.number,
+            "trial": old.trial,
             "iteration": old.iteration,
             "attempt": old.attempt,
             "stored": {
                 "outcome": old.outcome.value,
                 "tracked_outcome": old.track.outcome.value,
                 "reward": old.reward,
-                "context": by_name(facts.context, old.context),
+                "context": old.context,
                 "flags": list(old.track.flags),
             },
             "now": None
@@ -75,7 +75,7 @@ class Retracked:
             else {
                 "outcome": new.outcome.value,
                 "reward": self.reward,
-                "context": None if self.context is None else by_name(facts.context, as_row(self.context)),
+                "context": None if self.context is None else named([d.name for d in facts.context], self.context),
                 "flags": list(new.flags),
             },
             "same_outcome": self.is_same_outcome,
@@ -99,8 +99,8 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
     """
     found = [record for i in range(store.iterations()) for record in store.trials(i)]
     if trial is not None:
-        known = ", ".join(str(record.number) for record in found) or "none"
-        found = [record for record in found if record.number == trial]
+        known = ", ".join(str(record.trial) for record in found) or "none"
+        found = [record for record in found if record.trial == trial]
         if not found:
             raise UsageError(
                 f"--trial {trial}: no such trial of {store.facts.name} is completed and counts; there are: {known}"
@@ -115,8 +115,8 @@ def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
     """The columns of `HEAD` as text, one row per trial."""
     return [
         (
-            str(one.record.number),
-            _words(one.record.outcome.value) + (" (operator)" if one.record.overruled_from else ""),
+            str(one.record.trial),
+            one.record.outcome_words + (" (operator)" if one.record.overruled_from else ""),
             "not tracked" if one.track is None else _words(one.track.outcome.value),
             f"{one.record.reward:.2f}",
             "–" if one.reward is None else f"{one.reward:.2f}",
@@ -129,7 +129,7 @@ def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
 
 def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str], ...]:
     """(command, reason) for each trial with another outcome than before: a person decides."""
-    others = [one.record.number for one in found if one.track is not None and not one.is_same_outcome]
+    others = [one.record.trial for one in found if one.track is not None and not one.is_same_outcome]
     look = tuple(
         (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
     )
@@ -138,7 +138,7 @@ def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str
 
 def require_tracked(found: Sequence[Retracked]) -> None:
     """Raises TrackingFailed naming every trial that was tracked before and cannot be tracked now."""
-    failed = [f"trial {one.record.number}: {one.failure}" for one in found if one.track is None]
+    failed = [f"trial {one.record.trial}: {one.failure}" for one in found if one.track is None]
     if failed:
         raise TrackingFailed(f"{len(failed)} of {len(found)} trials cannot be tracked now; " + "; ".join(failed))
 
@@ -174,7 +174,7 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
             )
         except PerceptionError as error:
             return Retracked(record, None, None, None, str(error))
-    context = tracker.context(np.array(record.drawn_context), detection)
+    context = tracker.context(np.array(list(record.drawn_context.values())), detection)
     return Retracked(record, track, task.score(track, context), np.asarray(context), None)
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+
+from pydantic import ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.sessions import DamagedRollout, RolloutRow
+from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.session.keeping import size_bytes
 from adaptsim_cli.session.records import corrupt, read_object
 from adaptsim_cli.session.store import TRIAL, entries, folder_of
+from adaptsim_cli.storage.validation import explained
 
 FOLDER = "rollouts"
-_NEEDED = ("task", "hw", "world", "outcome", "reward", "context", "action", "track", "when", "flags")
 
 
 def names(root: Path) -> tuple[str, ...]:
@@ -20,7 +23,7 @@ def names(root: Path) -> tuple[str, ...]:
     return tuple(folder.name for folder in sorted(folders, key=lambda folder: folder.stat().st_mtime_ns))
 
 
-def record_of(root: Path, name: str) -> dict[str, Any]:
+def record_of(root: Path, name: str) -> Rollout:
     """The record of one. Raises SessionError if it is missing, incomplete or corrupt, UsageError on a wrong name."""
     folder = folder_of(root, name)
     if not folder.is_dir():
@@ -29,18 +32,17 @@ def record_of(root: Path, name: str) -> dict[str, Any]:
     path = folder / TRIAL
     if not path.is_file():
         raise SessionError(f"rollout {name} was not tracked: {folder} holds its recording, and no {TRIAL}")
-    record = read_object(path)
-    if missing := [key for key in _NEEDED if key not in record]:
-        raise corrupt(path, f"{missing[0]} is missing")
-    return record
+    try:
+        return Rollout.model_validate(read_object(path))
+    except ValidationError as error:
+        raise corrupt(path, explained(error)) from error
 
 
-def overview(root: Path, name: str) -> dict[str, Any]:
-    """One rollout in one line; a damaged one with its name and an error, so that the list still shows the others."""
+def overview(root: Path, name: str) -> RolloutRow | DamagedRollout:
+    """One rollout in one line; a damaged one with its error, so that the list still shows the others."""
     try:
         record = record_of(root, name)
     except SessionError as error:
-        return {"rollout": name, "error": str(error)}
-    kept = ("task", "hw", "world", "outcome", "reward", "context", "action", "when")
-    size = size_bytes(root / name)
-    return {"rollout": name, **{key: record[key] for key in kept}, "size_bytes": size, "folder": str(root / name)}
+        return DamagedRollout(rollout=name, error=str(error))
+    kept = record.model_dump(include=set(RolloutRow.model_fields))
+    return RolloutRow(rollout=name, size_bytes=size_bytes(root / name), folder=str(root / name), **kept)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from rich import box
@@ -12,11 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.outputs.sessions import SessionShown
 from adaptsim_cli.screen import values, views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.amending import Amended
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, TrialRecord
 from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.verifying import Verified
 from hw.types import Array
@@ -58,33 +59,32 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
 
 def proposal(task: Task, made: Proposal) -> RenderableType:
     """The proposed action, and its expected outcome."""
-    expected = made.prediction
+    trial = made.trial
     lines = (
-        *_where(task, made.context),
-        f"Action   {views.values(task.action, made.action)}",
-        f"Expected reward {expected.reward:.2f} ({expected.low:.2f} to {expected.high:.2f})",
+        *_where(task, trial),
+        f"Action   {views.values(task.action, trial.action_array)}",
+        f"Expected reward {trial.predicted_reward:.2f} ({trial.predicted_low:.2f} to {trial.predicted_high:.2f})",
         made.summary,
     )
     return views.indent(Group(*map(Text, lines)))
 
 
-def _where(task: Task, context: Array) -> tuple[str, ...]:
-    if not len(task.context):
+def _where(task: Task, trial: ProposedTrial) -> tuple[str, ...]:
+    if not trial.context:
         return ()
-    if task.goal_m is None:
-        return (f"Found    {views.values(task.context, context)}",)
-    x_m, y_m = task.goal_m(context)
+    if trial.goal_m is None:
+        return (f"Found    {views.values(task.context, trial.context_array)}",)
+    x_m, y_m = trial.goal_m
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
 
 def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
     """The result of a trial beside its prediction, and its times."""
     style = "green" if record.reward > 0 else "yellow"
-    result = Text.assemble((f"{record.outcome.value.replace('_', ' ')}, reward {record.reward:.2f}", style))
+    result = Text.assemble((f"{record.outcome_words}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
-    if record.goal_m is not None:
-        off_m = np.linalg.norm(np.subtract(record.track.state[-1][:2], record.goal_m))
-        result.append(f", {1e3 * off_m:.0f} mm from the goal")
+    if (off_mm := record.off_goal_mm) is not None:
+        result.append(f", {off_mm:.0f} mm from the goal")
     if manual:
         result.append("  outcome set by the operator", "magenta")
     flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
@@ -109,11 +109,12 @@ def adapted(
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
     )
+    verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
-        estimate, *_correction(task, result), Text(result.verdict, style=_style(result)), Text(spent, style="dim"),
+        estimate, *_correction(task, result), verdict, Text(spent, style="dim"),
     )  # fmt: skip
 
 
@@ -157,38 +158,34 @@ def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
 
 def verified(checked: Sequence[Verified]) -> RenderableType:
     """The table of `sessions verify`, and below it every damaged file."""
-    body = [
-        (one.session, str(one.files), str(one.without_checksum), str(len(one.damage)) if one.damage else "none")
-        for one in checked
-    ]
-    table = views.rows(("session", "files", "without checksum", "damaged"), body, right=(1, 2, 3))
+    body = [(one.session, str(one.files), str(len(one.damage)) if one.damage else "none") for one in checked]
+    table = views.rows(("session", "files", "damaged"), body, right=(1, 2))
     return Group(table, *(Text(message) for one in checked for message in one.damage))
 
 
-def session(shown: Mapping[str, Any]) -> RenderableType:
+def session(shown: SessionShown) -> RenderableType:
     """The tables of `sessions show`."""
-    facts = shown["facts"]
+    facts, trials, results = shown.facts, shown.trials, shown.results
     where = f"world {facts['world']}" if is_simulated(facts["hw"]) else facts["hw"]
     head = Text.assemble(views.mark(facts["hw"]), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
     head.append(f"method {facts['method']}, seed {facts['seed']}")
     body = [
         (
-            str(t["trial"]),
-            str(t["iteration"]),
-            str(t["particle"]),
-            str(t["outcome"]).replace("_", " ") + (" (operator)" if t["overruled_from"] else ""),
-            f"{t['reward']:.2f}",
-            f"{t['predicted_reward']:.2f}",
+            str(trial.trial),
+            str(trial.iteration),
+            str(trial.particle),
+            views.words(trial.outcome.value) + (" (operator)" if trial.overruled_from else ""),
+            f"{trial.reward:.2f}",
+            f"{trial.predicted_reward:.2f}",
         )
-        for t in shown["trials"]
+        for trial in trials
     ]
     table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
     rejected = [
-        Text(f"Rejected: trial {r['trial']}, attempt {r['attempt']}: {r['reason']}", style="yellow")
-        for r in shown["rejected"]
+        Text(f"Rejected: trial {r.trial}, attempt {r.attempt}: {r.reason}", style="yellow") for r in shown.rejected
     ]
-    last = [Text(str(shown["results"][-1]["verdict"]))] if shown["results"] else []
-    return Group(head, Text(str(shown["folder"]), style="dim"), Text(""), table, *rejected, *last)
+    last = [Text(in_words(results[-1].verdict, facts["object_name"]))] if results else []
+    return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last)
 
 
 def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:

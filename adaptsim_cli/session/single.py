@@ -8,33 +8,32 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.screen import console, values
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import trial
+from adaptsim_cli.session import shows
 from adaptsim_cli.session.attended import Attended, Unattended
+from adaptsim_cli.session.flow import motion_record, propose, trial_record
 from adaptsim_cli.session.in_terminal import InTerminal
-from adaptsim_cli.session.operator import Judged, Operator, Proposal
+from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.records import TrackRecord, as_row
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Executed, Planned, Ready, Target
-from adaptsim_cli.session.watching import AllOf, Seen, Unwatched, Watcher
+from adaptsim_cli.session.target import Placed, Planned, Target
+from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
-from perception.types import ObjectTrack
 from sim.adaptation.method import Iteration, Particle
 from sim.errors import NotExecutable
 from sim.tasks.task import Task
-from sim.types import Space
 
 _STAGE = RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(1, 0), interrupted=False)
 
@@ -70,7 +69,7 @@ def rollout(
     *,
     yes: bool,
     watcher: Watcher | None = None,
-) -> dict[str, Any]:
+) -> Rollout:
     """Set up, propose, confirm, execute, track and store one trial in `folder`; returns its record.
 
     Raises UsageError for a wrong value, and the errors of a session's trial. The recording is stored before it is
@@ -92,36 +91,41 @@ def rollout(
     with screen.busy("Training the task policy", "training"):
         learner, history = parts.learner, chosen.history
         policy = learner.final(history) if history else learner.train(Particle(mean[None]), ())
-    ready = _set_up(target, drawn, operator, screen)
+    placed = _place(target, drawn, operator, screen)
     with screen.busy("Choosing the action: the best that the arm can do", "choosing"):
-        proposed = policy(ready.context)
+        proposed = policy(placed.context)
     action = values.point(task.action, chosen.action, proposed, "--action")
-    planned = _plan(task, ready, action, screen)
+    planned = _plan(task, target, placed, action, screen)
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:
-        keep = partial(_keep, picture)
-        proposal = trial.propose(task, _STAGE, mean, policy, ready, action, planned, keep, screen)
-        looking_on.proposed(proposal, planned.sight())
+        proposal = propose(task, _STAGE, mean, policy, planned, partial(_keep, picture))
+        screen.show(shows.proposal(task, proposal))
+        looking_on.proposed(proposal, planned.preview)
         operator.approve(proposal, target.is_real)
-        trial.execute(planned, partial(_store, folder), screen)
+        started = datetime.now(UTC).isoformat(timespec="seconds")
+        executed = target.execute(planned, screen.busy)
+        with screen.busy("Storing the recording", "storing"):
+            durable.make_folder(folder.parent)
+            durable.write_folder(folder, executed.files())
+        if executed.stopped is not None:
+            raise executed.stopped
     finally:
         picture.unlink(missing_ok=True)  # the folder holds it from now on
-    replay, track = trial.look(target, ready.context, action, folder, screen)
-    record = _record(config, parts, proposal, track, by_hand=bool(chosen.action))
-    content = json.dumps(record, allow_nan=False, indent=1).encode()
-    evidence = replay.evidence(track)
-    judged = Judged(track.outcome, record["reward"], track.flags, ())
-    looking_on.tracked(judged, track, Seen(replay.track_px(track), evidence.moments, evidence.files))
-    durable.complete_folder(folder, evidence.files, "trial.json", content)
-    return record
+    seen = target.track(placed.context, action, folder, screen.busy)
+    record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
+    looking_on.tracked(record, seen)
+    shown = _shown(config, parts, record, by_hand=bool(chosen.action))
+    content = json.dumps(shown.model_dump(mode="json"), allow_nan=False, indent=1).encode()
+    durable.complete_folder(folder, seen.files, "trial.json", content)
+    return shown
 
 
-def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) -> Ready:
-    """Set up the target; if the object is not found, try again as often as the operator wants."""
+def _place(target: Target, drawn: Array, operator: Operator, screen: Screen) -> Placed:
+    """Have the object placed; if it is not found, try again as often as the operator wants."""
     stage = _STAGE
     while True:
         try:
-            return target.set_up(drawn, stage.key, operator, screen.busy)
+            return target.place(drawn, stage.key, operator, screen.busy)
         except PerceptionError as error:
             screen.note(f"Attempt {stage.key.attempt + 1}, nothing has moved: {error}")
             if not operator.try_again(stage):
@@ -129,10 +133,10 @@ def _set_up(target: Target, drawn: Array, operator: Operator, screen: Screen) ->
         stage = replace(stage, key=TrialKey(stage.key.number, stage.key.attempt + 1))
 
 
-def _plan(task: Task, ready: Ready, action: Array, screen: Screen) -> Planned:
+def _plan(task: Task, target: Target, placed: Placed, action: Array, screen: Screen) -> Planned:
     """The motion, within every limit. Raises NotExecutable or MotionRefused, which name the command to find one."""
     try:
-        return ready.plan(action, screen.busy)
+        return target.plan(placed, action, screen.busy)
     except (NotExecutable, MotionRefused) as error:
         error.add_note(
             "Nothing has moved. Choose another --action: adaptsim preview "
@@ -141,38 +145,31 @@ def _plan(task: Task, ready: Ready, action: Array, screen: Screen) -> Planned:
         raise
 
 
-def _store(folder: Path, executed: Executed) -> None:
-    durable.make_folder(folder.parent)
-    durable.write_folder(folder, executed.files())
-
-
 def _keep(path: Path, overlay: bytes) -> Path:
     """Write the picture of the detection to a file that a person can open before agreeing."""
     durable.replace_file(path, overlay)
     return path
 
 
-def _record(config: Config, parts: Parts, made: Proposal, track: ObjectTrack, *, by_hand: bool) -> dict[str, Any]:
+def _shown(config: Config, parts: Parts, record: TrialRecord, *, by_hand: bool) -> Rollout:
+    """The trial as it is stored and printed."""
     task = parts.task
-    return {
-        "task": task.name,
-        "hw": config.hw,
-        "world": config.lab_world,
-        "seed": config.seed,
-        "units": {d.name: d.unit for space in (task.parameters, task.context, task.action) for d in space.dimensions},
-        "params": None if by_hand else _named(task.parameters, made.parameters),
-        "context": _named(task.context, made.context),
-        "goal_m": None if task.goal_m is None else as_row(task.goal_m(made.context)),
-        "action": _named(task.action, made.action),
-        "camera_late_s": parts.provenance.camera_late_s,
-        "outcome": track.outcome.value,
-        "reward": task.score(track, made.context),
-        "flags": list(track.flags),
-        "observation": as_row(task.observation(track)),
-        "track": TrackRecord.from_track(track).model_dump(mode="json"),
-        "when": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-
-
-def _named(space: Space, point: Array) -> dict[str, float]:
-    return dict(zip(space.names, as_row(point), strict=True))
+    spaces = (task.parameters, task.context, task.action)
+    return Rollout(
+        task=task.name,
+        hw=config.hw,
+        world=config.lab_world,
+        seed=config.seed,
+        units={d.name: d.unit for space in spaces for d in space.dimensions},
+        params=None if by_hand else record.parameters,
+        context=record.context,
+        goal_m=record.goal_m,
+        action=record.action,
+        camera_late_s=parts.provenance.camera_late_s,
+        outcome=record.outcome,
+        reward=record.reward,
+        flags=record.track.flags,
+        observation=record.observation,
+        track=record.track,
+        when=record.started,
+    )

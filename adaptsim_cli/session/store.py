@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
@@ -19,7 +20,6 @@ from adaptsim_cli.session.records import (
     MotionRecord,
     Note,
     Pruned,
-    Record,
     ResultRecord,
     SessionStart,
     TrialRecord,
@@ -80,14 +80,7 @@ class SessionStore:
         if not folder.is_dir():
             known = ", ".join(names(root)) or "none yet"
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
-        facts = records.read(Facts, _facts_file(folder))
-        is_sealed = facts.format >= records.SEALED_SINCE
-        return cls(folder, facts, records.read(SessionStart, folder / START, must_be_sealed=is_sealed))
-
-    @property
-    def first(self) -> int:
-        """The first number (0 or 1) of iterations, attempts and results in this session's names and records."""
-        return 1 if self.facts.format >= records.COUNTED_FROM_ONE_SINCE else 0
+        return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
 
     def existing(self) -> Existing:
         """The stored contents. Raises SessionError on names that do not belong there."""
@@ -137,12 +130,15 @@ class SessionStore:
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError if a file beside it is missing or truncated."""
         folder = self.trial_folder(iteration, key)
-        record, pruned = self._read(TrialRecord, folder / TRIAL), self.pruned(folder)
+        record, pruned = records.read(TrialRecord, folder / TRIAL), self.pruned(folder)
         for name, size in record.files.items():
             if name not in pruned:
                 records.require_size(folder / name, size)
         amendments = self.amendments(iteration, key)
-        return record.amended(amendments[-1]) if amendments else record
+        if not amendments:
+            return record
+        last = amendments[-1]
+        return record.counting_as(last.outcome, last.reward, last.observation)
 
     def amendments(self, iteration: int, key: TrialKey) -> tuple[Amendment, ...]:
         """Every outcome that an operator set after accepting a trial; the last one counts."""
@@ -169,7 +165,7 @@ class SessionStore:
     def pruned(self, folder: Path) -> dict[str, int]:
         """The recordings removed from a trial's folder to make room, with sizes in bytes. Raises SessionError."""
         path = folder / PRUNED
-        return records.read(Pruned, path, must_be_sealed=True).files if path.exists() else {}
+        return records.read(Pruned, path).files if path.exists() else {}
 
     def rigs(self) -> Iterator[records.RigFacts]:
         """The facts of the rig beside each motion, in order. Raises SessionError if one is corrupt."""
@@ -188,7 +184,7 @@ class SessionStore:
     def result(self, iteration: int) -> ResultRecord | None:
         """The newest result of an iteration, or None."""
         folder = self._newest_result(iteration)
-        return self._read(ResultRecord, folder / RESULT) if folder else None
+        return records.read(ResultRecord, folder / RESULT) if folder else None
 
     def summary(self, iteration: int) -> dict[str, Any]:
         """The output of `run-iteration --json` for an iteration with a result. Raises SessionError."""
@@ -244,11 +240,11 @@ class SessionStore:
         return found
 
     def _nth_marker(self, iteration: int, key: TrialKey, kind: str, n: int) -> Path:
-        return self._marker(iteration, key, f"{kind}-{n + self.first}" if n else kind)
+        return self._marker(iteration, key, f"{kind}-{n + 1}" if n else kind)
 
-    def save_motion(self, iteration: int, key: TrialKey, record: MotionRecord, files: Mapping[str, bytes]) -> None:
+    def save_motion(self, record: MotionRecord, files: Mapping[str, bytes]) -> None:
         """Store a finished motion with its recorded files, whole or not at all."""
-        folder = self.trial_folder(iteration, key)
+        folder = self.trial_folder(*record.place)
         durable.make_folder(folder.parent)
         summed = record.model_copy(update={"checksums": _checksums(files)})
         durable.write_folder(folder, {**files, MOTION: records.to_json(summed)})
@@ -258,15 +254,15 @@ class SessionStore:
         folder = self.trial_folder(*record.place)
         there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = there | {name: len(content) for name, content in derived.items()}
-        sized = record.model_copy(update={"files": sizes, "checksums": _checksums(derived)})
-        durable.complete_folder(folder, derived, TRIAL, self._json(sized))
+        sized = record.model_copy(update={"files": sizes, "checksums": record.checksums | _checksums(derived)})
+        durable.complete_folder(folder, derived, TRIAL, records.to_json(sized))
 
     def save_result(self, record: ResultRecord, summary: bytes) -> None:
         """Store the result of an iteration; an earlier result that a redo made obsolete stays beside it."""
         folder = self.iteration_folder(record.iteration - 1)
         summed = record.model_copy(update={"summary_sha256": _sha256(summary)})
-        files = {SUMMARY: summary, RESULT: self._json(summed)}
-        durable.write_folder(folder / f"result-{self._results(folder) + self.first}", files)
+        files = {SUMMARY: summary, RESULT: records.to_json(summed)}
+        durable.write_folder(folder / f"result-{self._results(folder) + 1}", files)
 
     def scratch(self, name: str, content: bytes) -> Path:
         """Write a temporary file for the operator to look at; it is not part of the record."""
@@ -277,20 +273,20 @@ class SessionStore:
 
     def iteration_folder(self, iteration: int) -> Path:
         """The folder of one iteration, by its index from 0."""
-        return self.folder / f"iteration-{iteration + self.first:02d}"
+        return self.folder / f"iteration-{iteration + 1:02d}"
 
     def trial_folder(self, iteration: int, key: TrialKey) -> Path:
         """The folder of one attempt at a trial."""
-        return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + self.first}"
+        return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + 1}"
 
     def _newest_result(self, iteration: int) -> Path | None:
         folder = self.iteration_folder(iteration)
         count = self._results(folder)
-        return folder / f"result-{count - 1 + self.first}" if count else None
+        return folder / f"result-{count}" if count else None
 
     def _shown(self, iteration: int) -> Path:
         folder = self.iteration_folder(iteration)
-        return folder / f"result-{self._results(folder) - 1 + self.first}.shown.json"
+        return folder / f"result-{self._results(folder)}.shown.json"
 
     def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
         folder = self.trial_folder(iteration, key)
@@ -299,24 +295,16 @@ class SessionStore:
     def _iterations(self) -> Iterator[tuple[int, Path]]:
         for entry in entries(self.folder):
             if match := _ITERATION.fullmatch(entry.name):
-                yield int(match[1]) - self.first, entry
+                yield int(match[1]) - 1, entry
 
     def _key(self, match: re.Match[str]) -> TrialKey:
         """The trial that a file name refers to."""
-        return TrialKey(int(match[1]), int(match[2]) - self.first)
+        return TrialKey(int(match[1]), int(match[2]) - 1)
 
     def _results(self, folder: Path) -> int:
         """The number of results of an iteration."""
         matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
-        return max((int(match[1]) + 1 - self.first for match in matches if match), default=0)
-
-    def _read(self, kind: type[records.AnyRecord], path: Path) -> records.AnyRecord:
-        """A record with numbers from 1, whatever the session's format."""
-        return records.renumbered(records.read(kind, path), 1 - self.first)
-
-    def _json(self, record: Record) -> bytes:
-        """A record numbered as in this session's format."""
-        return records.to_json(records.renumbered(record, self.first - 1))
+        return max((int(match[1]) for match in matches if match), default=0)
 
     @contextmanager
     def locked(self) -> Iterator[None]:

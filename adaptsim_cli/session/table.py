@@ -6,8 +6,7 @@ import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
 
-from adaptsim_cli.session.history import particles_of
-from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
 Cell = str | int | float
@@ -25,7 +24,7 @@ def rows(store: SessionStore) -> list[Row]:
     A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
     SessionError.
     """
-    return [_row(store, trial) for trial in trials_of(store)]
+    return [_row(store.facts, trial) for trial in trials_of(store)]
 
 
 def units(store: SessionStore) -> dict[str, str]:
@@ -52,19 +51,13 @@ def _columns(table: Iterable[Mapping[str, Cell]]) -> list[str]:
     return list(dict.fromkeys(name for row in table for name in row))
 
 
-def _row(store: SessionStore, trial: TrialRecord) -> Row:
-    facts = store.facts
-    mean = particles_of(store, trial.iteration - 1)[trial.particle - 1].mean
-    quantities = (
-        ("parameter", facts.parameters, mean),
-        ("context", facts.context, trial.context),
-        ("action", facts.action, trial.action),
-    )
+def _row(facts: Facts, trial: TrialRecord) -> Row:
+    quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
     return {
         **facts.named(),
         "started": trial.started,
         "iteration": trial.iteration,
-        "trial": trial.number,
+        "trial": trial.trial,
         "attempt": trial.attempt,
         "particle": trial.particle,
         "outcome": trial.outcome.value,
@@ -72,9 +65,5 @@ def _row(store: SessionStore, trial: TrialRecord) -> Row:
         "reward": trial.reward,
         "predicted_reward": trial.predicted_reward,
         "duration_s": trial.track.t_s[-1],
-        **{
-            f"{kind}_{d.name}": float(value)
-            for kind, space, values in quantities
-            for d, value in zip(space, values, strict=True)
-        },
+        **{f"{kind}_{name}": value for kind, point in quantities.items() for name, value in point.items()},
     }

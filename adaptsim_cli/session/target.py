@@ -1,119 +1,112 @@
-"""Where trials happen: the common interface of a rig (`on_rig`) and of a simulated target (`in_simulation`).
+"""Where trials happen: the contract that a rig (`on_rig`) and a simulated target (`in_simulation`) fulfil.
 
-A trial is `set_up`, `plan`, `execute`, then `replay`, `track`, `evidence`; each step returns the input of the next. The
-recording of `execute` is on the disk before `replay` reads it, so a trial interrupted there can continue.
+A trial is `place`, `plan`, `execute`, then `track`; each step returns the input of the next. The files of `execute` are
+on the disk before `track` reads them, so a trial interrupted there can continue. Below stand the parts of a rig.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import KeyMoment
+from adaptsim_cli.session.records import KeyMoment, RigFacts
 from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.watching import Sight
+from calib.types import HandEye
 from hw.errors import HardwareError
-from hw.types import Array
+from hw.ports import Arm, Bench, Camera
+from hw.types import Array, CameraModel, Frame, JointPath
 from perception.types import ObjectTrack, Outcome
+from sim.types import ToolMotion
 
 
-@dataclass(frozen=True)
-class TrialEvidence:
-    """The files and numbers stored of a trial besides its recording and its record."""
+class Progress(Protocol):
+    """Tells the operator about a running step, and times it; `Screen.busy` is one."""
 
-    files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
-    moments: tuple[KeyMoment, ...] = ()
-    control_success_rate: float = 1.0
-
-
-class Executed(Protocol):
-    """A finished motion that is not stored yet."""
-
-    @property
-    def stopped(self) -> HardwareError | None:
-        """Why it ended early; None: it did not.
-
-        A recording until then is kept to look at, but does not count as a trial.
-        """
-        ...
-
-    def files(self) -> Mapping[str, bytes]:
-        """The recorded files, name -> content; `Target.replay` reads them."""
+    def __call__(self, what: str, stage: str = "") -> AbstractContextManager[None]:
+        """`what` is the sentence for the operator; `stage` is the word under which its time is added up."""
         ...
 
 
-class TrialReplay(Protocol):
-    """A finished motion, read from its stored files, not yet tracked."""
-
-    @property
-    def looking(self) -> str:
-        """A sentence for the operator about `track`."""
-        ...
-
-    def track(self) -> ObjectTrack:
-        """The object's track. Raises TrackingFailed."""
-        ...
-
-    def evidence(self, track: ObjectTrack) -> TrialEvidence:
-        """The pictures and files that support `track`."""
-        ...
-
-    def track_px(self, track: ObjectTrack) -> Array:
-        """(N, 2) the object's centre in the camera's picture; (0, 2) without a camera."""
-        ...
+@contextmanager
+def silently(what: str, stage: str = "") -> Iterator[None]:
+    """A `Progress` that says nothing."""
+    yield
 
 
-class Planned(Protocol):
+Image = NDArray[np.uint8]
+
+
+Paths = tuple[JointPath, JointPath, JointPath]
+"""Approach from the home position, the motion itself, the way back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """The object in its place."""
+
+    drawn: Array  # (c,) the wanted context
+    context: Array  # (c,) as measured, for the task policy
+    overlay: bytes | None = None  # JPEG of the detection; None without a camera
+    frame: Frame | None = None  # the object was found in it
+    detection: Any = None  # of the rig's tracker
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPreview:
+    """One planned trial to look at, before anything moves."""
+
+    picture: bytes  # JPEG: start area, goal, and the object found
+    size_px: tuple[int, int]  # of the picture: width, height
+    path_px: Array  # (M, 2) path of the tool in the picture, during its motion
+    path_m: Array  # (M, 3) the same in the base frame
+    t_s: Array  # (K,) from the start of the approach to the end of the way back
+    arm_m: Array  # (K, J, 3) base, joints, flange and tool at these times, in the base frame
+    motion_s: tuple[float, float]  # start and end of the tool's own motion
+    spot_m: Array  # (2,) the object's measured place
+    area_m: Array  # (4,) allowed area: low x, high x, low y, high y
+    goal_m: Array | None  # (2,) where it should come to rest, for a task with such a goal
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
     """A trial that may be executed."""
 
-    @property
-    def summary(self) -> str:
-        """The plan in one sentence."""
-        ...
-
-    @property
-    def announcement(self) -> str:
-        """The sentence that says what happens if the operator agrees."""
-        ...
-
-    def sight(self) -> Sight | None:
-        """The picture and paths to look at before the execution; None without a camera."""
-        ...
-
-    def execute(self, during: During = silently) -> Executed:
-        """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
-        ...
+    placed: Placed
+    action: Array  # (a,)
+    summary: str  # the plan in one sentence
+    announcement: str  # what happens if the operator agrees, in one sentence
+    preview: MotionPreview | None = None  # None without a camera
+    paths: Paths | None = None  # None without an arm
 
 
-class Ready(Protocol):
-    """One trial, set up."""
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """A finished motion that is not stored yet."""
 
-    @property
-    def drawn(self) -> Array:
-        """(c,) the wanted context."""
-        ...
+    files: Callable[[], Mapping[str, bytes]]
+    """The recorded files, name -> content; `Target.track` reads them. Waits for frames that are still rendering."""
+    stopped: HardwareError | None = None
+    """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
 
-    @property
-    def context(self) -> Array:
-        """(c,) as measured, for the task policy."""
-        ...
 
-    @property
-    def overlay(self) -> bytes | None:
-        """JPEG of the detection; None without a camera."""
-        ...
+@dataclass(frozen=True, eq=False)
+class TrackedTrial:
+    """A motion whose recording was tracked, with the pictures and files that support the track."""
 
-    def plan(self, action: Array, during: During = silently) -> Planned:
-        """Plan the motion of `action` (a,).
-
-        Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
-        """
-        ...
+    track: ObjectTrack
+    track_px: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) the object's centre in the picture
+    moments: tuple[KeyMoment, ...] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
+    control_success_rate: float = 1.0
 
 
 class Target(Protocol):
@@ -142,13 +135,121 @@ class Target(Protocol):
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
         ...
 
-    def set_up(self, drawn: Array, key: TrialKey, operator: Operator, during: During = silently) -> Ready:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
         ...
 
-    def replay(self, context: Array, action: Array, folder: Path) -> TrialReplay:
-        """The executed motion for context (c,) and action (a,), from its stored files in `folder`.
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+        """Plan the motion of `action` (a,).
 
-        Uses no device. Raises SessionError naming a corrupt file, ObjectNotFound.
+        Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
         """
         ...
+
+    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+        """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
+        ...
+
+    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+        """Track the executed motion for context (c,) and action (a,), from its stored files in `folder`.
+
+        Uses no device. Raises SessionError naming a corrupt file, ObjectNotFound, TrackingFailed.
+        """
+        ...
+
+
+class Detection(Protocol):
+    """The object, found before the motion."""
+
+    @property
+    def xy_m(self) -> Array:
+        """(2,) the object's place on the table, in the base frame."""
+        ...
+
+
+@dataclass(frozen=True)
+class TrackRequest:
+    """All inputs of tracking one trial."""
+
+    frames: Sequence[Frame]
+    model: CameraModel
+    X_BC: Array  # (4, 4)
+    detection: Any  # by `find`, before the motion
+    X_BT_at: Callable[[float], Array]  # arm clock -> measured pose of the tool (4, 4)
+    q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
+    t_start_s: float  # arm clock at the start of the tool's motion
+    duration_s: float  # of the tool's motion
+    at_home: tuple[Frame, Frame] | None = None  # before and after; only for a task that carries its object
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """How the camera finds and tracks the object of one kind of task."""
+
+    find: Callable[[Frame, CameraModel, Array], Detection]
+    """(frame, model, X_BC) -> detection. Raises PerceptionError, also if the object is misplaced."""
+    overlay: Callable[[Frame, CameraModel, Array, Any, Array], Image]
+    """(frame, model, X_BC, detection, drawn context) -> (H, W, 3) RGB with the wanted place and the object found."""
+    track: Callable[[TrackRequest], ObjectTrack]
+    placement: Callable[[Array], Array]
+    """Drawn context -> where the object has to be put, (2,) m in the base frame."""
+    context: Callable[[Array, Any], Array]
+    """(drawn context, detection) -> the context for the policy."""
+    outcomes: tuple[Outcome, ...]
+    """The outcomes that an operator may choose between."""
+
+
+@dataclass(frozen=True)
+class Planner:
+    """From a tool motion to checked joint paths, and from joints to the flange."""
+
+    paths: Callable[[ToolMotion], Paths]
+    """Raises NotExecutable."""
+    check: Callable[[JointPath], object]
+    """Raises MotionRefused for a path that the arm would refuse."""
+    flange: Callable[[Array], Array]
+    """Reported joints (7,) -> the flange over the table, X_WF (4, 4)."""
+
+
+class Attendant(Protocol):
+    """The person beside a real arm, around its trials."""
+
+    def recover(self) -> None:
+        """Clear the arm's fault, if there is one and the person types so. Nothing moves."""
+        ...
+
+    def prepare(self, what: str) -> None:
+        """Before `what` is placed: the confirmation, the way home, the weighing.
+
+        Raises NotExecutable, MotionRefused, StoppedByOperator.
+        """
+        ...
+
+    def facts(self) -> RigFacts:
+        """The facts of the rig after a trial."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The connected devices of one bench."""
+
+    name: str  # "fake", "panda" or "fr3"
+    title: str  # its name for an operator
+    arm: Arm
+    camera: Camera
+    bench: Bench
+    hand_eye: HandEye
+    calibration_days: int = 30  # an older calibration gives a warning
+    attendant: Attendant | None = None  # None: nobody is needed
+    wait: Callable[[float], None] = lambda _: None
+    """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
+    await_enabled: Callable[[], None] = lambda: None
+    """Waits until the operator enables motion, so that no recording runs meanwhile. Raises MotionRefused."""
+    more_checks: tuple[Callable[[], Readiness], ...] = ()
+    """Further checks before a session."""
+
+    @property
+    def is_real(self) -> bool:
+        """Whether a real arm moves, which can hurt somebody."""
+        return not is_simulated(self.name)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import AnyRecord
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.keeping import ABOUT, About
 from adaptsim_cli.session.records import (
-    SEALED_SINCE,
     Amendment,
-    AnyRecord,
     MotionRecord,
     Note,
     ResultRecord,
@@ -32,7 +30,6 @@ class Verified:
 
     session: str
     files: int  # number of files read
-    without_checksum: int  # from an earlier version: only size or inner checksums could be compared
     damage: tuple[str, ...]  # one message per file
 
     def as_json(self) -> dict[str, Any]:
@@ -40,7 +37,6 @@ class Verified:
         return {
             "session": self.session,
             "files": self.files,
-            "without_checksum": self.without_checksum,
             "damage": list(self.damage),
         }
 
@@ -51,22 +47,21 @@ def verify(root: Path, name: str) -> Verified:
     try:
         store = SessionStore.open(root, name)
     except SessionError as error:
-        return Verified(name, 1, 0, (str(error),))
-    examination = _Examination(store.facts.format >= SEALED_SINCE)
+        return Verified(name, 1, (str(error),))
+    examination = _Examination()
     examination.session(store)
-    return Verified(name, examination.files, examination.without_checksum, tuple(examination.damage))
+    return Verified(name, examination.files, tuple(examination.damage))
 
 
 class _Examination:
     """The files read so far, and the damage found."""
 
-    def __init__(self, is_sealed: bool) -> None:
-        self.is_sealed = is_sealed
-        self.files = self.without_checksum = 0
+    def __init__(self) -> None:
+        self.files = 0
         self.damage: list[str] = []
 
     def session(self, store: SessionStore) -> None:
-        self._count(is_checked=self.is_sealed, files=2)  # session.toml and start.json, read on opening
+        self.files += 2  # session.toml and start.json, read on opening
         if (store.folder / ABOUT).exists():
             self._record(About, store.folder / ABOUT)
         for folder in store.entries():
@@ -82,14 +77,13 @@ class _Examination:
     def _result(self, folder: Path) -> None:
         result = self._record(ResultRecord, folder / RESULT)
         if result is not None:
-            self._files(folder, {SUMMARY: result.summary_sha256} if result.summary_sha256 else {})
+            self._files(folder, {SUMMARY: result.summary_sha256})
 
     def _trial(self, store: SessionStore, folder: Path) -> None:
-        has_motion = self.is_sealed or (folder / MOTION).exists()  # the first version had none beside a finished trial
-        motion = self._record(MotionRecord, folder / MOTION) if has_motion else None
+        motion = self._record(MotionRecord, folder / MOTION)
         pruned = self._look(store.pruned, folder) or {}
         if (folder / PRUNED).exists():
-            self._count(is_checked=True)
+            self.files += 1
         recorded = {} if motion is None else motion.checksums
         checksums = {name: checksum for name, checksum in recorded.items() if name not in pruned}
         if not (folder / TRIAL).exists():  # derived files can be made again, the recording has to be whole
@@ -104,20 +98,20 @@ class _Examination:
     def _files(self, folder: Path, checksums: Mapping[str, str], *, is_complete: bool = True) -> None:
         there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT, PRUNED}
         for name in sorted(there | set(checksums)):
-            if name in checksums or is_complete or not self.is_sealed:
-                self._count(is_checked=name in checksums)
+            if name in checksums or is_complete:
+                self.files += 1
                 self._look(self._require_same, folder / name, checksums.get(name))
 
     def _require_same(self, path: Path, checksum: str | None) -> None:
-        if checksum is None and self.is_sealed:
+        if checksum is None:
             raise records.corrupt(path, "it is in no record")
-        if checksum is not None and _sha256(path) != checksum:
+        if _sha256(path) != checksum:
             raise records.corrupt(path, "it was changed after it had been written: its SHA-256 is another")
         recording.require_whole(path)
 
     def _record(self, kind: type[AnyRecord], path: Path) -> AnyRecord | None:
-        self._count(is_checked=self.is_sealed)
-        return self._look(partial(records.read, kind, must_be_sealed=self.is_sealed), path)
+        self.files += 1
+        return self._look(records.read, kind, path)
 
     def _look(self, read: Callable[..., T], *arguments: Any) -> T | None:
         """The result of `read`; None if it found damage, which is noted."""
@@ -126,10 +120,6 @@ class _Examination:
         except SessionError as error:
             self.damage.append(str(error))
             return None
-
-    def _count(self, *, is_checked: bool, files: int = 1) -> None:
-        self.files += files
-        self.without_checksum += 0 if is_checked else files
 
 
 def _sha256(path: Path) -> str:

@@ -60,7 +60,7 @@ def _pictures(trial: Trial, size: tuple[int, int]) -> list[np.ndarray[tuple[int,
                 cv2.circle(picture, way[-1], 9, colour, width, cv2.LINE_AA)
         text = f"{frame.t_s - trial.start_s:5.2f} s"
         if frame.t_s >= end_s:
-            text += f"   {trial.record.outcome.value.replace('_', ' ')}, reward {trial.record.reward:.2f}"
+            text += f"   {trial.record.outcome_words}, reward {trial.record.reward:.2f}"
         for colour, width in ((_DARK, 4), ((255, 255, 255), 1)):
             cv2.putText(picture, text, (14, size[1] - 16), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, width, cv2.LINE_AA)
         found.append(picture)

@@ -1,7 +1,7 @@
 """A completed trial as one MCAP file: pictures, joints, transforms, the arm, its track, its outcome and its events.
 
 A recording is stored before it is tracked and never edited. So this file is made on request, from the recording and the
-trial's record. Recordings of earlier versions become as complete as new ones.
+trial's record.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Trial:
     @property
     def title(self) -> str:
         """Title of a file or a viewer's window."""
-        return f"{self.facts.name}-trial-{self.record.number:03d}"
+        return f"{self.facts.name}-trial-{self.record.trial:03d}"
 
     def events(self) -> Iterator[tuple[float, str, bool]]:
         """(arm clock in s, event, whether it is a warning), in time order."""
@@ -58,21 +58,18 @@ class Trial:
         end_s = start_s + record.track.t_s[-1]
         for flag in record.track.flags:
             yield end_s, flag, True
-        words = record.outcome.value.replace("_", " ")
-        yield end_s, f"outcome: {words}, reward {record.reward:.2f}, expected {record.predicted_reward:.2f}", False
+        yield (
+            end_s,
+            f"outcome: {record.outcome_words}, reward {record.reward:.2f}, expected {record.predicted_reward:.2f}",
+            False,
+        )
         if record.overruled_from is not None:
             yield end_s, f"the operator set the outcome; tracked: {record.overruled_from.value}", True
 
     def outcome(self) -> dict[str, object]:
         """The trial's result, by name, in units."""
-        facts, record = self.facts, self.record
-        return {
-            "outcome": record.outcome.value,
-            "reward": record.reward,
-            "predicted_reward": record.predicted_reward,
-            "context": {d.name: value for d, value in zip(facts.context, record.context, strict=True)},
-            "action": {d.name: value for d, value in zip(facts.action, record.action, strict=True)},
-        }
+        shown = {"outcome", "reward", "predicted_reward", "context", "action"}
+        return self.record.model_dump(mode="json", include=shown)
 
     def metadata(self) -> dict[str, str]:
         """The file's metadata for a viewer."""
@@ -87,7 +84,7 @@ class Trial:
             "method": facts.method,
             "seed": str(facts.seed),
             "iteration": str(record.iteration),
-            "trial": str(record.number),
+            "trial": str(record.trial),
             "attempt": str(record.attempt),
             "started": record.started,
             "units": ", ".join(f"{name} in {unit}" for name, unit in units.items()),

@@ -26,15 +26,14 @@ def seal_toml(text: bytes) -> bytes:
     return _sealed(text, _TOML)
 
 
-def is_sealed(content: bytes, suffix: str) -> bool:
-    """Whether a file of this suffix is sealed; those of earlier versions are not. Raises SealBroken."""
+def require_seal(content: bytes, suffix: str) -> None:
+    """Raises SealBroken unless a file of this suffix ends with its seal and is what was written."""
     before, after = _TOML if suffix == ".toml" else _JSON
     start = len(content) - len(before) - _DIGITS - len(after)
     if start < 0 or content[start : start + len(before)] != before or not content.endswith(after):
-        return False
+        raise SealBroken("has lost its checksum")
     if content != _sealed(content[:start], (before, after)):
         raise SealBroken("was changed after it had been written: its SHA-256 is another")
-    return True
 
 
 def _sealed(body: bytes, frame: tuple[bytes, bytes]) -> bytes:

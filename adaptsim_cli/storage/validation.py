@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
+from pydantic import ValidationError
+
 
 def place(loc: Sequence[int | str]) -> str:
     """The place of an error in a file; empty: the whole file."""
@@ -21,3 +23,9 @@ def unknown(key: str, name: str, known: Sequence[str], title: str) -> str:
 def plain(message: str) -> str:
     """A message of pydantic, for the middle of a sentence."""
     return message[0].lower() + message[1:]
+
+
+def explained(error: ValidationError) -> str:
+    """The first defect of a file, with its place."""
+    first = error.errors()[0]
+    return f"{place(first['loc']) or 'the whole file'}: {first['msg']}"

@@ -12,12 +12,13 @@ from typing import Any
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Occasion, Seen, Sight, Telling
+from adaptsim_cli.session.target import MotionPreview, TrackedTrial
+from adaptsim_cli.session.watching import PosteriorSource, RunHeader
 from adaptsim_cli.view import state
 from adaptsim_cli.view.server import Page
-from perception.types import ObjectTrack
 from sim.tasks.task import Task
 
 
@@ -30,16 +31,16 @@ class LiveView:
         self._pictures: dict[str, bytes] = {}
         self._count = 0
         self._task: Task | None = None
-        self._occasion: Occasion | None = None
+        self._header: RunHeader | None = None
 
-    def begins(self, task: Task, occasion: Occasion, title: str) -> None:
+    def begins(self, task: Task, header: RunHeader, title: str) -> None:
         """Begin the page: session or rollout, and hardware."""
-        self._task, self._occasion = task, occasion
+        self._task, self._header = task, header
         head = {
-            "simulated": is_simulated(occasion.hw),
+            "simulated": is_simulated(header.hw),
             "hardware": title,
-            "name": occasion.name,
-            "what": occasion.what,
+            "name": header.name,
+            "what": header.what,
             "task": task.title[:1].upper() + task.title[1:],
             "object": task.object_name,
         }
@@ -65,23 +66,23 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, made: Proposal, sight: Sight | None) -> None:
+    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        if self._task is None or self._occasion is None:
+        if self._task is None or self._header is None:
             return
-        parts: dict[str, Any] = {"trial": state.trial(self._task, self._occasion.particles, made), "judged": None}
+        parts: dict[str, Any] = {"trial": state.trial(self._task, self._header.particles, made), "judged": None}
         self._pictures = {}
-        if sight is not None:
-            name = self._picture(sight.picture)
-            parts |= {"picture": state.picture(sight, name), "motion": state.motion(sight)}
+        if preview is not None:
+            name = self._picture(preview.picture)
+            parts |= {"picture": state.picture(preview, name), "motion": state.motion(preview)}
         self._set(**parts)
 
-    def tracked(self, judged: Judged, track: ObjectTrack, seen: Seen) -> None:
+    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
         """See `Watcher`."""
         urls = {name: f"picture/{self._picture(content)}" for name, content in seen.files.items() if _is_jpeg(content)}
-        self._set(judged=state.judged(judged, track, seen, urls))
+        self._set(judged=state.tracked(record, seen, urls))
 
-    def changed(self, store: SessionStore, posterior: Telling) -> None:
+    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
         if self._task is not None:
             self._set(**state.so_far(store, self._task, posterior()))
@@ -103,7 +104,7 @@ class LiveView:
 
 
 @contextmanager
-def live_view(screen: Screen, task: Task, occasion: Occasion, title: str, port: int | None) -> Iterator[LiveView]:
+def live_view(screen: Screen, task: Task, header: RunHeader, title: str, port: int | None) -> Iterator[LiveView]:
     """Serve the page; print its address, and how to reach it from another computer.
 
     Raises UsageError if the wanted port is in use.
@@ -114,7 +115,7 @@ def live_view(screen: Screen, task: Task, occasion: Occasion, title: str, port: 
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}  and then the same address")
         view = LiveView(page)
-        view.begins(task, occasion, title)
+        view.begins(task, header, title)
         screen.tell(view)
         yield view
 

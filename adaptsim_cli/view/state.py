@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.screen.values import number
-from adaptsim_cli.session.operator import Judged, Proposal
+from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Seen, Sight
-from hw.types import Array
-from perception.types import ObjectTrack
+from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from sim.adaptation.posterior import Posterior
 from sim.tasks.task import Task
 from sim.types import Space
@@ -23,59 +22,59 @@ BINS = 24
 """Number of bins of one parameter's posterior, over its range."""
 
 
-def quantities(space: Space, point: Sequence[float] | Array) -> list[dict[str, str]]:
+def quantities(space: Space, point: Mapping[str, float]) -> list[dict[str, str]]:
     """Plain name, readable value, unit and meaning of each quantity."""
     return [
-        {"name": d.name, "plain": d.plain_name, "value": number(float(v)), "unit": d.unit, "meaning": d.meaning}
-        for d, v in zip(space.dimensions, point, strict=True)
+        {"name": d.name, "plain": d.plain_name, "value": number(point[d.name]), "unit": d.unit, "meaning": d.meaning}
+        for d in space.dimensions
     ]
 
 
 def trial(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
     """A proposed trial in words."""
-    stage, expected = made.stage, made.prediction
+    trial = made.trial
     return {
-        "number": stage.key.number,
-        "attempt": stage.key.attempt + 1,
-        "iteration": stage.iteration + 1,
-        "particle": stage.particle + 1,
+        "number": trial.trial,
+        "attempt": trial.attempt,
+        "iteration": trial.iteration,
+        "particle": trial.particle,
         "particles": particles,  # 0: a single rollout
-        "parameters": quantities(task.parameters, made.parameters),
-        "context": quantities(task.context, made.context),
-        "action": quantities(task.action, made.action),
-        "expected": [expected.reward, expected.low, expected.high],
+        "parameters": quantities(task.parameters, trial.parameters),
+        "context": quantities(task.context, trial.context),
+        "action": quantities(task.action, trial.action),
+        "expected": [trial.predicted_reward, trial.predicted_low, trial.predicted_high],
         "summary": made.summary,
     }
 
 
-def motion(sight: Sight) -> dict[str, Any]:
+def motion(preview: MotionPreview) -> dict[str, Any]:
     """The planned motion of the arm, and the marks on the table, in m."""
     return {
-        "t_s": _rounded(sight.t_s, 3),
-        "arm_m": _rounded(sight.arm_m, 4),
-        "path_m": _rounded(sight.path_m, 4),
-        "motion_s": list(sight.motion_s),
-        "spot_m": _rounded(sight.spot_m, 4),
-        "area_m": _rounded(sight.area_m, 4),
-        "goal_m": None if sight.goal_m is None else _rounded(sight.goal_m, 4),
+        "t_s": _rounded(preview.t_s, 3),
+        "arm_m": _rounded(preview.arm_m, 4),
+        "path_m": _rounded(preview.path_m, 4),
+        "motion_s": list(preview.motion_s),
+        "spot_m": _rounded(preview.spot_m, 4),
+        "area_m": _rounded(preview.area_m, 4),
+        "goal_m": None if preview.goal_m is None else _rounded(preview.goal_m, 4),
     }
 
 
-def picture(sight: Sight, name: str) -> dict[str, Any]:
+def picture(preview: MotionPreview, name: str) -> dict[str, Any]:
     """The camera's picture, and its overlay in pixels."""
-    width, height = sight.size_px
-    return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(sight.path_px, 1)}
+    width, height = preview.size_px
+    return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(preview.path_px, 1)}
 
 
-def judged(found: Judged, track: ObjectTrack, seen: Seen, urls: Mapping[str, str]) -> dict[str, Any]:
+def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) -> dict[str, Any]:
     """A tracked trial, before its review."""
-    has_place = track.state.shape[1] >= 3
+    state = seen.track.state
     return {
-        "outcome": found.outcome.value.replace("_", " "),
-        "reward": found.reward,
-        "flags": list(found.flags),
+        "outcome": record.outcome_words,
+        "reward": record.reward,
+        "flags": list(record.track.flags),
         "track_px": _rounded(seen.track_px, 1),
-        "track_m": _rounded(track.state[:, :3], 4) if has_place else [],
+        "track_m": _rounded(state[:, :3], 4) if state.shape[1] >= 3 else [],
         "moments": [{"label": m.label, "t_s": round(m.t_s, 2), "url": urls[m.file]} for m in seen.moments],
     }
 
@@ -88,25 +87,24 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
         "rewards": [_reward(record) for record in trials],
         "per_iteration": store.facts.particles * store.facts.trials,
         "parameters": _parameters(store, task, results, posterior),
-        "verdict": results[-1].verdict if results else "",
+        "verdict": in_words(results[-1].verdict, store.facts.object_name) if results else "",
         "best": _best(task, results[-1]) if results else None,
     }
 
 
 def _reward(record: TrialRecord) -> dict[str, Any]:
     return {
-        "number": record.number,
+        "number": record.trial,
         "particle": record.particle,
         "reward": record.reward,
         "expected": [record.predicted_low, record.predicted_high],
-        "outcome": record.outcome.value.replace("_", " "),
+        "outcome": record.outcome_words,
     }
 
 
 def _best(task: Task, result: ResultRecord) -> dict[str, Any]:
     best = result.best
-    point = [best.params[name] for name in task.parameters.names]
-    at = quantities(task.parameters, point)
+    at = quantities(task.parameters, best.params)
     return {"reward": best.mean_reward, "ci95": list(best.ci95), "trials": best.trials, "at": at}
 
 

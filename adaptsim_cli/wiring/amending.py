@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
@@ -15,7 +13,7 @@ from sim.tasks.task import Task
 
 def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
     """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
-    task = task_of(replace(config, task=facts.task, object=facts.object))
+    task = task_of(config.model_copy(update={"task": facts.task, "object": facts.object}))
     if task.hardware is None or not facts.calibration:
         raise UsageError(f"session {facts.name} was simulated without a camera: its outcomes are exact")
     return task, tracker_of(task).outcomes

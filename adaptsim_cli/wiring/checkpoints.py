@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -155,7 +154,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     from sim.errors import CheckpointError
 
     facts = store.facts
-    task = task_of(replace(load().config, task=facts.task, object=facts.object))
+    task = task_of(load().config.model_copy(update={"task": facts.task, "object": facts.object}))
     for folder in _folders(facts.task):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:

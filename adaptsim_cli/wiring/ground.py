@@ -71,8 +71,8 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
     for name in stores.names(places.sessions):
         try:
             facts = SessionStore.open(places.sessions, name).facts
-            settings = replace(config, task=facts.task, object=facts.object, seed=facts.seed)
-            settings = replace(settings, world=facts.world or config.world)
+            kept = {"task": facts.task, "object": facts.object, "seed": facts.seed}
+            settings = config.model_copy(update={**kept, "world": facts.world or config.world})
             if facts.hw != config.hw or not facts.calibration or calibration_key(settings) != rig:
                 continue
             key = facts.task, facts.object

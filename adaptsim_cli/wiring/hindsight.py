@@ -69,18 +69,18 @@ class Hindsight:
 
         return Judgement(
             posteriors=posteriors,
-            predictions={trial.number: self._prediction(store, trial, known) for trial in trials},
+            predictions={trial.trial: self._prediction(trial, known) for trial in trials},
             first=expected(policies_of(checkpoint, particles_of(store, 0))),
             adapted=expected([policy_of_session(store, checkpoint)]) if done else None,
             udr=expected(policies_of_udr(checkpoint)),
         )
 
-    def _prediction(self, store: SessionStore, trial: TrialRecord, posterior: Posterior) -> Prediction:
+    def _prediction(self, trial: TrialRecord, posterior: Posterior) -> Prediction:
         from sim.adaptation.posterior import predicted
 
-        solver, context, action = self.checkpoint.solver, np.array(trial.context), np.array(trial.action)
-        guess = particles_of(store, trial.iteration - 1)[trial.particle - 1].mean
-        drawn = posterior.draw(LIKELY, np.random.default_rng(trial.number))
+        solver, context, action = self.checkpoint.solver, trial.context_array, trial.action_array
+        guess = np.array(list(trial.parameters.values()))
+        drawn = posterior.draw(LIKELY, np.random.default_rng(trial.trial))
         states = predicted(solver, np.concatenate([guess[None], drawn]), context, action)
         seen = solver.task.observation
         return Prediction(seen.times_s, seen.columns, states[0], states[1:])

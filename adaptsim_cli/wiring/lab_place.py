@@ -17,8 +17,8 @@ from adaptsim_cli.devices.simulated import nominal_hand_eye
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.target import Rig
 from adaptsim_cli.wiring.session import executable_on
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -86,12 +86,12 @@ class InLab:
         for attempt in range(ATTEMPTS):
             inner = np.clip(area.normalise(context), INWARD * attempt, 1 - INWARD * attempt)
             try:
-                ready = self.rig.set_up(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
-                files = ready.plan(action).execute().files()
+                placed = self.rig.place(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
+                files = self.rig.execute(self.rig.plan(placed, action)).files()
                 with TemporaryDirectory() as folder:
                     for name, content in files.items():
                         Path(folder, name).write_bytes(content)
-                    return ready.context, self.rig.replay(ready.context, action, Path(folder)).track()
+                    return placed.context, self.rig.track(placed.context, action, Path(folder)).track
             except (PerceptionError, NotExecutable, MotionRefused) as error:
                 why = str(error)
         raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")

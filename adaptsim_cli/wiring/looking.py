@@ -9,7 +9,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.conduct import OpenView
 from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import Occasion, Watcher
+from adaptsim_cli.session.watching import RunHeader, Watcher
 from adaptsim_cli.view.live import live_view
 
 
@@ -18,7 +18,7 @@ def beside(port: int | None) -> OpenView:
 
     @contextmanager
     def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
-        with live_view(screen, parts.task, Occasion.session(store.facts), parts.target.title, port) as view:
+        with live_view(screen, parts.task, RunHeader.session(store.facts), parts.target.title, port) as view:
             yield view
 
     return open_view
@@ -27,5 +27,5 @@ def beside(port: int | None) -> OpenView:
 @contextmanager
 def beside_one(screen: Screen, name: str, hw: str, parts: Parts, port: int | None) -> Iterator[Watcher]:
     """The same for the one trial of the rollout `name`."""
-    with live_view(screen, parts.task, Occasion(name, f"rollout {name}", hw), parts.target.title, port) as view:
+    with live_view(screen, parts.task, RunHeader(name, f"rollout {name}", hw), parts.target.title, port) as view:
         yield view

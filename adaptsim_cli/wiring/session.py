@@ -17,11 +17,9 @@ from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Assessment
+from adaptsim_cli.session.parts import Assessment, Parts, Provenance
 from adaptsim_cli.session.records import Facts
-from adaptsim_cli.session.rig import Planner
-from adaptsim_cli.session.target import Target
+from adaptsim_cli.session.target import Planner, Target
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.wiring.checkpoints import checkpoint_of
 from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
@@ -183,13 +181,12 @@ class _SolverLearner:
         return None if self.belief is None else posterior(self.belief, history)
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        from sim.adaptation.best import choose_best
-        from sim.adaptation.methods.adaptsim import AdaptSim
-        from sim.adaptation.verdict import verdict
+        from sim.adaptation.best import assess
+        from sim.adaptation.judging import judge
 
-        task, method = self.expectations.task, self.method
-        best, ahead = method.assess(history) if isinstance(method, AdaptSim) else (choose_best(task, history), None)
-        return Assessment(best, verdict(task, history, self.expectations, best, ahead), ahead)
+        task = self.expectations.task
+        best, ahead = assess(self.method, task, history)
+        return Assessment(best, judge(task, history, self.expectations, best, ahead), ahead)
 
 
 def executable_on(hardware: Hardware, planner: Planner) -> Executable:

@@ -27,9 +27,8 @@ def load(flags: Mapping[str, Any]) -> Resolved:
         return resolved
     if len(tasks) > 1:
         raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
-    return replace(
-        resolved, config=replace(settings, task=tasks[0]), sources={**sources, "task": f"world {settings.world}"}
-    )
+    chosen = settings.model_copy(update={"task": tasks[0]})
+    return replace(resolved, config=chosen, sources={**sources, "task": f"world {settings.world}"})
 
 
 def _rank(resolved: Resolved, source: str) -> int:

@@ -6,7 +6,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "adaptsim.toml",
         "Settings of a project folder, or of the user (`adaptsim config path`). Each key is also the variable `ADAPTSIM_<KEY>`.",
-        (("", "adaptsim_cli.config", "_Values"),),
+        (("", "adaptsim_cli.config", "Config"),),
     ),
     (
         "rig.toml",
@@ -54,14 +54,17 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "motion.json",
         "A motion that is over, before anyone has looked at it.",
-        (("", "adaptsim_cli.session.records", "MotionRecord"),),
+        (
+            ("", "adaptsim_cli.session.records", "ProposedTrial"),
+            ("and", "adaptsim_cli.session.records", "MotionRecord"),
+        ),
     ),
     (
         "trial.json",
         "One completed trial.",
         (
-            ("", "adaptsim_cli.session.records", "TrialRecord"),
-            ("track", "adaptsim_cli.session.records", "TrackRecord"),
+            ("the fields of motion.json, and", "adaptsim_cli.session.records", "TrialRecord"),
+            ("track", "adaptsim_cli.outputs.trials", "TrackRecord"),
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
@@ -74,7 +77,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "| `asked`, `answered` | a question, and its answer | `answer` |\n"
         "| `done` | a step is over | `stage` |\n"
         "| `noted` | a warning was shown | |\n"
-        "| `planned` | before the question whether the arm may move | `trial`, `attempt`, `iteration`, `particle`, `parameters`, `context`, `action`, `expected_reward` |\n"
+        "| `planned` | before the question whether the arm may move | the fields of motion.json up to `predicted_high` |\n"
         "| `tracked` | before the review | `outcome`, `reward`, `flags` |\n"
         "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
         "| `reported` | the report was drawn | |\n"
@@ -89,7 +92,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What the trials of one iteration led to.",
         (
             ("", "adaptsim_cli.session.records", "ResultRecord"),
-            ("best", "adaptsim_cli.session.records", "BestRecord"),
+            ("best", "adaptsim_cli.outputs.trials", "BestRecord"),
+            ("verdict", "sim.adaptation.verdict", "Verdict"),
         ),
     ),
     (
@@ -175,10 +179,10 @@ SAID = {
     "predicted_high": "upper end of its interval",
     "timing_s": "seconds spent on each stage",
     "number": "number of the trial in the session, from 1",
-    "attempt": "number of the attempt, from 1 (from 0 in sessions of formats 1 and 2)",
-    "iteration": "number of the iteration, from 1 (from 0 in sessions of formats 1 and 2)",
-    "particle": "number of the particle, from 1 (from 0 in sessions of formats 1 and 2)",
-    "trial": "number of the trial of its particle, from 1 (from 0 in sessions of formats 1 and 2)",
+    "attempt": "number of the attempt, from 1",
+    "iteration": "number of the iteration, from 1",
+    "particle": "number of the particle, from 1",
+    "trial": "number of the trial of its particle, from 1",
     "observation": "positions at the task's times, normalised",
     "reward": "between 0 and 1",
     "overruled_from": "outcome that tracking had found, if the operator set another",
@@ -192,7 +196,7 @@ SAID = {
     "ci95": "95 % interval",
     "next_particles": "particles of the next iteration",
     "best": "the parameters that the session would go with",
-    "verdict": "one sentence on the session",
+    "verdict": "whether to stop or to go on, and why",
     "at": "when",
     "text": "why, in words",
     "squares_across": "squares in a row",

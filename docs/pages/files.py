@@ -69,6 +69,8 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
                 text = str(keyword.value.value)
             if keyword.arg == "json_schema_extra" and isinstance(keyword.value, ast.Dict):
                 unit = str(ast.literal_eval(keyword.value)["unit"])
+        if isinstance(call.func, ast.Name) and call.func.id in ("said", "maybe"):
+            text = str(ast.literal_eval(call.args[0]))
         if isinstance(call.func, ast.Name) and call.func.id == "_touched":
             _, what, unit = (ast.literal_eval(a) for a in call.args)
             text = f"{what}, from the touch-off"
@@ -80,6 +82,9 @@ def _type(node: ast.expr) -> str:
         node = node.slice.elts[0]
     text = ast.unparse(node)
     for old, new in (
+        ("Quantities", "dict[str, float]"),
+        ("tuple[tuple[float, ...], ...]", "list of vectors"),
+        ("tuple[float, ...]", "vector"),
         ("tuple[Samples, ...]", "list of lists of vectors"),
         ("tuple[Row, ...]", "list of vectors"),
         ("dict[str, Any]", "table"),
@@ -106,7 +111,7 @@ def _type(node: ast.expr) -> str:
 
 def _default(node: ast.expr | None) -> str:
     """The default as it stands in the source; a dash where the field must be given."""
-    if node is None:
+    if node is None or ast.unparse(node).startswith("said("):
         return "–"
     if ast.unparse(node).startswith(("_", "tuple(")):
         return "the maker's"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from enum import Enum
 from typing import Any
 
 from pydantic import BaseModel
@@ -73,11 +74,12 @@ def _words(kind: Any) -> str:
         return " or ".join(dict.fromkeys(_words(one) for one in arguments))
     if origin in (list, tuple):
         inner = _words(arguments[0])
-        return f"{len(arguments)} of {inner}" if origin is tuple else f"list of {inner}"
+        is_fixed = origin is tuple and Ellipsis not in arguments
+        return f"{len(arguments)} of {inner}" if is_fixed else f"list of {inner}"
     if origin is dict:
         return "object" if arguments[1] is Any else f"object of {_words(arguments[1])}"
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return kind.__name__
+    if isinstance(kind, type) and issubclass(kind, BaseModel | Enum):
+        return kind.__name__ if issubclass(kind, BaseModel) else "one of " + ", ".join(one.value for one in kind)
     return {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any"}[kind]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import Best, Iteration, Method, OwnPolicies
+from sim.adaptation.method import Best, Forecasting, Iteration, Method, Outlook, OwnPolicies
 from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
@@ -57,6 +57,11 @@ def final_policy(
     if isinstance(method, OwnPolicies):
         return method.final(history, executable)
     return policy_for(policies, choose_best(task, history).particle.samples, executable)
+
+
+def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, Outlook | None]:
+    """The final parameters, and the outlook of a method that forecasts. Raises ValueError if there is no trial."""
+    return method.assess(history) if isinstance(method, Forecasting) else (choose_best(task, history), None)
 
 
 def _posterior(unit: Array, rewards: Array, variance: Array) -> tuple[Array, Array]:

@@ -11,6 +11,17 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 
+WORTHWHILE = 0.05
+"""The smallest gain of reward that is worth an iteration."""
+
+LEAST_CHANCE, HOPELESS = 0.1, 0.4
+"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval."""
+
+FAILURES, FAILED = 12, 0.05
+"""A session is also hopeless after this many trials in a row that earned no more than this.
+
+All four were chosen on development worlds (docs/decisions/0011-one-method.md)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Particle:
@@ -53,6 +64,44 @@ Iteration = tuple[ParticleTrials, ...]
 """One iteration of a session: every particle with its trials."""
 
 
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The final parameters of a session, and their estimated reward on the real target."""
+
+    particle: Particle
+    mean_reward: float
+    ci95: tuple[float, float]
+    trials: int  # number of trials behind the estimate
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """The outlook of a session, for its final policy if it ended now."""
+
+    reward: float  # expected
+    ci95: tuple[float, float]  # of the expected reward, over all draws of reality
+    gain: float  # expected gain of reward by one more iteration
+    likely: float  # probability that this gain exceeds `WORTHWHILE`
+    failures: int  # trials without reward since the last one with some
+    correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
+    correction_std: Array  # (a,) standard deviation over contexts
+
+    @property
+    def done(self) -> bool:
+        """Whether another iteration is not worth its trials."""
+        return self.hopeless or self.likely < LEAST_CHANCE
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether nothing in the ranges of the action is expected to work, or nothing has worked for long."""
+        return self.ci95[1] < HOPELESS or self.has_only_failed
+
+    @property
+    def has_only_failed(self) -> bool:
+        """Whether nothing has worked for long."""
+        return self.failures >= FAILURES
+
+
 class Method(Protocol):
     """A way to choose the next parameter distributions from the trials so far."""
 
@@ -80,6 +129,15 @@ class OwnPolicies(Protocol):
         ...
 
 
+@runtime_checkable
+class Forecasting(Protocol):
+    """A method that judges its session itself, and says what another iteration would bring."""
+
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
+        """The final parameters, and the outlook. Raises ValueError without a trial."""
+        ...
+
+
 def policy_of(
     method: Method,
     policies: Policies,
@@ -91,13 +149,3 @@ def policy_of(
     if isinstance(method, OwnPolicies):
         return method.policy(particle, history, executable)
     return policy_for(policies, particle.samples, executable)
-
-
-@dataclass(frozen=True, eq=False)
-class Best:
-    """The final parameters of a session, and their estimated reward on the real target."""
-
-    particle: Particle
-    mean_reward: float
-    ci95: tuple[float, float]
-    trials: int  # number of trials behind the estimate

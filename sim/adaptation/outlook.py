@@ -7,12 +7,11 @@ the other draws, these choose new actions, and the true draw says what they earn
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.adaptation.method import FAILED, WORTHWHILE, Outlook
 from sim.adaptation.reality import KEPT, LEAST_END_STD, Reality
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
@@ -23,17 +22,6 @@ CONTEXTS = 16
 CAUTION = 0.5
 """Caution of the first particle and of the final policy, in standard deviations."""
 
-WORTHWHILE = 0.05
-"""The smallest gain of reward that is worth an iteration."""
-
-ENOUGH, HOPELESS = 0.1, 0.4
-"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval."""
-
-FAILURES, FAILED = 12, 0.05
-"""A session is also hopeless after this many trials in a row that earned no more than this.
-
-All four were chosen on development worlds (docs/decisions/0011-one-method.md)."""
-
 _EFFECTIVE = 12.0
 """Least effective number of draws behind a choice: fewer would choose by their own errors."""
 _EASED = 0.8 ** np.arange(40)
@@ -43,29 +31,6 @@ _UNLIKE = 8.0
 """The most that one end state can speak against a draw, in log-likelihood."""
 _OTHER_STD = 0.05
 """What reality adds to an end state, in the unit of end states."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outlook:
-    """The outlook of a session, for its final policy if it ended now."""
-
-    reward: float  # expected
-    ci95: tuple[float, float]  # of the expected reward, over all draws of reality
-    gain: float  # expected gain of reward by one more iteration
-    likely: float  # probability that this gain exceeds `WORTHWHILE`
-    failures: int  # trials without reward since the last one with some
-    correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
-    correction_std: Array  # (a,) standard deviation over contexts
-
-    @property
-    def done(self) -> bool:
-        """Whether another iteration is not worth its trials."""
-        return self.hopeless or self.likely < ENOUGH
-
-    @property
-    def hopeless(self) -> bool:
-        """Whether nothing in the ranges of the action is expected to work, or nothing has worked for long."""
-        return self.ci95[1] < HOPELESS or self.failures >= FAILURES
 
 
 def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> Outlook:

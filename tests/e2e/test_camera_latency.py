@@ -10,9 +10,10 @@ import pytest
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.session import recording
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.rig import Rig
 from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.target import Rig
 from adaptsim_cli.storage.durable import write_folder
 from calib.types import HandEye
 from hw.types import Array
@@ -43,11 +44,11 @@ def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "", believed_late_s)
         rig = Rig("fake", "lab", lab.arm, lab.camera, lab.bench, eye)
         target = OnRig(there.task, rig, tracker_of(there.task), there.planner())
-        ready = target.set_up(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
+        placed = target.place(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
         action = task.action.denormalise(np.array([0.5, 0.0]))
-        write_folder(folder, ready.plan(action).execute().files())
-        replay = target.replay(ready.context, action, folder)
-        track, began_s = replay.track(), replay.stored.execution.t_start_s
+        write_folder(folder, target.execute(target.plan(placed, action)).files())
+        track = target.track(placed.context, action, folder).track
+        began_s = recording.read(folder / recording.FILE).execution.t_start_s
         true = next(m for m in lab.truth()["trials"][-1]["motions"] if m["t_start_s"] == began_s)
     assert track.outcome is Outcome.UPRIGHT
     p_m, t_s = np.array(true["X_BO"])[:, :2, 3], np.array(true["t_s"])

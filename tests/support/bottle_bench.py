@@ -15,9 +15,8 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Assessment, ExpectedReward
-from adaptsim_cli.session.rig import Planner, Rig
+from adaptsim_cli.session.parts import Assessment, Parts, Provenance
+from adaptsim_cli.session.target import Planner, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeBench, FakeClock
@@ -25,6 +24,7 @@ from hw.kinematics import forward
 from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.verdict import Kind, Verdict
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
@@ -114,8 +114,12 @@ class MiddleLearner:
     def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
         return _Middle()
 
+    def posterior(self, history: Sequence[Iteration]) -> None:
+        return None
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), "Nothing is learned here.", None)
+        verdict = Verdict(kind=Kind.TOO_FEW, reward=0.5, ci95=(0.0, 1.0), trials=1, strange=0)
+        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None)
 
 
 class _Middle:
@@ -125,8 +129,8 @@ class _Middle:
     def actions(self, contexts: Array) -> Array:
         return np.array([self(context) for context in contexts])
 
-    def predict(self, context: Array) -> ExpectedReward:
-        return ExpectedReward(0.5, 0.0, 1.0)
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        return (0.5, 0.0, 1.0)
 
 
 class _Camera:

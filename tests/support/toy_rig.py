@@ -16,15 +16,15 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts, Provenance
-from adaptsim_cli.session.policy import Assessment, ExpectedReward
-from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.parts import Assessment, Parts, Provenance
+from adaptsim_cli.session.target import Paths, Planner, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Best, Iteration, Particle
+from sim.adaptation.verdict import Kind, Verdict
 from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
 from sim.types import Dimension, Space, ToolMotion
 
@@ -209,8 +209,8 @@ class ToyPolicy:
     def actions(self, contexts: np.ndarray) -> np.ndarray:
         return np.array([self(context) for context in contexts])
 
-    def predict(self, context: np.ndarray) -> ExpectedReward:
-        return ExpectedReward(0.9, 0.8, 1.0)
+    def predict(self, context: np.ndarray) -> tuple[float, float, float]:
+        return (0.9, 0.8, 1.0)
 
 
 @dataclass
@@ -234,11 +234,15 @@ class ToyLearner:
     def final(self, history: Sequence[Iteration]) -> ToyPolicy:
         return self.train(history[-1][0].particle, history)
 
+    def posterior(self, history: Sequence[Iteration]) -> None:
+        return None
+
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]
         reward, particle = max(trials, key=lambda pair: pair[0])
         best = Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials))
-        return Assessment(best, "It works.", None)
+        verdict = Verdict(kind=Kind.CONVERGED, reward=reward, ci95=best.ci95, trials=len(trials), strange=0)
+        return Assessment(best, verdict, None)
 
 
 def paths(motion: ToolMotion) -> Paths:

@@ -18,7 +18,8 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
 from adaptsim_cli.session.attended import Unattended
 from adaptsim_cli.session.flow import Session
-from adaptsim_cli.session.operator import Accept, Judged, Operator, Proposal, Review
+from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.stages import RunTrial
 from adaptsim_cli.session.store import SessionStore
 
@@ -40,10 +41,10 @@ class ScriptedOperator:
         self.asked.append(f"place the {what}")
 
     def approve(self, proposal: Proposal, real: bool) -> None:
-        self.asked.append(f"approve {proposal.stage.key.number}")
+        self.asked.append(f"approve {proposal.trial.trial}")
         self.before_motion(proposal)
 
-    def review(self, judged: Judged) -> Review:
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         return self.reviews.pop(0) if self.reviews else Accept()
 
     def try_again(self, stage: RunTrial) -> bool:

@@ -17,8 +17,8 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Best, Iteration, Particle
-from sim.adaptation.outlook import CAUTION, Outlook, outlook
+from sim.adaptation.method import Best, Iteration, Outlook, Particle
+from sim.adaptation.outlook import CAUTION, outlook
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.errors import CheckpointError
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
@@ -49,7 +49,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
 
 @dataclass(frozen=True, eq=False)
 class AdaptSim:
-    """A deterministic `Method` with its own policies (`sim.adaptation.method.OwnPolicies`)."""
+    """A deterministic `Method` with `OwnPolicies`, and `Forecasting` (`sim.adaptation.method`)."""
 
     simulators: Simulators
     _known: dict[bytes, Reality] = field(default_factory=dict, repr=False)  # by trials

@@ -217,7 +217,7 @@ class Unmodelled:
         if self.second_friction_scale >= 2.0:
             raise OutOfRange(f"second_friction_scale = {self.second_friction_scale:g} must stay below 2")
         if not 0.0 < self.lip_m <= SQUARE_LIP_M:
-            raise OutOfRange(f"lip in edge = {self.lip_m:g} must lie above 0 and up to {SQUARE_LIP_M:g}, the thickness")
+            raise OutOfRange(f"lip in edge = {self.lip_m:g} must be positive and at most {SQUARE_LIP_M:g} m")
         if not all(0.0 <= part <= 1.0 for part in self.colour):
             raise OutOfRange(f"colour = {self.colour} must have three parts between 0 and 1")
         if self.blade_flex_rad < 0.0:

@@ -8,7 +8,6 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -83,7 +82,7 @@ def test_a_calibration_from_the_command_line_and_what_follows(
     eye, zeros = wiring_calibration.calibration_of(resolved.config, resolved.places, None)
     assert np.array_equal(eye.X_BC, np.array(found["X_BC"]))
     assert zeros.shape == (7,)
-    other = replace(resolved.config, seed=1)
+    other = resolved.config.model_copy(update={"seed": 1})
     assert wiring_calibration.current_calibration(other, resolved.places) is None, "another lab has another camera"
 
     assert app.run(["calibrate", "check", "--world", "wd", "--seed", "0", "--yes", "--json"]) == 0

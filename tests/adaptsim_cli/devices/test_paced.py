@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,7 +83,7 @@ def test_only_who_asks_for_it_waits() -> None:
 
 
 def test_a_real_arm_keeps_its_own_pace(capfd: pytest.CaptureFixture[str]) -> None:
-    real = replace(config.load().config, hw="fr3", realtime=True)
+    real = config.load().config.model_copy(update={"hw": "fr3", "realtime": True})
     said = r"--realtime slows the simulated lab down, but this is a real arm \(fr3\)"
     with pytest.raises(UsageError, match=said), open_lab(real, get_task("scooping")):
         pass

@@ -34,10 +34,12 @@ from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.session import recording
 from adaptsim_cli.session.attended import Attended
-from adaptsim_cli.session.on_rig import OnRig, RigTrial
+from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.target import Executed
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
@@ -159,7 +161,7 @@ def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch:
         assert person.scales is not None
         person.scales._screen = screen
         with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
-            real.set_up(SCOOPING.reference_context, KEY, Attended(screen))
+            real.place(SCOOPING.reference_context, KEY, Attended(screen))
         assert devices.arm is not None
         assert len(devices.arm.executed) == 1
         np.testing.assert_allclose(devices.arm.state().q_rad, beside(real).mounted.home_rad, atol=AT_HOME_RAD)
@@ -176,7 +178,7 @@ def test_who_stops_at_the_way_home_moves_nothing(place: Path, monkeypatch: pytes
     devices = ToyDevices()
     typing(monkeypatch, "panda", "q")
     with opened(place, devices) as real, pytest.raises(StoppedByOperator):
-        real.set_up(SCOOPING.reference_context, KEY, Attended(quiet()))
+        real.place(SCOOPING.reference_context, KEY, Attended(quiet()))
     assert devices.arm is not None
     assert devices.arm.executed == []
 
@@ -232,7 +234,7 @@ def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
         real.rig.arm.execute(STILL)
 
 
-def test_a_tool_lost_during_the_motion_keeps_its_recording() -> None:
+def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> None:
     lab = ToyLab(0)
     target, moved = toy_parts(lab).target, list[JointPath]()
     assert isinstance(target, OnRig)
@@ -245,11 +247,10 @@ def test_a_tool_lost_during_the_motion_keeps_its_recording() -> None:
             return self._arm.execute(path)
 
     rig = replace(target.rig, arm=Watched(target.rig.arm))
-    trial = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended()).plan(np.array([0.5])).execute()
-    assert isinstance(trial, RigTrial)
-    assert isinstance(trial.stopped, HandError)
-    assert trial.played is not None
-    assert "recording.mcap" in trial.files()
+    done = executed(replace(target, rig=rig))
+    assert isinstance(done.stopped, HandError)
+    (tmp_path / "recording.mcap").write_bytes(done.files()["recording.mcap"])
+    assert len(recording.read(tmp_path / "recording.mcap").execution.t_s), "the motion itself was recorded"
 
 
 def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -324,8 +325,7 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = on_rig(parts)
     rig = replace(target.rig, attendant=Weighed())
-    ready = replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended())
-    files = ready.plan(np.array([0.5])).execute().files()
+    files = executed(replace(target, rig=rig)).files()
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 
@@ -333,8 +333,14 @@ def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
     lab, waited = ToyLab(0), list[bool]()
     target = on_rig(toy_parts(lab))
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
-    replace(target, rig=rig).set_up(np.array([0.68, 0.0]), KEY, unattended()).plan(np.array([0.5])).execute()
+    executed(replace(target, rig=rig))
     assert waited == [True]
+
+
+def executed(target: OnRig) -> Executed:
+    """One motion to one place."""
+    placed = target.place(np.array([0.68, 0.0]), KEY, unattended())
+    return target.execute(target.plan(placed, np.array([0.5])))
 
 
 class Weighed:

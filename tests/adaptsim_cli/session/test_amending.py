@@ -13,7 +13,8 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session import amending
 from adaptsim_cli.session.amending import amend, amendable, restore
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Judged, Proposal, Redo, Review
+from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.redoing import redo
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.verifying import verify
@@ -32,7 +33,7 @@ def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
 def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path: Path) -> None:
     lab = ToyLab(0)
     operator = ScriptedOperator(reviews=[Redo("slip of the finger")])
-    operator.before_motion = lambda made: stop_at_second(made.stage.key.attempt)
+    operator.before_motion = lambda made: stop_at_second(made.trial.attempt - 1)
 
     def stop_at_second(attempt: int) -> None:
         if attempt == 1:
@@ -115,11 +116,11 @@ def test_what_cannot_be_restored_or_amended_says_why(tmp_path: Path) -> None:
 
 def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Path) -> None:
     class Undecided(ScriptedOperator):
-        def review(self, judged: Judged) -> Review:
+        def review(self, tracked: TrialRecord, choices: Choices) -> Review:
             return Redo("no")
 
         def approve(self, proposal: Proposal, real: bool) -> None:
-            if proposal.stage.key.attempt:
+            if proposal.trial.attempt > 1:
                 raise StoppedByOperator("later")
 
     for _ in range(2):

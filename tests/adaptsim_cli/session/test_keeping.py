@@ -127,7 +127,7 @@ def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.Capt
     capsys.readouterr()
     assert app.run(["sessions", "list", "--tag", "paper"]) == 0
     said = capsys.readouterr().out
-    for part in (NAME, "#paper", "the first one", "toy", "4 trials", "It works"):
+    for part in (NAME, "#paper", "the first one", "toy", "4 trials", "Converged"):
         assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
     assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"] == []
@@ -135,7 +135,7 @@ def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.Capt
     assert app.run(["sessions", "list", "--archived", "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"]
     assert one["size_bytes"] > 1000
-    assert one["verdict"] == "It works."
+    assert one["verdict"]["kind"] == "converged"
 
 
 @pytest.mark.parametrize("command", ["delete", "prune"])

@@ -31,7 +31,7 @@ def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
         (1, 2, 3, 1),
         (1, 2, 4, 1),
     ]
-    assert [plan["action"] for plan in plans] == [list(trial.action) for trial in store.trials(0)]
+    assert [plan["action"] for plan in plans] == [trial.action for trial in store.trials(0)]
     told = [line.data["reward"] for line in lines if line.event == "tracked"]
     assert told == [trial.reward for trial in store.trials(0)]
     steps = {line.data["stage"]: line.took_s for line in lines if line.event == "done"}

@@ -16,11 +16,12 @@ from adaptsim_cli.errors import SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.operator import Judged, Redo, Review
+from adaptsim_cli.session.operator import Choices, Redo, Review
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.redoing import redo
-from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.stages import TrialKey
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError
 from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed
@@ -37,11 +38,11 @@ class AtReview(ScriptedOperator):
         super().__init__()
         self._instead, self._reviewed = instead, 0
 
-    def review(self, judged: Judged) -> Review:
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         self._reviewed += 1
         if self._reviewed == 2:
             raise self._instead
-        return super().review(judged)
+        return super().review(tracked, choices)
 
 
 def failing(error: BaseException) -> Change:

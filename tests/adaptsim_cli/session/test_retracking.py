@@ -22,8 +22,8 @@ from adaptsim_cli.devices import trackers
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, retracking
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.rig import Tracker, TrackRequest
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import CameraModel, Execution, Frame
 from perception.errors import ObjectNotFound, TrackingFailed
 from perception.types import ObjectTrack, Outcome
@@ -65,12 +65,12 @@ def test_the_same_tracker_comes_to_the_stored_result_and_nothing_is_edited(
 ) -> None:
     before = contents(session)
     found = list(retracking.retrack(session, TASK, tracker, None))
-    assert [one.record.number for one in found] == list(range(1, len(found) + 1)) and len(found) == 4
+    assert [one.record.trial for one in found] == list(range(1, len(found) + 1)) and len(found) == 4
     for one in found:
         assert one.is_same_outcome and one.failure is None
         assert one.reward == pytest.approx(one.record.reward, abs=1e-6)
         assert one.end_apart_m == pytest.approx(0.0, abs=1e-6) and one.most_apart_m == pytest.approx(0.0, abs=1e-6)
-        assert one.context == pytest.approx(one.record.context, abs=1e-6)
+        assert one.context == pytest.approx(one.record.context_array, abs=1e-6)
     assert contents(session) == before
 
 
@@ -82,7 +82,7 @@ def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: T
 
     changed = dataclasses.replace(tracker, track=shifted)
     (one,) = retracking.retrack(session, TASK, changed, 2)
-    assert one.record.number == 2 and not one.is_same_outcome and one.reward == 0.0
+    assert one.record.trial == 2 and not one.is_same_outcome and one.reward == 0.0
     assert one.end_apart_m == pytest.approx(0.005) and one.most_apart_m == pytest.approx(0.005)
     said = one.as_json(session.facts)
     assert (said["stored"]["tracked_outcome"], said["now"]["outcome"]) == ("on_blade", "on_table")

@@ -30,7 +30,7 @@ def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path: Path) -
     lab = ToyLab(0)
     store = run(tmp_path, lab)
     assert lab.executions == [(1, 0), (2, 0), (3, 0), (4, 0)]
-    assert [(t.particle, t.trial) for t in store.trials(0)] == [(1, 1), (1, 2), (2, 1), (2, 2)]
+    assert [(t.particle, t.trial) for t in store.trials(0)] == [(1, 1), (1, 2), (2, 3), (2, 4)]
     result = store.result(0)
     assert result is not None
     assert len(result.next_particles) == 2
@@ -79,7 +79,7 @@ def test_two_runs_of_one_iteration_equal_one_run_of_two(tmp_path: Path) -> None:
 def test_the_context_is_what_the_camera_measured(tmp_path: Path) -> None:
     trial = run(tmp_path).trials(0)[0]
     assert trial.context != trial.drawn_context
-    assert np.allclose(trial.context, trial.drawn_context, atol=0.005)
+    assert trial.context == pytest.approx(trial.drawn_context, abs=0.005)
 
 
 def test_the_camera_goes_on_until_the_object_rests(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_an_operator_can_have_a_trial_redone(tmp_path: Path) -> None:
     session = attended(tmp_path, ScriptedOperator(reviews=[Redo("the piece was touched")]))
     run_iteration(session)
     first = session.store.trials(0)[0]
-    assert (first.number, first.attempt) == (1, 2)
+    assert (first.trial, first.attempt) == (1, 2)
     note = session.store.folder / "iteration-01" / "trial-001-attempt-1.rejected.json"
     assert json.loads(note.read_text())["text"] == "the piece was touched"
 
@@ -179,7 +179,7 @@ def test_a_refused_motion_is_not_executed(tmp_path: Path) -> None:
 
 def test_stopping_before_a_motion_keeps_the_attempt(tmp_path: Path) -> None:
     def stop(proposal: Proposal) -> None:
-        if proposal.stage.key.number == 2:
+        if proposal.trial.trial == 2:
             raise StoppedByOperator("enough")
 
     with pytest.raises(StoppedByOperator):
@@ -236,7 +236,7 @@ def test_a_full_disk_in_the_middle_loses_no_completed_trial(tmp_path: Path, monk
         run(tmp_path, lab)
     monkeypatch.undo()
     kept = SessionStore.open(tmp_path / "data" / "sessions", NAME)
-    assert [t.number for t in kept.trials(0)] == [1, 2]
+    assert [t.trial for t in kept.trials(0)] == [1, 2]
     whole = run(tmp_path / "whole")
     assert run(tmp_path).summary(0)["particles"] == whole.summary(0)["particles"]
 

@@ -54,7 +54,7 @@ def test_a_trial_that_went_on_from_its_recording_keeps_the_time_of_its_motion(tm
     lab = ToyLab(0)
     session = attended(tmp_path, ScriptedOperator(), lab)
 
-    def stop(_: object) -> object:
+    def stop(*_: object) -> object:
         raise KeyboardInterrupt
 
     object.__setattr__(session.operator, "review", stop)

@@ -21,8 +21,9 @@ from toy_session import ScriptedOperator, attended
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import Session, run_iteration
-from adaptsim_cli.session.operator import Judged, Proposal, Redo, Review
-from adaptsim_cli.session.watching import Occasion
+from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
+from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.watching import RunHeader
 from adaptsim_cli.view import state
 from adaptsim_cli.view.live import LiveView, live_view
 from adaptsim_cli.view.server import Page
@@ -128,16 +129,16 @@ class Looking(ScriptedOperator):
     def approve(self, proposal: Proposal, real: bool) -> None:
         self.approvals.append(dict(self._view._state))
 
-    def review(self, judged: Judged) -> Review:
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         self.judgements.append((dict(self._view._state), dict(self._view._pictures)))
-        return super().review(judged)
+        return super().review(tracked, choices)
 
 
 def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> None:
     screen = Screen(console=Console(file=io.StringIO(), width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     facts = session.store.facts
-    with live_view(screen, TASK, Occasion.session(facts), "toy lab", None) as view:
+    with live_view(screen, TASK, RunHeader.session(facts), "toy lab", None) as view:
         operator = Looking(view, [Redo("slip")])
         watched = Session(session.store, session.parts, operator, screen, view)
         run_iteration(watched)
@@ -156,14 +157,14 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     assert operator.approvals[1]["trial"]["attempt"] == 2
     assert [r["number"] for r in last["rewards"]] == [1, 2, 3, 4]
     assert [len(p["steps"]) for p in last["parameters"]] == [2, 2]
-    assert last["verdict"] == "It works."
+    assert last["verdict"].startswith("Converged")
 
 
 def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path) -> None:
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
-    with live_view(screen, TASK, Occasion.session(session.store.facts), "toy lab", None) as view:
+    with live_view(screen, TASK, RunHeader.session(session.store.facts), "toy lab", None) as view:
         with screen.busy("Finding the piece"):
             assert view._state["now"]["doing"] == "Finding the piece"
         assert view._state["now"]["doing"] == ""

@@ -105,7 +105,7 @@ def test_sessions_are_compared_by_session_method_and_trial(root: Path, tmp_path:
     ]
     stored = SessionStore.open(root, ADAPTED).trials(0)[0]
     assert float(trials[0]["reward"]) == stored.reward
-    assert float(trials[0]["action_k11"]) == stored.action[0]
+    assert float(trials[0]["action_k11"]) == stored.action["k11"]
 
 
 def test_methods_are_paired_where_world_and_seed_agree(root: Path) -> None:

@@ -55,7 +55,7 @@ def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session
         placed.append(PUSHING.context.normalise(drawn))
         raise ObjectNotFound("no bottle in the picture")
 
-    monkeypatch.setattr(OnRig, "set_up", lost)
+    monkeypatch.setattr(OnRig, "place", lost)
     with lab_place.in_lab(job()) as place, pytest.raises(RolloutError, match="no bottle in the picture"):
         place.play(PUSHING.context.low[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
     assert tried == list(range(lab_place.ATTEMPTS))

@@ -12,10 +12,9 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
 from sim.adaptation.identifiability import identifiability
-from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
-from sim.adaptation.outlook import FAILED, FAILURES
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
 from sim.benchmark.places import Simulated

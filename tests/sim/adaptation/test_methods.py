@@ -7,11 +7,12 @@ from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.best import choose_best
+from sim.adaptation.judging import judge
 from sim.adaptation.memory import encode, inputs, look_back, new_policy, seen_in_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
 from sim.adaptation.methods.q_policy import QPolicy
-from sim.adaptation.verdict import verdict
+from sim.adaptation.verdict import Kind
 from sim.errors import CheckpointError, UnknownName
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
@@ -235,18 +236,17 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
     assert min(other) > 1.5 * emulator.misfit_limit
 
 
-def said(history, ahead=None):
-    return verdict(TOY, history, EmulatorSolver(trained()[0]), choose_best(TOY, history), ahead)
+def judged(history, ahead=None):
+    return judge(TOY, history, EmulatorSolver(trained()[0]), choose_best(TOY, history), ahead)
 
 
-def test_the_verdict_says_what_the_data_say():
+def test_the_verdict_follows_from_the_data():
     good = session(MEAN, [MEAN, PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.15)])
-    assert said(good).startswith("Converged")
+    assert judged(good).kind is Kind.CONVERGED
     failing = tuple(replace(s, trials=tuple(replace(t, reward=0.0) for t in s.trials)) for s in good[-1])
-    assert said([*good, *good, *good, failing]).startswith("Not converged")
-    assert said(good[:1]).startswith("Too few trials")
-    windy = said(session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)))
-    assert "the simulator cannot express this toy piece: 16 of 16" in windy
+    assert judged([*good, *good, *good, failing]).kind is Kind.NOT_CONVERGED
+    assert judged(good[:1]).kind is Kind.TOO_FEW
+    windy = judged(session(MEAN, [MEAN, MEAN], Unmodelled(wind_m=0.2)))
+    assert windy.is_inexpressible and (windy.strange, windy.trials) == (16, 16)
     far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
-    bad = session(far, [PARAMETERS.low, PARAMETERS.low])
-    assert said(bad).startswith("Reward stays low")
+    assert judged(session(far, [PARAMETERS.low, PARAMETERS.low])).kind is Kind.STAYS_LOW

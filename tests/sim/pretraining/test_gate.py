@@ -1,10 +1,13 @@
 """The learning gate tells whether an adaptation policy uses what it sees."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 from toy_learning import trained
 from toy_task import TOY
 
+from sim.adaptation.q_network import QNetwork
 from sim.pretraining.acting import Solved
 from sim.pretraining.emulated import EmulatedRolls
 from sim.pretraining.episodes import Simulator
@@ -40,7 +43,7 @@ def gate(rule):
     solver = EmulatorSolver(emulator)
     acting = Solved(solver, SolverSettings(candidates=64, scenarios=4))
     simulator = Simulator(solver, acting, EmulatedRolls(emulator, np.random.default_rng(0)))
-    return learning_gate(simulator, Choosing(rule), "iteration", 0, count=48)
+    return learning_gate(simulator, cast("QNetwork", Choosing(rule)), "iteration", 0, count=48)
 
 
 @pytest.mark.long

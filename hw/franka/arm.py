@@ -5,7 +5,6 @@ Times are `time.monotonic()`, which all processes of a computer share.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from typing import Self
@@ -67,7 +66,7 @@ class FrankaArm:
         self._player: Player | None = None
         self._entered = False
         self._fault: str | None = None
-        self._stop = threading.Event()
+        self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
         self._carried: Payload | None = None  # set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
@@ -140,9 +139,9 @@ class FrankaArm:
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
 
-        It holds until `recover`: no motion begins before.
+        It holds until a `recover` that begins later: no motion begins before.
         """
-        self._stop.set()
+        self._stops += 1
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load on the flange from now on, for the checks and for the arm's own weight compensation.
@@ -160,12 +159,12 @@ class FrankaArm:
 
         Raises ArmFault if a person must act first, DeviceUnavailable if the arm cannot be reached.
         """
-        player = self._connected()
+        player, stops = self._connected(), self._stops
         try:
             reading = player.recover()
         except Failure as failure:
             raise self._error(failure) from failure
-        self._stop.clear()
+        self._answered = stops  # a stop that came meanwhile holds
         self._fault = reading.unwilling
         if self._fault is not None:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
@@ -173,7 +172,8 @@ class FrankaArm:
     def _admitted(self, path: JointPath, check: PathCheck, fade_s: float) -> PlayableMotion:
         """`path` in the player's form. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
-        refuse_while_stopped(self._stopped_by() or reading.unwilling)
+        self._fault = self._fault or reading.unwilling  # a stop button that is released now still needs a recovery
+        refuse_while_stopped(self._stopped_by())
         check(path, frozen_array(reading.q_rad))
         held_rad = frozen_array(reading.q_held_rad)
         motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
@@ -200,7 +200,7 @@ class FrankaArm:
             raise self._stopped(ArmFault, f"it cannot go back from the contact ({error})") from error
         if self._pedal is not None and not self._pedal.enabled():
             raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
-        if self._stop.is_set():
+        if self._stop_wanted:
             raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
         return motion
 
@@ -240,10 +240,14 @@ class FrankaArm:
 
     def _stopped_by(self) -> str | None:
         """The reason why the arm may not move until `recover`, or None."""
-        return self._fault or (WHY["request"] if self._stop.is_set() else None)
+        return self._fault or (WHY["request"] if self._stop_wanted else None)
+
+    @property
+    def _stop_wanted(self) -> bool:
+        return self._stops > self._answered
 
     def _word(self) -> bytes:
-        if self._stop.is_set():
+        if self._stop_wanted:
             return REQUESTED
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
@@ -274,6 +278,8 @@ class FrankaArm:
         """The error to raise for a failure; during a motion it is a fault that lasts until `recover`."""
         if failure.kind in (LOST, UNAVAILABLE):
             self._drop_player()  # a broken connection stays broken: the next call makes a new one
+        if failure.kind == UNMOVED:
+            self._fault = failure.text
         if not moving:
             kind = DeviceUnavailable if failure.kind in (LOST, UNAVAILABLE) else ArmFault
             return kind(f"{self._model}: {failure.text}")

@@ -50,6 +50,11 @@ class SdkState(Protocol):
         ...
 
     @property
+    def q_d(self) -> Sequence[float]:
+        """(7,) joints that the arm's controller holds, rad."""
+        ...
+
+    @property
     def dq(self) -> Sequence[float]:
         """(7,) measured joint velocities, rad/s."""
         ...

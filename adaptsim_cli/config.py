@@ -37,7 +37,18 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE = "rig.toml"
 _PREFIX = "ADAPTSIM_"
-_NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG", "ADAPTSIM_K4A_LIBRARY"}  # the last: hw/camera/k4a_library.py
+_NOT_SETTINGS = frozenset(
+    _PREFIX + name
+    for name in (
+        "HOME",
+        "DEBUG",
+        "K4A_LIBRARY",  # hw/camera/k4a_library.py
+        *("K4ARECORD_LIBRARY", "KINECT_RECORDING", "STAGED_KINECT", "DRILL_TRANSCRIPT"),  # for tests and benchmarks
+        "REPOSITORY_URL",  # setup.py
+    )
+)
+_OF_TESTS = _PREFIX + "TEST_"
+"""Variables that lead tests to real devices begin so."""
 
 
 class _Values(BaseModel):
@@ -223,8 +234,8 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _from_environment(env: Mapping[str, str]) -> dict[str, str]:
-    names = (name for name in env if name.startswith(_PREFIX) and name not in _NOT_SETTINGS)
-    return {name.removeprefix(_PREFIX).lower(): env[name] for name in names}
+    names = (name for name in env if name.startswith(_PREFIX) and not name.startswith(_OF_TESTS))
+    return {name.removeprefix(_PREFIX).lower(): env[name] for name in names if name not in _NOT_SETTINGS}
 
 
 def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str, Any]:

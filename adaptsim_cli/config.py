@@ -69,6 +69,13 @@ class _Values(BaseModel):
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
     realtime: Annotated[bool, Field(description="the simulated lab moves at the arm's own pace, to be watched")] = False
+    pace: Annotated[
+        float,
+        Field(
+            ge=0.1, le=1.0, allow_inf_nan=False, description="speed of every motion, 0.1 to 1; below 1 nothing counts"
+        ),
+    ] = 1.0
+    operator: Annotated[str, Field(description="name of the operator, for the record; empty: asked")] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="seed of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
@@ -91,6 +98,8 @@ class Config:
     solver: str
     object: str
     realtime: bool
+    pace: float
+    operator: str
     seed: int
     particles: int
     workers: int

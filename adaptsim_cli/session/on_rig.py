@@ -17,13 +17,14 @@ from adaptsim_cli.session.drift import brightness
 from adaptsim_cli.session.during import During, silently
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
-from adaptsim_cli.session.records import RIG, to_json
+from adaptsim_cli.session.records import RIG, RigFacts, to_json
 from adaptsim_cli.session.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import TrialEvidence
 from adaptsim_cli.session.watching import Sight
-from hw.errors import ArmFault, HardwareError
+from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
+from hw.pacing import FULL, slowed
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
@@ -129,6 +130,7 @@ class RigReady:
         with during("Checking every limit along the motion", "checking"):
             for path in paths:
                 planner.check(path)
+                planner.check(slowed(path, self.target.rig.pace))
         return RigPlan(self, paths)
 
 
@@ -147,7 +149,9 @@ class RigPlan:
     @property
     def summary(self) -> str:
         """How long the motion takes, for the screen."""
-        return f"The motion takes {self.duration_s:.1f} s and passed all limits"
+        pace = self.found.target.rig.pace
+        slow = "" if pace == FULL else f", at pace {pace:g} {self.duration_s / pace:.1f} s: nothing is learnt from it"
+        return f"The motion takes {self.duration_s:.1f} s and passed all limits{slow}"
 
     @property
     def announcement(self) -> str:
@@ -156,7 +160,8 @@ class RigPlan:
         flange, X_FT = target.planner.flange, target.hardware.X_FT
         speed_m_s = top_speed_m_s(self.paths, lambda q_rad: flange(q_rad) @ X_FT)
         what = f"comes to the {target.task.object_name}, makes its motion and goes back"
-        return clear_to_move(target.is_real, what, self.duration_s, speed_m_s)
+        pace = target.rig.pace
+        return clear_to_move(target.is_real, what, self.duration_s / pace, speed_m_s * pace)
 
     def sight(self) -> Sight:
         """The picture with the path of the tool, and the arm along all three paths."""
@@ -207,6 +212,11 @@ class RigPlan:
                         after = target.in_time(target.rig.camera.snapshot())
             except HardwareError as fault:
                 stopped = fault
+        if stopped is None and target.rig.pace < FULL:
+            stopped = Rehearsed(
+                f"played at pace {target.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
+                "command without --pace makes the trial"
+            )
         return RigTrial(self.found, played, frames, stopped, after)
 
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
@@ -261,7 +271,10 @@ class RigTrial:
         said = {}
         if rig.attendant is not None:
             facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.colour)})
-            said = {RIG: to_json(facts)}
+            try:
+                said = {RIG: to_json(facts)}
+            except ValueError as error:  # a number that is none must not cost the recording
+                said = {RIG: to_json(RigFacts(problem=str(error)))}
         return {recording.FILE: mcap, "overlay.jpg": self.found.overlay, **said}
 
 

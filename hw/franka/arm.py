@@ -23,6 +23,7 @@ from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
+from hw.franka.weighing import READINGS, require_declared
 from hw.listening import ALIVE, PEDAL, REQUESTED
 from hw.ports import Pedal
 from hw.refusal import refuse_while_stopped
@@ -67,7 +68,8 @@ class FrankaArm:
         self._entered = False
         self._fault: str | None = None
         self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
-        self._carried: Payload | None = None  # set since the player got its settings
+        self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
+        self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
 
@@ -152,7 +154,8 @@ class FrankaArm:
             self._connected().carry(payload)
         except Failure as failure:
             raise self._error(failure) from failure
-        self._cell, self._carried = self._cell.holding(tool), payload
+        self._cell, self._payload = self._cell.holding(tool), payload
+        self._carries, self._weighed = True, False
 
     def recover(self) -> None:
         """Clear a fault, with a new player if the old one is gone. Never resumes a motion.
@@ -174,6 +177,7 @@ class FrankaArm:
         reading = self._reading()
         self._fault = self._fault or reading.unwilling  # a stop button that is released now still needs a recovery
         refuse_while_stopped(self._stopped_by())
+        self._weigh()
         check(path, frozen_array(reading.q_rad))
         held_rad = frozen_array(reading.q_held_rad)
         motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
@@ -184,6 +188,19 @@ class FrankaArm:
         refuse_while_stopped(self._stopped_by())  # a stop may have come while the path was checked
         self.last_execution = self.last_stop = None
         return motion
+
+    def _weigh(self) -> None:
+        """Before the first motion with a payload. Raises MotionRefused if the arm feels another."""
+        if self._weighed:
+            return
+        try:
+            self._connected().carry(self._payload)
+        except Failure as failure:
+            raise self._error(failure) from failure
+        felt = [self._reading() for _ in range(2 * READINGS)][READINGS:]
+        q_rad = self._cell.arm.true_rad(felt[-1].q_rad)
+        require_declared(self._model, q_rad, [one.external_Nm for one in felt], self._payload.com_F_m)
+        self._weighed = True
 
     def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
         """From the end of a guarded motion back to its start.
@@ -267,8 +284,8 @@ class FrankaArm:
         if self._player is None:
             try:
                 self._player = self._start()
-                if self._carried is not None:
-                    self._player.carry(self._carried)
+                if self._carries:
+                    self._player.carry(self._payload)
             except Failure as failure:
                 self._drop_player()
                 raise DeviceUnavailable(failure.text) from failure

@@ -22,6 +22,8 @@ _LOST = (OSError, serial.SerialException, termios.error)
 
 HEAVIEST_KG = 50.0
 """More than any object of a trial weighs."""
+EMPTY_KG = 0.005
+"""So far below 0 an empty pan may drift after it was tared."""
 _NUMBER = re.compile(r"[+-]?[0-9]{1,9}(\.[0-9]{1,9})?")
 _KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
 
@@ -71,7 +73,7 @@ def _kg(value: str, unit: str) -> float:
     if _NUMBER.fullmatch(value) is None:
         raise BalanceError(f"the balance answered {value!r} instead of a number: check its display and weigh again")
     mass_kg = float(value) * _KG[unit]
-    if not 0.0 <= mass_kg <= HEAVIEST_KG:
+    if not -EMPTY_KG <= mass_kg <= HEAVIEST_KG:
         raise BalanceError(
             f"the balance shows {mass_kg:g} kg, not 0 to {HEAVIEST_KG:g} kg: empty the pan, tare it and weigh again"
         )

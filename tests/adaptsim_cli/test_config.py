@@ -79,7 +79,7 @@ def test_the_template_is_a_valid_file_of_defaults(home: Path, project: Path) -> 
 
 def test_every_documented_variable_may_be_set(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
-    pages = [page for page in (*root.glob("*.md"), *(root / "docs").rglob("*.md"))]
+    pages = (*root.glob("*.md"), *(root / "docs").rglob("*.md"))
     ours = set(re.findall(r"ADAPTSIM_[A-Z0-9_]*[A-Z0-9]", "".join(page.read_text() for page in pages)))
     assert {"ADAPTSIM_KINECT_RECORDING", "ADAPTSIM_K4ARECORD_LIBRARY", "ADAPTSIM_TEST_FR3", "ADAPTSIM_HOME"} <= ours
     settings = {f"ADAPTSIM_{key.upper()}" for key in config.load({}, {}, tmp_path).sources}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from cells import cell
-from test_no_path_beyond_a_limit import LOADED, paths
+from hard_paths import LOADED, paths
 
 from hw.braking import STOP_S, brake, check_braking, joint_spline, path_time
 from hw.dynamics import torque_Nm
@@ -76,10 +76,10 @@ def test_no_stop_changes_a_torque_faster_than_the_arm_may_or_takes_longer_than_p
     cell_ = cell(model, LOADED)
     hard = ("near the limit", "all near the limit", "fast")
     stops = 0
-    for kind, q_rad, _ in paths(np.random.default_rng(seed), model):
-        if kind not in hard or np.abs(q_rad).max() > 3.0:
+    for one in paths(np.random.default_rng(seed), model):
+        if one.kind not in hard or np.abs(one.q_rad).max() > 3.0:
             continue
-        path = JointPath(np.arange(len(q_rad)) / 1e3, q_rad)
+        path = JointPath(np.arange(len(one.q_rad)) / 1e3, one.q_rad)
         if not cell_.check(path).ok:
             continue
         found = check_braking(path, cell_.motion, 0.01)

@@ -75,10 +75,11 @@ def into_the_table(rng: np.random.Generator) -> Offered:
     samples = int(rng.integers(400, 900))
     q = start + np.concatenate([smooth(samples), np.ones((50, 1))]) * (end - begin) * (np.arange(7) == 1)
     from_s, to_s = np.sort(rng.uniform(-0.1, len(q) / 1e3 + 0.1, 2))
-    depth_m = float(rng.choice([rng.uniform(0.0, 0.012), rng.uniform(0.0, 0.006), -1.0, -1e-6, np.nan, np.inf]))
-    if rng.random() < 0.5:
-        from_s, to_s = 0.0, len(q) / 1e3
-    return Offered("into the table", q, start, (float(from_s), float(to_s), depth_m, float(rng.uniform(-5.0, 90.0))))
+    depth_m = float(rng.choice([rng.uniform(0.0, 0.012), -1.0, -1e-6, np.nan, np.inf]))
+    force_N = float(rng.uniform(-5.0, 90.0))
+    if rng.random() < 0.5:  # an honest one
+        from_s, to_s, depth_m, force_N = 0.0, len(q) / 1e3, rng.uniform(0.0, 0.006), rng.uniform(1.0, 30.0)
+    return Offered("into the table", q, start, (float(from_s), float(to_s), float(depth_m), float(force_N)))
 
 
 def paths(rng: np.random.Generator, model: str) -> Iterator[Offered]:

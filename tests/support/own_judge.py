@@ -113,7 +113,7 @@ def poses(q: Array) -> Array:
             axis, point = (np.array(v, dtype=np.float64) for v in SCREWS[link - 1])
             at = at @ _about(axis, point, q[:, link - 1])
         zero = np.eye(4)
-        zero[:3, :3], zero[:3, 3] = np.array(R).T, p
+        zero[:3, :3], zero[:3, 3] = R, p
         found[:, link] = at @ zero
     return found
 

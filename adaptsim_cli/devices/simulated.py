@@ -36,7 +36,9 @@ def nominal_hand_eye(world: World, seed: int) -> HandEye:
 class Simulated:
     """`devices.lab.Lab`: one task in one world."""
 
-    def __init__(self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool, pace: float) -> None:
+    def __init__(
+        self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool = False, pace: float = FULL
+    ) -> None:
         self.rig, self.title = as_shipped("panda"), f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack

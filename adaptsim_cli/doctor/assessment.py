@@ -96,7 +96,7 @@ def hazards(rig: RigDescription, moves: Motions) -> tuple[Hazard, ...]:
         Hazard(
             "scooping or pushing",
             "operator",
-            f"the tool presses on the table with up to {moves.contact_N:.0f} N (limit {contact_limit_N(stops_N):.0f} N)",
+            f"the tool presses on the table with up to {moves.contact_N:.0f} N",
             "S2",
             "rare",
             "contact only inside the declared window; tool and edge as in the rig file",

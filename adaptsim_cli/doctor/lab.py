@@ -61,9 +61,9 @@ def arm(seen: Inspection, model: str) -> Finding:
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
     told = (
-        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad; {rhythm.states} states at 1 kHz, "
-        f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms; external torques of up to "
-        f"{max(map(abs, reading.external_Nm)):.1f} Nm at rest"
+        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
+        f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; {rhythm.states} states at 1 kHz, "
+        f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
         fix = "follow the message; every command that moves the arm also leads you through it"

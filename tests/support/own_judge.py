@@ -157,16 +157,29 @@ def torques(q: Array, load: Mass) -> Array:
     return found
 
 
-def wrong(q: Array, q_arm: Array, model: str, scene: Scene, touching: Touching | None = None) -> str:
-    """What the samples at 1 kHz (N, 7) break, begun at `q_arm` (7,) and ended at rest; "": nothing."""
+def wrong(
+    q: Array, q_arm: Array, model: str, scene: Scene, touching: Touching | None = None, *, rests: bool = True
+) -> str:
+    """What the samples at 1 kHz (N, 7) break, begun at `q_arm` (7,) and ended at rest; "": nothing.
+
+    Not `rests`: the arm stopped by itself after the last sample.
+    """
+    if not rests and len(q) > 6:
+        rest = wrong_within(q, q_arm, model)
+        return rest or _places(q, scene, touching)
     return _joints(q, q_arm, model) or _together(q, model, scene.load) or _places(q, scene, touching)
 
 
-def _joints(q: Array, q_arm: Array, model: str) -> str:
+def wrong_within(q: Array, q_arm: Array, model: str) -> str:
+    """The same for the joints alone, without a rest at the end: as if the motion went on with its last acceleration."""
+    return _joints(q, q_arm, model, rests=False)
+
+
+def _joints(q: Array, q_arm: Array, model: str, *, rests: bool = True) -> str:
     q_min, q_max, dq_max, ddq_max, dddq_max = (np.array(v) for v in MAKERS[model])
     if not np.isfinite(q).all():
         return "not finite"
-    at_rest = np.concatenate([[q[0]] * 3, q, [q[-1]] * 3])
+    at_rest = np.concatenate([[q[0]] * 3, q, q[-1:].repeat(3 * rests, axis=0)])
     dq = np.diff(at_rest, axis=0) * 1e3
     up, down = dq_max, dq_max
     if model == "fr3":  # slower towards the ends of the range

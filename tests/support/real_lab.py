@@ -44,6 +44,8 @@ port = "/dev/ttyUSB0"
 protocol = "sbi"
 [person]
 side = "left"
+[tools.board.payload]
+mass_kg = 0.45
 [tools.scooping]
 height_m = 0.002
 [tools.scooping.payload]

@@ -198,7 +198,8 @@ def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
 
     refused(resolved(place), CalibrationMissing, "adaptsim calibrate --hw panda")
     calibrated(resolved(place))
-    refused(resolved(place, task="pushing"), UnknownName, "no corners to touch")
+    pusher = RIG + "[tools.pushing.payload]\nmass_kg = 0.15\n"
+    refused(resolved(place, pusher, task="pushing"), UnknownName, "no corners to touch")
     refused(resolved(place, RIG + "[table]\nx_m = [0.3, 0.6]\n"), NotExecutable, r"outside of the work area.*\[table\]")
 
 

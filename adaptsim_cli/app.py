@@ -172,6 +172,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (sim.errors.ExtraMissing, 3),
         (calib.errors.ViewFolderError, 8),
         (calib.errors.CalibrationError, 3),
+        (hw.errors.Rehearsed, 7),
         (hw.errors.MotionRefused, 4),
         (sim.errors.NotExecutable, 4),
         (hw.errors.StoppedByPedal, 7),
@@ -197,8 +198,9 @@ def _explain(error: BaseException) -> int:
         traceback.print_exception(error)
     from adaptsim_cli.errors import Interrupted, StoppedByOperator
     from adaptsim_cli.screen import console
+    from hw.errors import Rehearsed
 
-    by_person = isinstance(error, StoppedByOperator | Interrupted | KeyboardInterrupt)
+    by_person = isinstance(error, StoppedByOperator | Interrupted | KeyboardInterrupt | Rehearsed)
     say = console.ended if by_person else console.error
     say("\n".join([str(error) or "interrupted", *getattr(error, "__notes__", ())]))
     return exit_code(error)

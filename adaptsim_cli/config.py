@@ -37,7 +37,18 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE = "rig.toml"
 _PREFIX = "ADAPTSIM_"
-_NOT_SETTINGS = {"ADAPTSIM_HOME", "ADAPTSIM_DEBUG", "ADAPTSIM_K4A_LIBRARY"}  # the last: hw/camera/k4a_library.py
+_NOT_SETTINGS = frozenset(
+    _PREFIX + name
+    for name in (
+        "HOME",
+        "DEBUG",
+        "K4A_LIBRARY",  # hw/camera/k4a_library.py
+        *("K4ARECORD_LIBRARY", "KINECT_RECORDING", "STAGED_KINECT", "DRILL_TRANSCRIPT"),  # for tests and benchmarks
+        "REPOSITORY_URL",  # setup.py
+    )
+)
+_OF_TESTS = _PREFIX + "TEST_"
+"""Variables that lead tests to real devices begin so."""
 
 
 class Config(BaseModel):
@@ -58,6 +69,13 @@ class Config(BaseModel):
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
     realtime: Annotated[bool, Field(description="the simulated lab moves at the arm's own pace, to be watched")] = False
+    pace: Annotated[
+        float,
+        Field(
+            ge=0.1, le=1.0, allow_inf_nan=False, description="speed of every motion, 0.1 to 1; below 1 nothing counts"
+        ),
+    ] = 1.0
+    operator: Annotated[str, Field(description="name of the operator, for the record; empty: asked")] = ""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1, description="seed of all random numbers")] = 0
     particles: Annotated[int, Field(ge=1, le=16, description="parameter distributions adapted side by side")] = 2
     workers: Annotated[int, Field(ge=0, le=1024, description="processes for simulations; 0: one a core")] = 0
@@ -203,8 +221,8 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _from_environment(env: Mapping[str, str]) -> dict[str, str]:
-    names = (name for name in env if name.startswith(_PREFIX) and name not in _NOT_SETTINGS)
-    return {name.removeprefix(_PREFIX).lower(): env[name] for name in names}
+    names = (name for name in env if name.startswith(_PREFIX) and not name.startswith(_OF_TESTS))
+    return {name.removeprefix(_PREFIX).lower(): env[name] for name in names if name not in _NOT_SETTINGS}
 
 
 def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str, Any]:

@@ -46,7 +46,7 @@ class Following:
     """The state of an arm that follows at once."""
 
     def __init__(self) -> None:
-        self.q, self.dq = READY.tolist(), [0.0] * 7
+        self.q, self.q_d, self.dq = READY.tolist(), READY.tolist(), [0.0] * 7
         self.tau_ext_hat_filtered = [0.0] * 7
         self.control_command_success_rate = 1.0
 

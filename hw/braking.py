@@ -2,8 +2,8 @@
 
 The arm keeps to the path and only its clock slows: path time s runs at ds/dt = 1 - S(t / T), with S the smooth step
 of fifth order, so velocity, acceleration and jerk stay continuous. T is the shortest of a few durations that keep every
-joint limit at the 1 kHz samples, and every torque and flange limit at samples 4 ms apart. Before the motion, a check
-ensures that such a T exists at every moment.
+limit of joints, torques and flange at the 1 kHz samples. Before the motion, a check ensures that such a T exists at
+every moment.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw.errors import MotionRefused
-from hw.joint_limits import derivatives
+from hw.joint_limits import DT_S, derivatives
 from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
+STOP_S = 0.5
+"""The longest time from the wish to stop to standstill. A path that cannot be stopped in it is refused."""
+DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.45)
+"""The last leaves 0.05 s of `STOP_S`: 0.02 s until the next moment at which a stop may begin, and the arm's lag."""
 EVERY_S = 0.02
 
 _LEAD = 3
 """Samples of the unbraked path before the brake; the differences need them."""
-
-_EVERY = 4
-"""Torque and flange are checked at every fourth sample: a stop takes 40 ms and more, and is smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +106,7 @@ def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
     ratios = np.concatenate([joints.ratios(q, dq, ddq), np.abs(dddq)[None] / joints.dddq_max_rad_s3])
     worst = np.asarray(ratios.max(axis=(0, 1, -1)))
     kept = worst <= 1.0
-    some = slice(None, None, _EVERY)
-    worst[kept] = np.maximum(
-        worst[kept], limits.ratio(q[some, kept], dq[some, kept], ddq[some, kept], _EVERY / PATH_RATE_HZ)
-    )
+    worst[kept] = np.maximum(worst[kept], limits.ratio(q[:, kept], dq[:, kept], ddq[:, kept], DT_S))
     return worst
 
 

@@ -6,7 +6,6 @@ The capsules are those of the maker's coarse collision model (robot description,
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from hw.kinematics import FLANGE
 from hw.mass import Mass
-from hw.types import Array, frozen_array
+from hw.types import REACH_M, Array, frozen_array, number
 
 Side = Literal["left", "right", "front", "back"]
 """Seen from the base along its X axis."""
@@ -33,8 +32,10 @@ class Capsule:
     radius_m: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start_m", frozen_array(self.start_m, (3,), f"start of {self.name}"))
-        object.__setattr__(self, "end_m", frozen_array(self.end_m, (3,), f"end of {self.name}"))
+        number(self.link, f"link of {self.name}", 0, FLANGE)
+        number(self.radius_m, f"radius of {self.name}", 0.0, REACH_M, "m")
+        object.__setattr__(self, "start_m", frozen_array(self.start_m, (3,), f"start of {self.name}", most=REACH_M))
+        object.__setattr__(self, "end_m", frozen_array(self.end_m, (3,), f"end of {self.name}", most=REACH_M))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +47,9 @@ class KeepOut:
     high_m: Array  # (3,)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "low_m", frozen_array(self.low_m, (3,), f"lower corner of {self.name}"))
-        object.__setattr__(self, "high_m", frozen_array(self.high_m, (3,), f"upper corner of {self.name}"))
+        for name, which in (("low_m", "lower"), ("high_m", "upper")):
+            corner = frozen_array(getattr(self, name), (3,), f"{which} corner of {self.name}", most=REACH_M)
+            object.__setattr__(self, name, corner)
         if (self.low_m >= self.high_m).any():
             raise ValueError(f"keep-out box {self.name}: the lower corner {self.low_m} is not below {self.high_m}")
 
@@ -61,9 +63,9 @@ class Table:
     slope_y: float = 0.0
 
     def __post_init__(self) -> None:
-        values = (self.height_m, self.slope_x, self.slope_y)
-        if not all(math.isfinite(v) for v in values) or max(abs(self.slope_x), abs(self.slope_y)) > MOST_SLOPE:
-            raise ValueError(f"table {values}: height and slopes must be finite, and slopes at most {MOST_SLOPE:g}")
+        number(self.height_m, "height of the table", -REACH_M, REACH_M, "m")
+        for slope in (self.slope_x, self.slope_y):
+            number(slope, "slope of the table", -MOST_SLOPE, MOST_SLOPE)
 
     def height_at(self, p_m: Array) -> Array:
         """Points (..., 3) or (..., 2) in m -> height (...) in m of the table top there."""
@@ -98,7 +100,8 @@ class Tool:
     points_F_m: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (P, 3) in the flange
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points_F_m", frozen_array(self.points_F_m, (None, 3), f"points of {self.name}"))
+        points_F_m = frozen_array(self.points_F_m, (None, 3), f"points of {self.name}", most=REACH_M)
+        object.__setattr__(self, "points_F_m", points_F_m)
 
 
 def _capsule(name: str, link: int, start: tuple[float, ...], end: tuple[float, ...], radius: float) -> Capsule:

@@ -4,6 +4,7 @@ HardwareError
 ├── MotionRefused        before a motion: nothing has moved
 ├── ArmFault             during a motion: the arm has stopped
 │   └── StoppedByPedal   because the operator released the enabling pedal
+├── Rehearsed            a motion came to its end at a slower pace, and counts for nothing
 ├── NoContact            a guarded motion touched nothing: the arm is back at its start
 ├── HandError            the hand did not carry out its command
 ├── CameraError          no frame, or not in time
@@ -26,6 +27,10 @@ class ArmFault(HardwareError):
 
 class StoppedByPedal(ArmFault):
     """The operator released the enabling pedal; the arm has braked along its path."""
+
+
+class Rehearsed(HardwareError):
+    """A motion was played at a slower pace to its end; it counts for nothing."""
 
 
 class NoContact(HardwareError):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
-import time
 from collections.abc import Callable
+
+from hw.since_boot import since_boot_s
 
 ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
 WHY = {PEDAL: "pedal", REQUESTED: "request"}
@@ -22,7 +23,7 @@ _PR_SET_PDEATHSIG = 1
 class Listener:
     """The pipe from the program, read once a cycle without waiting."""
 
-    def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = since_boot_s) -> None:
         os.set_blocking(pipe, False)
         self._pipe, self._silence_s, self._clock = pipe, silence_s, clock
         self.orphaned = False

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.types import Array, frozen_array
+from hw.types import REACH_M, Array, frozen_array, number
+
+HEAVIEST_KG = 100.0
+"""No link or load of these arms is heavier."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +23,9 @@ class Mass:
 
     def __post_init__(self) -> None:
         """Raises ValueError: a negative mass, or an inertia that no body has."""
-        if not self.kg >= 0.0:
-            raise ValueError(f"a mass of {self.kg:g} kg: it must be 0 or more")
-        object.__setattr__(self, "com_m", frozen_array(self.com_m, (3,), "centre of mass"))
-        inertia = frozen_array(self.inertia_kg_m2, (3, 3), "inertia")
-        if np.abs(inertia - inertia.T).max() > 1e-9 or np.linalg.eigvalsh(inertia).min() < -1e-12:
-            raise ValueError(f"inertia {inertia.tolist()} kg m²: it must be symmetric and not negative")
-        object.__setattr__(self, "inertia_kg_m2", inertia)
+        number(self.kg, "mass", 0.0, HEAVIEST_KG, "kg")
+        object.__setattr__(self, "com_m", frozen_array(self.com_m, (3,), "centre of mass", most=REACH_M))
+        object.__setattr__(self, "inertia_kg_m2", inertia(self.inertia_kg_m2, "inertia"))
 
     def placed(self, X: Array) -> Mass:
         """The same body in another frame; `X` (4, 4) is the pose of its present frame there."""
@@ -45,6 +44,17 @@ class Mass:
     def _about(self, p_m: Array) -> Array:
         off = self.com_m - p_m
         return np.asarray(self.inertia_kg_m2 + self.kg * (off @ off * np.eye(3) - np.outer(off, off)))
+
+
+def inertia(value: ArrayLike, name: str) -> Array:
+    """(3, 3) kg m² about the centre of mass. Raises ValueError for an inertia that no body has."""
+    found = frozen_array(value, (3, 3), name, most=HEAVIEST_KG * REACH_M**2)
+    if np.abs(found - found.T).max() > 1e-9 or np.linalg.eigvalsh(found).min() < -1e-12:
+        raise ValueError(
+            f"{name} {found.tolist()} kg m²: it must be symmetric and not negative; take it from the drawing of the "
+            "body, about its centre of mass"
+        )
+    return found
 
 
 NOTHING = Mass(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -7,7 +7,9 @@ frame B in frame A; `p_AB_m` is a position in metres.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +20,33 @@ PATH_RATE_HZ = 1000.0
 """Sampling rate of every `JointPath`: the rate at which the Franka interfaces accept set points."""
 
 
-def frozen_array(value: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
+REACH_M = 10.0
+"""No place in a lab is farther from the arm's base."""
+LARGEST_N = 1000.0
+LONGEST_S = 3600.0
+WIDEST_M = 0.1
+"""No hand of these arms opens wider."""
+
+
+def number(value: float, name: str, low: float, high: float, unit: str = "", *, above: bool = False) -> float:
+    """`value`, finite, at least `low` (`above`: more than that) and at most `high`. Raises ValueError.
+
+    Every number that decides about a motion, or that a device reports, passes through here when its value is made.
+    """
+    inside = isinstance(value, Real) and math.isfinite(value) and low <= value <= high and not (above and value == low)
+    if not inside:
+        wanted = f"above {low:g} and at most {high:g}" if above else f"{low:g} to {high:g}"
+        shown = f"{value:g}" if isinstance(value, Real) else repr(value)
+        raise ValueError(f"{name} is {shown} {unit}".rstrip() + f": it must be {wanted}")
+    return float(value)
+
+
+def frozen_array(
+    value: ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array", *, most: float = math.inf
+) -> Array:
     """A read-only float64 copy of `value`; None in `shape` allows any size.
 
-    Raises ValueError if the shape differs or a value is not finite.
+    Raises ValueError if the shape differs, or a value is not finite or its size is above `most`.
     """
     array = np.array(value, dtype=np.float64)
     if shape is not None and (
@@ -30,6 +55,9 @@ def frozen_array(value: ArrayLike, shape: tuple[int | None, ...] | None = None, 
         raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has values that are not finite")
+    if array.size and np.abs(array).max() > most:
+        largest = array.flat[int(np.abs(array).argmax())]
+        raise ValueError(f"{name} has the value {largest:g}: its size is above {most:g}")
     array.flags.writeable = False
     return array
 
@@ -77,8 +105,14 @@ class ContactWindow:
 
     start_s: float
     end_s: float
-    depth_m: float  # deepest commanded position below the table top, positive
-    force_N: float  # largest predicted normal force
+    depth_m: float  # deepest commanded position below the table top, 0 or more
+    force_N: float  # largest predicted normal force, 0 or more
+
+    def __post_init__(self) -> None:
+        number(self.start_s, "start of the contact window", 0.0, LONGEST_S, "s")
+        number(self.end_s, "end of the contact window", self.start_s, LONGEST_S, "s")
+        number(self.depth_m, "depth of the contact window", 0.0, REACH_M, "m")
+        number(self.force_N, "force of the contact window", 0.0, LARGEST_N, "N")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +125,7 @@ class JointPath:
 
     def __post_init__(self) -> None:
         t_s = frozen_array(self.t_s, (None,), "t_s")
-        q_rad = frozen_array(self.q_rad, (len(t_s), 7), "q_rad")
+        q_rad = frozen_array(self.q_rad, (len(t_s), 7), "q_rad", most=2.0 * math.pi)
         if len(t_s) < 2 or abs(t_s[0]) > 1e-12 or not np.allclose(np.diff(t_s), 1.0 / PATH_RATE_HZ, atol=1e-9):
             raise ValueError("a joint path must start at t = 0 and have a sample every millisecond")
         object.__setattr__(self, "t_s", t_s)
@@ -113,6 +147,10 @@ class ArmState:
     fault: str | None = None
     by_hand: bool = False  # a person causes the fault now; it ends by itself, without recovery
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "q_rad", frozen_array(self.q_rad, (7,), "q_rad"))
+        object.__setattr__(self, "dq_rad_s", frozen_array(self.dq_rad_s, (7,), "dq_rad_s"))
+
 
 @dataclass(frozen=True, eq=False)
 class Execution:
@@ -124,6 +162,13 @@ class Execution:
     q_measured_rad: Array  # (M, 7)
     control_success_rate: float  # share of 1 kHz cycles answered in time, 0 to 1
 
+    def __post_init__(self) -> None:
+        t_s = frozen_array(self.t_s, (None,), "t_s")
+        object.__setattr__(self, "t_s", t_s)
+        for name in ("q_commanded_rad", "q_measured_rad"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(t_s), 7), name))
+        number(self.control_success_rate, "control success rate", 0.0, 1.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Guard:
@@ -134,9 +179,9 @@ class Guard:
     tare_s: float = 0.2  # the mean force of this first stretch, in the air, counts as zero
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "p_F_m", frozen_array(self.p_F_m, (3,), "p_F_m"))
-        if not self.force_N > 0.0 or not self.tare_s > 0.0:
-            raise ValueError(f"guard of {self.force_N:g} N, tare {self.tare_s:g} s: both must be above 0")
+        object.__setattr__(self, "p_F_m", frozen_array(self.p_F_m, (3,), "p_F_m", most=REACH_M))
+        number(self.force_N, "guard's force", 0.0, LARGEST_N, "N", above=True)
+        number(self.tare_s, "guard's tare", 0.0, LONGEST_S, "s", above=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +203,7 @@ class Contact:
         object.__setattr__(self, "felt_t_s", felt_t_s)
         for name in ("felt_commanded_rad", "felt_measured_rad", "felt_torque_Nm"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (len(felt_t_s), 7), name))
+        number(self.control_success_rate, "control success rate", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -167,3 +213,6 @@ class HandState:
     width_m: float  # between the fingers
     holds: bool  # something was grasped, and is still there
     homed: bool  # since it was switched on
+
+    def __post_init__(self) -> None:
+        number(self.width_m, "width between the fingers", 0.0, WIDEST_M, "m")

@@ -27,7 +27,7 @@ from hw.limits import (
     start_check,
 )
 from hw.motion_limits import MotionLimits, contact_torque_check
-from hw.types import Array, JointPath, frozen_array
+from hw.types import LARGEST_N, Array, JointPath, frozen_array, number
 
 STOPS_AT_N = 80.0
 """The contact force at which an arm stops by itself: the default of `hw.franka.settings` and of the simulated lab."""
@@ -35,6 +35,10 @@ STOPS_AT_N = 80.0
 
 STOPS_AT_NM = (60.0, 60.0, 54.0, 54.0, 10.0, 10.0, 10.0)
 """The same for the torque on each joint."""
+
+
+MOST_ZERO_RAD = 0.1
+"""A joint whose zero is farther off has another fault."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,8 @@ class ArmModel:
     zeros_rad: Array  # (7,) true joints minus reported joints
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "zeros_rad", frozen_array(self.zeros_rad, (JOINTS,), "joint zeros"))
+        zeros_rad = frozen_array(self.zeros_rad, (JOINTS,), "joint zeros", most=MOST_ZERO_RAD)
+        object.__setattr__(self, "zeros_rad", zeros_rad)
 
     @property
     def name(self) -> str:
@@ -94,8 +99,9 @@ class Workcell:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stops_at_Nm", frozen_array(self.stops_at_Nm, (JOINTS,), "stopping torques"))
-        if not self.stops_at_N > 0.0:
-            raise ValueError(f"the force at which the arm stops by itself is {self.stops_at_N:g} N: it must be above 0")
+        number(self.stops_at_N, "force at which the arm stops by itself", 0.0, LARGEST_N, "N", above=True)
+        for stop_Nm in self.stops_at_Nm.tolist():
+            number(stop_Nm, "torque at which the arm stops by itself", 0.0, LARGEST_N, "Nm", above=True)
 
     @property
     def motion(self) -> MotionLimits:

@@ -62,10 +62,15 @@ def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
 
 
 def calibrate(
-    resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
+    resolved: Resolved,
+    request: CalibrationRequest,
+    open_rig: OpenRig,
+    stores: Stores,
+    ends: Ends = nothing_ends,
+    screen: Screen | None = None,
 ) -> None:
     """The whole calibration. Raises the error that stops it, with the command to continue."""
-    config, screen = resolved.config, Screen(as_json=request.as_json)
+    config, screen = resolved.config, screen or Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
     replacing.tell(screen, "the calibration in use", ends(config, resolved.places))
@@ -85,9 +90,11 @@ def calibrate(
         screen.data("calibrate", summary(solved.record) | {"folder": str(folder)})
 
 
-def check(resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores) -> None:
+def check(
+    resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores, screen: Screen | None = None
+) -> None:
     """Compare three views with the calibration in use. Raises CalibrationMissing without a calibration."""
-    config, screen = resolved.config, Screen(as_json=request.as_json)
+    config, screen = resolved.config, screen or Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
     known = store.current()

@@ -15,6 +15,10 @@ _Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random nu
 _Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
 _Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
 _Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
+_Pace = Annotated[
+    float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1, to watch a new rig first.")
+]
+_Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
 _Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no motion is planned.")]
 
@@ -31,6 +35,8 @@ def calibrate(
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: _Yes = False,
     realtime: _Realtime = False,
+    pace: _Pace = None,
+    operator: _Operator = None,
     as_json: _Json = False,
 ) -> None:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
@@ -41,13 +47,18 @@ def calibrate(
     """
     if context.invoked_subcommand is not None:
         return
+    from functools import partial
+
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import ground, settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
+    flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
+    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     request = conduct.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
-    conduct.calibrate(resolved, request, wiring.open_calibration_rig, wiring.calibrations, ground.open_sessions)
+    open_rig = partial(wiring.open_calibration_rig, screen=screen)
+    conduct.calibrate(resolved, request, open_rig, wiring.calibrations, ground.open_sessions, screen)
 
 
 @app.command()
@@ -83,19 +94,25 @@ def check(
     hw: _Hw = None,
     guide: _Guide = False,
     yes: _Yes = False,
+    pace: _Pace = None,
+    operator: _Operator = None,
     as_json: _Json = False,
 ) -> None:
     """Has the camera moved since it was calibrated, and by how much? Three places, one minute.
 
     Example: adaptsim calibrate check --hw fake --world ood-1 --seed 0 --yes
     """
+    from functools import partial
+
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
+    flags = {"task": task, "world": world, "seed": seed, "hw": hw}
+    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     request = conduct.CalibrationRequest(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
-    conduct.check(resolved, request, wiring.open_calibration_rig, wiring.calibrations)
+    conduct.check(resolved, request, partial(wiring.open_calibration_rig, screen=screen), wiring.calibrations, screen)
 
 
 @app.command()

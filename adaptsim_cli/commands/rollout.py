@@ -50,6 +50,10 @@ def rollout(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")
     ] = False,
+    pace: Annotated[
+        float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1; below 1 nothing counts.")
+    ] = None,
+    operator: Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
     view_port: Annotated[
         int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
@@ -80,7 +84,8 @@ def rollout(
     from sim.adaptation.method import Iteration
     from sim.tasks import get_task
 
-    resolved = load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
+    named = {"world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
+    resolved = load({"task": task, "realtime": realtime or None, **named})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
     if best != (session is not None):
@@ -90,8 +95,8 @@ def rollout(
             raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
         param, settings, history = found.as_typed(), found.config, found.history
-        changed = {key: value for key, value in (("world", world), ("seed", seed), ("hw", hw)) if value is not None}
-        settings = settings.model_copy(update={key: getattr(resolved.config, key) for key in changed})
+        changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
+        settings = settings.model_copy(update=changed)
     name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)
@@ -99,7 +104,7 @@ def rollout(
     screen.expect(Durations(resolved.places.durations, f"{settings.hw} {settings.task} {settings.world}"))
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(wiring.open_parts(settings, Path(learnt)))
+            parts = stack.enter_context(wiring.open_parts(settings, Path(learnt), screen=screen))
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher = None
         if view or view_port is not None:

@@ -43,6 +43,10 @@ def run_iteration(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")
     ] = False,
+    pace: Annotated[
+        float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1; below 1 nothing counts.")
+    ] = None,
+    operator: Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")] = None,
     view: Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")] = False,
     view_port: Annotated[
         int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
@@ -58,18 +62,20 @@ def run_iteration(
     """
     from functools import partial
 
+    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import looking, settings
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
-    flags["realtime"] = realtime or None
-    resolved = settings.load(flags)
+    said = {"realtime": realtime or None, "pace": pace, "operator": operator}
+    resolved = settings.load({**flags, **said})
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)
     request = conduct.SessionRequest(session, given, most, yes, as_json, until_done)
     looking_on = looking.beside(view_port) if view or view_port is not None else conduct.terminal_alone
     begun = conduct.facts_of(resolved, request) if own_calibration else None
-    opener = wiring.open_parts if begun is None else partial(wiring.open_parts, own=begun)
-    conduct.conduct(resolved, request, opener, Reports().draw, open_view=looking_on)
+    screen = Screen(as_json=as_json)
+    opener = partial(wiring.open_parts, own=begun, screen=screen)
+    conduct.conduct(resolved, request, opener, Reports().draw, screen, looking_on)

@@ -13,6 +13,10 @@ _World = Annotated[str | None, typer.Option("--world", help="World of the simula
 _Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
 _Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
 _Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
+_Pace = Annotated[
+    float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1, to watch a new rig first.")
+]
+_Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
 _Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Name = Annotated[str, typer.Argument(help="Name or number, as `touch-off list` shows it.")]
 
@@ -32,6 +36,8 @@ def touch_off(
     ] = 12.0,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")] = False,
     realtime: _Realtime = False,
+    pace: _Pace = None,
+    operator: _Operator = None,
     as_json: _Json = False,
 ) -> None:
     """Find the table's height and the tool's pose in the hand by touching slowly. Do this before the first scoop.
@@ -42,14 +48,19 @@ def touch_off(
     """
     if context.invoked_subcommand is not None:
         return
+    from functools import partial
+
+    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.touch_off import conduct
     from adaptsim_cli.touch_off.parts import Grasp
     from adaptsim_cli.wiring import ground, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None})
+    flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
+    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     request = conduct.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
-    conduct.touch_off(resolved, request, wiring.open_touch_rig, wiring.touch_offs, ground.open_sessions)
+    open_rig = partial(wiring.open_touch_rig, screen=screen)
+    conduct.touch_off(resolved, request, open_rig, wiring.touch_offs, ground.open_sessions, screen)
 
 
 @app.command("list")

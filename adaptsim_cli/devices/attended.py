@@ -17,6 +17,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.session.records import RigFacts
 from hw.errors import ArmFault, BalanceError
+from hw.pacing import slowed
 from hw.placing import Placing
 from hw.ports import Arm, Balance, Camera
 from hw.types import Array
@@ -61,6 +62,9 @@ class Scales:
             mass_kg = self._balance.mass_kg()
         except BalanceError as error:
             self._screen.note(f"  {error}")
+            return
+        if mass_kg <= 0.0:
+            self._screen.note(f"  {1000.0 * mass_kg:.1f} g: nothing is on the balance; put the object there")
             return
         self._screen.show(f"  {1000.0 * mass_kg:.1f} g")
         self.facts = RigFacts(object_mass_kg=mass_kg, weighed=datetime.now(UTC).isoformat(timespec="seconds"))
@@ -130,6 +134,11 @@ class PersonBeside:
             update={
                 "camera": said,
                 "pedal": self.arm.pedal,
+                "operator": self.arm.consent.operator,
+                "consent": self.arm.consent.given,
+                "stop_button": "" if self.arm.consent.known is None else self.arm.consent.known.read().stop_button,
+                "waived": self.arm.consent.waived,
+                "pace": self.arm.consent.pace,
                 "tool": "waived" if self.watch is None else "held",
                 "tool_width_m": None if self.watch is None else self.watch.width_m,
             }
@@ -144,6 +153,8 @@ class PersonBeside:
             return
         path = free_path(q_rad, lab.home_rad, lab.cell)
         lab.cell.require(path)
+        path = slowed(path, self.arm.consent.pace)
         question = clear_to_move(True, "goes home", path.duration_s) + "."
         self.screen.go_on(question, "to start", then="The arm goes home, slowly. Release the pedal to brake.")
+        self.arm.consent.agreed()
         self.arm.execute(path)

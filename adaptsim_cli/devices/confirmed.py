@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Literal, Self
 
+from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.drivers import RealArm
-from adaptsim_cli.devices.last_motion import LastMotion
-from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.keys import Key, stop
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused
@@ -34,25 +31,18 @@ class ConfirmedArm(AroundArm[RealArm]):
     def __init__(
         self,
         arm: RealArm,
-        where: str,
-        screen: Screen,
+        consent: Consent,
         pedal: Pedal | None,
         *,
-        table: str = "nothing on the table but the object",
         before: Callable[[], None] = lambda: None,
-        last: LastMotion | None = None,
         now_s: Callable[[], float] = time.monotonic,
         pause: Callable[[float], None] = time.sleep,
     ) -> None:
-        """`before` is called before every motion, with the pedal held, and raises if the motion may not begin.
-
-        `last` remembers a motion that does not finish.
-        """
+        """`before` is called before every motion, with the pedal held, and raises if the motion may not begin."""
         super().__init__(arm)
-        self._before, self._last = before, last
-        self._where, self._screen, self._pedal, self._table = where, screen, pedal, table
+        self.consent, self._before = consent, before
+        self._screen, self._pedal = consent.screen, pedal
         self._now_s, self._pause = now_s, pause
-        self._confirmed = False
 
     @property
     def pedal(self) -> Literal["held", "waived"]:
@@ -60,21 +50,15 @@ class ConfirmedArm(AroundArm[RealArm]):
         return "waived" if self._pedal is None else "held"
 
     def execute(self, path: JointPath) -> Execution:
-        """Raises StoppedByOperator without confirmation, MotionRefused if the pedal is not held in time."""
-        self.confirm()
-        self.await_pedal()
-        self._before()
-        with self._remembered():
+        """Raises StoppedByOperator without consent, MotionRefused if the pedal is not held in time."""
+        with self._allowed(path):
             played = self._arm.execute(path)
         self._say_rate(played.control_success_rate)
         return played
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """Raises the errors of `execute` and of a guarded motion."""
-        self.confirm()
-        self.await_pedal()
-        self._before()
-        with self._remembered():
+        with self._allowed(path):
             contact = self._arm.execute_until_contact(path, guard)
         self._say_rate(contact.control_success_rate)
         return contact
@@ -90,21 +74,14 @@ class ConfirmedArm(AroundArm[RealArm]):
         return self
 
     def confirm(self) -> None:
-        """Ask the person to type the arm's model before its first motion. Raises StoppedByOperator."""
-        if self._confirmed:
-            return
-        if (unended := self._last.unended() if self._last else None) is not None:
-            self._screen.note(unended)
-        self._screen.note(
-            f"THE REAL ROBOT, {self._where}, is about to move for the first time. Check: nobody within its "
-            f"reach, {self._table}, a hand on the arm's stop button"
-            + (", a foot at the pedal." if self._pedal else ".")
-        )
-        agreed = Key(self.model, "to confirm", "The arm may move; the program still asks before each motion.")
-        way_out = stop("The command ends; nothing has moved.")
-        if self._screen.choose("Have you checked all of this?", agreed, way_out) == "q":
-            raise StoppedByOperator("stopped by the operator; nothing has moved")
-        self._confirmed = True
+        """Ask everything that is asked once before the first motion of a command. Raises StoppedByOperator."""
+        self.consent.once(self._arm)
+
+    def await_enabled(self) -> None:
+        """Wait for the consent to the next motion and for the pedal. Raises StoppedByOperator, MotionRefused."""
+        self.confirm()
+        self.consent.motion()
+        self.await_pedal()
 
     def await_pedal(self, what: str = "arm") -> None:
         """Wait until the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
@@ -120,14 +97,25 @@ class ConfirmedArm(AroundArm[RealArm]):
                 )
             self._pause(_LOOK_S)
 
-    def _remembered(self) -> AbstractContextManager[None]:
-        return nullcontext() if self._last is None else self._last.moving()
+    @contextmanager
+    def _allowed(self, path: JointPath) -> Iterator[None]:
+        """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
+        self.confirm()
+        self.consent.motion(path.duration_s)
+        self.await_pedal()
+        self._before()
+        self.consent.begun()
+        last = self.consent.last
+        with nullcontext() if last is None else last.moving():
+            yield
+        self.consent.ended()
 
     def _say_rate(self, rate: float) -> None:
         """Warn of a low success rate after a motion."""
         told = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
         if rate >= LEAST_RATE:
             self._screen.plain(f"  {told}")
+            self._screen.tell_listeners(told)
             return
         self._screen.note(
             f"  Only {told} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "

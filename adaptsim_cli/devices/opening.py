@@ -10,30 +10,32 @@ from adaptsim_cli.devices.drivers import Drivers
 from adaptsim_cli.devices.lab import Lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen
 from sim.tasks.task import Task
 
 
 @contextmanager
-def open_lab(config: Config, task: Task, drivers: Drivers | None = None) -> Iterator[Lab]:
+def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen: Screen | None = None) -> Iterator[Lab]:
     """The lab of the settings. No device is connected yet; on exit all are disconnected.
 
     Sessions, calibrations and touch-offs plan with the rig and nominal calibration of the lab. Then they ask it for
     their devices. There is no other way to a device. `drivers` are those of a real lab's devices; None: the
-    makers'. Raises WorldError, UnknownName; for a real lab UsageError (rig file, pedal neither named nor waived, no
-    terminal; realtime).
+    makers'. `screen` is the command's: a real lab asks its questions there; None: on stderr. Raises WorldError,
+    UnknownName; for a real lab UsageError (rig file, something neither stated nor waived, no terminal; realtime).
     """
     with ExitStack() as stack:
-        yield _simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, stack)
+        yield (_simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, screen, stack))
 
 
 def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
     from adaptsim_cli.devices.simulated import Simulated
     from sim.lab.world import load_world
 
-    return Simulated(task, load_world(config.world, task), config.seed, stack, realtime=config.realtime)
+    world = load_world(config.world, task)
+    return Simulated(task, world, config.seed, stack, realtime=config.realtime, pace=config.pace)
 
 
-def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack) -> Lab:
+def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | None, stack: ExitStack) -> Lab:
     if config.realtime:
         raise UsageError(
             f"--realtime slows the simulated lab down, but this is a real arm ({config.hw}). Leave out --realtime, and "
@@ -42,13 +44,10 @@ def _real(config: Config, task: Task, drivers: Drivers | None, stack: ExitStack)
     from adaptsim_cli.devices.drivers import makers_drivers
     from adaptsim_cli.devices.real import RealLab
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.devices.rig_file.required import gaps, in_words
 
     rig = rig_of(config, tasks_with_tools())
-    if rig.pedal is None and not rig.without_pedal:
-        raise UsageError(
-            f"{config.rig} names no enabling pedal, so nothing has moved. Name its port in [pedal] "
-            "(docs/guide/enable-pedal.md), or decide to work without one: without_pedal = true, which every trial "
-            "records"
-        )
+    if found := gaps(rig, task.name):
+        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(found)}")
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    return RealLab(task, rig, drivers or makers_drivers(), stack)
+    return RealLab(task, rig, drivers or makers_drivers(), stack, screen or Screen(as_json=True), config)

@@ -7,23 +7,30 @@ from contextlib import ExitStack
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.config import places
+from adaptsim_cli.config import Config, places
 from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
+from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.drivers import Drivers
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.devices.rig_file.required import gaps, in_words
+from adaptsim_cli.devices.slowed import SlowedArm, SlowedGuardedArm
 from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.log import SessionLog
 from adaptsim_cli.session.target import Rig
+from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
 from hw.franka.settings import Payload
-from hw.ports import Camera, Hand, Pedal
+from hw.pacing import FULL
+from hw.ports import Arm, Camera, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
 from sim.tasks.task import Task
@@ -37,10 +44,16 @@ class RealLab:
 
     nominal = None
 
-    def __init__(self, task: Task, rig: RigDescription, drivers: Drivers, stack: ExitStack) -> None:
+    def __init__(
+        self, task: Task, rig: RigDescription, drivers: Drivers, stack: ExitStack, screen: Screen, config: Config
+    ) -> None:
+        """`screen` is the command's. Everything it asks is also written to the log of the arm."""
         self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
-        self._task, self._drivers, self._stack = task, drivers, stack
-        self._screen = Screen(as_json=True)  # questions go to stderr and never mix with data
+        self._task, self._drivers, self._stack, self._screen = task, drivers, stack, screen
+        self._pace, self._operator = config.pace, config.operator
+        self._folder = folder_of(places(), rig)
+        durable.make_folder(self._folder)
+        screen.tell(SessionLog(self._folder, screen))
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """The box around the camera."""
@@ -52,6 +65,7 @@ class RealLab:
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
+        self._require_payload(self._task.name)
         watch = self._watch()
         arm = self._arm(there.cell, self._task.name, "nothing on the table but the object", watch)
         camera, scales = self._camera(infrared=False), self._scales()
@@ -60,29 +74,31 @@ class RealLab:
         return Rig(
             self.rig.arm.model,
             self.title,
-            arm,
+            SlowedArm[Arm](arm, self._pace) if self._pace < FULL else arm,
             camera,
             Person(),
             hand_eye,
             days,
             beside,
             time.sleep,
-            arm.await_pedal,
+            arm.await_enabled,
             () if watch is None else (watch.check,),
+            self._pace,
         )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`. The arm stays where it was left."""
+        self._require_payload(BOARD)
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
-        return BoardDevices(arm, camera, time.sleep, None)
+        return BoardDevices(SlowedArm[Arm](arm, self._pace) if self._pace < FULL else arm, camera, time.sleep, None)
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
         if self.rig.without_hand:
             raise UsageError(
-                "the rig file says without_hand, but in a touch-off the closed hand touches the table and grasps the "
-                "tool: remove without_hand, or write height, pitch and roll of the tool into [tools] of the rig file"
+                "the rig file waives the hand, but in a touch-off the closed hand touches the table and grasps the "
+                'tool: remove "hand" from waived, or write height, pitch and roll of the tool into [tools]'
             )
         arm = self._arm(cell, self._task.name, "nothing on the table")
         hand = ConfirmedHand(self._hand(), arm)
@@ -91,7 +107,8 @@ class RealLab:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
 
         self._connect(arm)
-        return TouchDevices(arm, hand, tool_there, arm.confirm)
+        shown = SlowedGuardedArm(arm, self._pace) if self._pace < FULL else arm
+        return TouchDevices(shown, hand, tool_there, arm.confirm)
 
     def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
         """The arm, to be connected last.
@@ -102,8 +119,27 @@ class RealLab:
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
-        last = LastMotion(places().data / "arms" / f"{self.rig.arm.model}-{self.rig.name}.json")
-        return ConfirmedArm(bare, where, self._screen, pedal, table=on_table, before=before, last=last)
+        last, known = LastMotion(self._folder / "last-motion.json"), KnownArm(self._folder)
+        each = self.rig.consent or ("command" if known.read().setups else "motion")
+        consent = Consent(
+            self._screen,
+            where,
+            on_table,
+            self._operator,
+            pedal is not None,
+            self._pace,
+            self.rig.waived,
+            each,
+            known,
+            setup_of(self.rig, cell),
+            last,
+        )
+        return ConfirmedArm(bare, consent, pedal, before=before)
+
+    def _require_payload(self, tool: str) -> None:
+        """Raises UsageError if the rig file neither states nor waives what this tool weighs."""
+        if found := tuple(gap for gap in gaps(self.rig, tool) if gap.what == "payload"):
+            raise UsageError(f"nothing has moved, because of the rig file: {in_words(found)}")
 
     @cached_property
     def _pedal(self) -> Pedal | None:

@@ -10,10 +10,12 @@ from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import as_shipped
+from adaptsim_cli.devices.slowed import SlowedArm, SlowedGuardedArm
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
-from hw.ports import Arm
+from hw.pacing import FULL
+from hw.ports import Arm, GuardedArm
 from hw.types import Array
 from hw.workcell import Workcell
 from sim.tasks.task import Task
@@ -34,11 +36,13 @@ def nominal_hand_eye(world: World, seed: int) -> HandEye:
 class Simulated:
     """`devices.lab.Lab`: one task in one world."""
 
-    def __init__(self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool = False) -> None:
+    def __init__(
+        self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool = False, pace: float = FULL
+    ) -> None:
         self.rig, self.title = as_shipped("panda"), f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
-        self._realtime = realtime
+        self._realtime, self._pace = realtime, pace
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """None: no trial comes near the simulated camera."""
@@ -53,7 +57,8 @@ class Simulated:
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        return Rig(SIMULATED, self.title, self._paced(lab.arm), lab.camera, lab.bench, hand_eye, days)
+        arm = self._paced(lab.arm)
+        return Rig(SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days, pace=self._pace)
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`."""
@@ -70,8 +75,10 @@ class Simulated:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        arm = PacedGuardedArm(lab.arm) if self._realtime else lab.arm
+        arm: GuardedArm = PacedGuardedArm(lab.arm) if self._realtime else lab.arm
+        arm = SlowedGuardedArm(arm, self._pace) if self._pace < FULL else arm
         return TouchDevices(arm, lab.hand, lab.offer_tool, lambda: None)
 
     def _paced(self, arm: Arm) -> Arm:
-        return PacedArm[Arm](arm) if self._realtime else arm
+        shown: Arm = PacedArm[Arm](arm) if self._realtime else arm
+        return SlowedArm[Arm](shown, self._pace) if self._pace < FULL else shown

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from adaptsim_cli.config import Config, Places, Resolved
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
@@ -57,6 +58,9 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
 
 def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Finding]:
     yield ok(lab.DEVICES, "rig file", f"{config.rig}: {rig.name}, {rig.arm.model} at {rig.arm.address}")
+    yield from lab.required(rig, config.task)
+    known = KnownArm(folder_of(places, rig)).read()
+    yield lab.stop_button(known, "stop_button" in rig.waived, datetime.now(UTC))
     trips = readings.round_trips(rig.arm.address)
     yield machine.network(rig.arm.address, trips)
     yield _arm(rig, reached=bool(trips.times_ms))
@@ -153,8 +157,7 @@ def _calibration(config: Config, places: Places) -> Finding:
 
 def _pedal(rig: RigDescription) -> Iterator[Finding]:
     if rig.pedal is None:
-        yield lab.no_pedal(waived=rig.without_pedal)
-        return
+        return  # a finding of `lab.required`
     from hw.serial.enable_pedal import EnablePedal
     from hw.serial.pedal_protocol import VERSION
 

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from adaptsim_cli.devices.known_arm import Known
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.required import gaps
 from adaptsim_cli.doctor.finding import Finding, advice, missing, ok, skipped
 
 if TYPE_CHECKING:
@@ -58,7 +61,8 @@ def arm(seen: Inspection, model: str) -> Finding:
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
     told = (
-        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad; {rhythm.states} states at 1 kHz, "
+        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
+        f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; {rhythm.states} states at 1 kHz, "
         f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
@@ -101,13 +105,31 @@ def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], .
         return missing(LEARNING, name, str(error), fix)
 
 
-def no_pedal(*, waived: bool) -> Finding:
-    """A rig file without a pedal: advice if it waives the pedal, else missing, because the arm does not move."""
-    fix = "docs/guide/enable-pedal.md: build one, and name its port in [pedal] of the rig file"
+def required(rig: RigDescription, tool: str) -> tuple[Finding, ...]:
+    """What the rig file must state or waive: a finding for each gap, and one for all that is waived."""
+    found = [
+        missing(
+            DEVICES, gap.what, f"{gap.message}, and the arm does not move", f'{gap.remedy}, or waived = ["{gap.what}"]'
+        )
+        for gap in gaps(rig, tool)
+    ]
+    if rig.waived:
+        told = f"{', '.join(rig.waived)}: waived by the rig file, which every trial records"
+        found.append(advice(DEVICES, "waived", told, "state them in the rig file: docs/guide/rig.md"))
+    return tuple(found)
+
+
+def stop_button(known: Known, waived: bool, now: datetime) -> Finding:
+    """When the arm's stop button was last found to stop it."""
     if waived:
-        return advice(DEVICES, "pedal", "waived by the rig file: only the arm's own stop button ends a motion", fix)
-    fix += ", or say without_pedal = true"
-    return missing(DEVICES, "pedal", "the rig file names none, and the arm does not move", fix)
+        return advice(DEVICES, "stop button", "its check is waived by the rig file", "check it by hand every day")
+    if not known.stop_button:
+        fix = "the next command that moves the arm leads you through the check"
+        return advice(DEVICES, "stop button", "it was never checked with this computer", fix)
+    told = f"stopped the arm on {known.stop_button} ({known.stop_button_by})"
+    if known.stop_button_is_due(now):
+        return advice(DEVICES, "stop button", f"{told}: more than a day ago", "the next command checks it again")
+    return ok(DEVICES, "stop button", told)
 
 
 def not_needed(names: tuple[str, ...]) -> tuple[Finding, ...]:

@@ -70,6 +70,7 @@ class Screen:
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._durations: Durations | None = None
         self._listeners: list[Listener] = []
+        self._noted: list[str] = []
         self._stopwatch = Stopwatch()
         self._pictures: pictures.Protocol | None = None  # the terminal's picture protocol, once known
 
@@ -78,8 +79,15 @@ class Screen:
         self._durations = durations
 
     def tell(self, listener: Listener) -> None:
-        """From now on `listener` also gets every wait, question, answer and warning."""
+        """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
+        for text in self._noted:
+            listener.noted(text)
         self._listeners.append(listener)
+
+    def tell_listeners(self, text: str) -> None:
+        """A line for the listeners alone."""
+        for listener in self._listeners:
+            listener.noted(text)
 
     def lap_s(self) -> dict[str, float]:
         """The time since the last call by stage, in s; the stages add up to all of it."""
@@ -101,8 +109,8 @@ class Screen:
     def note(self, text: str) -> None:
         """Print a highlighted line."""
         self.show(Text(text, style="yellow"))
-        for listener in self._listeners:
-            listener.noted(text.strip())
+        self._noted.append(text.strip())
+        self.tell_listeners(text.strip())
 
     def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> None:
         """Print the --json output of `command` on one line of stdout, checked against its model, version first."""

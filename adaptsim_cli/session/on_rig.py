@@ -16,7 +16,7 @@ from adaptsim_cli.session import moments, recording
 from adaptsim_cli.session.drift import brightness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import rig_checks
-from adaptsim_cli.session.records import RIG, to_json
+from adaptsim_cli.session.records import RIG, RigFacts, to_json
 from adaptsim_cli.session.stages import RunTrial, TrialKey
 from adaptsim_cli.session.target import (
     Executed,
@@ -32,8 +32,9 @@ from adaptsim_cli.session.target import (
     TrackRequest,
     silently,
 )
-from hw.errors import ArmFault, HardwareError
+from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
+from hw.pacing import FULL, slowed
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
@@ -110,14 +111,16 @@ class OnRig:
         with progress("Checking every limit along the motion", "checking"):
             for path in paths:
                 self.planner.check(path)
-        duration_s = sum(path.duration_s for path in paths)
+                self.planner.check(slowed(path, self.rig.pace))
+        pace, duration_s = self.rig.pace, sum(path.duration_s for path in paths)
+        slow = "" if pace == FULL else f", at pace {pace:g} {duration_s / pace:.1f} s: nothing is learnt from it"
         speed_m_s = top_speed_m_s(paths, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
         what = f"comes to the {self.task.object_name}, makes its motion and goes back"
         return Planned(
             placed=placed,
             action=action,
-            summary=f"The motion takes {duration_s:.1f} s and passed all limits",
-            announcement=clear_to_move(self.is_real, what, duration_s, speed_m_s),
+            summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
+            announcement=clear_to_move(self.is_real, what, duration_s / pace, speed_m_s * pace),
             preview=self._preview(placed, paths),
             paths=paths,
         )
@@ -144,6 +147,11 @@ class OnRig:
                         after = self.in_time(camera.snapshot())
             except HardwareError as fault:
                 stopped = fault
+        if stopped is None and self.rig.pace < FULL:
+            stopped = Rehearsed(
+                f"played at pace {self.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
+                "command without --pace makes the trial"
+            )
         return Executed(partial(self._files, planned.placed, planned.placed.frame, played, frames, after), stopped)
 
     def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
@@ -266,7 +274,10 @@ class OnRig:
         said = {}
         if rig.attendant is not None:
             facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.colour)})
-            said = {RIG: to_json(facts)}
+            try:
+                said = {RIG: to_json(facts)}
+            except ValueError as error:  # a number that is none must not cost the recording
+                said = {RIG: to_json(RigFacts(problem=str(error)))}
         return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}
 
 

@@ -186,11 +186,17 @@ class RigFacts(Record):
 
     object_mass_kg: float | None = None
     weighed: str | None = None  # ISO 8601
-    pedal: Literal["held", "waived"] | None = None  # "waived": the rig file says without_pedal
-    tool: Literal["held", "waived"] | None = None  # checked by the hand before every motion; "waived": without_hand
+    pedal: Literal["held", "waived"] | None = None  # "waived": the rig file waives it
+    tool: Literal["held", "waived"] | None = None  # checked by the hand before every motion; "waived": by the rig file
     tool_width_m: float | None = None  # between the fingers that hold it, at the command's first check
     brightness: float | None = None  # median grey value of the picture before the motion, 0 to 255
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, lost frames
+    problem: str = ""  # why the other values are missing
+    operator: str = ""  # who typed the arm's model
+    consent: str | None = None  # ISO 8601: when it was typed
+    stop_button: str = ""  # ISO 8601: when the arm's stop button was last found to stop it; "": never, or waived
+    waived: tuple[str, ...] = ()  # checks that the rig file waives
+    pace: float = 1.0  # of every motion
 
 
 class Note(Record):

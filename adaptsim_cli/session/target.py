@@ -248,6 +248,7 @@ class Rig:
     """Waits until the operator enables motion, so that no recording runs meanwhile. Raises MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
     """Further checks before a session."""
+    pace: float = 1.0  # of every motion; below 1 a trial is a rehearsal, which counts for nothing
 
     @property
     def is_real(self) -> bool:

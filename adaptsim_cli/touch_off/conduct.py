@@ -44,10 +44,15 @@ def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
 
 
 def touch_off(
-    resolved: Resolved, request: TouchOffRequest, open_rig: OpenRig, stores: Stores, ends: Ends = nothing_ends
+    resolved: Resolved,
+    request: TouchOffRequest,
+    open_rig: OpenRig,
+    stores: Stores,
+    ends: Ends = nothing_ends,
+    screen: Screen | None = None,
 ) -> None:
     """The whole touch-off. Raises the error that stops it, with the command to continue."""
-    config, screen = resolved.config, Screen(as_json=request.as_json)
+    config, screen = resolved.config, screen or Screen(as_json=request.as_json)
     if not config.is_simulated and request.yes:
         raise UsageError(NEVER_CONFIRMS)
     if not request.yes:

@@ -17,6 +17,7 @@ from adaptsim_cli.config import Config, Places
 from adaptsim_cli.devices.mounted import weighed, workcell
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.reading import BOARD, rig_of
+from adaptsim_cli.screen.console import Screen
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
@@ -77,7 +78,11 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
 
 @contextmanager
 def open_calibration_rig(
-    config: Config, board: Board, rough: SavedCalibration | None, drivers: Drivers | None = None
+    config: Config,
+    board: Board,
+    rough: SavedCalibration | None,
+    drivers: Drivers | None = None,
+    screen: Screen | None = None,
 ) -> Iterator[CalibrationRig]:
     """The connected devices, with the board in the gripper. Raises DeviceUnavailable, and the errors of `open_lab`.
 
@@ -87,7 +92,7 @@ def open_calibration_rig(
     from hw.kinematics import forward
     from sim.tasks import get_task
 
-    with open_lab(config, get_task(config.task), drivers) as lab:
+    with open_lab(config, get_task(config.task), drivers, screen) as lab:
         eye = lab.nominal if rough is None else rough.hand_eye()
         boxes = () if eye is None else (camera_box(eye.X_BC),)
         held, home_rad = _held(board), np.array(BOARD_HOME_RAD)

@@ -26,6 +26,7 @@ from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
 from hw.errors import MotionRefused
+from hw.pacing import FULL
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.method import Iteration, Method, Particle
@@ -36,12 +37,17 @@ from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.drivers import Drivers
+    from adaptsim_cli.screen.console import Screen
     from sim.adaptation.methods.belief import Belief
 
 
 @contextmanager
 def open_parts(
-    config: Config, learnt: Path, drivers: Drivers | None = None, own: Facts | None = None
+    config: Config,
+    learnt: Path,
+    drivers: Drivers | None = None,
+    own: Facts | None = None,
+    screen: Screen | None = None,
 ) -> Iterator[Parts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
@@ -58,7 +64,7 @@ def open_parts(
     checkpoint = checkpoint_of(config)
     learns = checkpoint.solver.task
     with (
-        _open_target(config, learns, drivers, own) as (task, target, executable, calibration),
+        _open_target(config, learns, drivers, own, screen) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
         belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
@@ -80,18 +86,25 @@ _Opened = tuple[Task, Target, Executable | None, HandEye | None]
 
 
 @contextmanager
-def _open_target(config: Config, task: Task, drivers: Drivers | None, own: Facts | None) -> Iterator[_Opened]:
+def _open_target(
+    config: Config, task: Task, drivers: Drivers | None, own: Facts | None, screen: Screen | None
+) -> Iterator[_Opened]:
     """The task as mounted, the target, the check for executable actions, the calibration."""
     if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
-    with open_trials(config, places(), task, drivers, own) as on_rig:
+    with open_trials(config, places(), task, drivers, own, screen) as on_rig:
         yield on_rig.task, on_rig, executable_on(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
 
 
 @contextmanager
 def open_trials(
-    config: Config, places: Places, task: Task, drivers: Drivers | None = None, own: Facts | None = None
+    config: Config,
+    places: Places,
+    task: Task,
+    drivers: Drivers | None = None,
+    own: Facts | None = None,
+    screen: Screen | None = None,
 ) -> Iterator[OnRig]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
@@ -100,7 +113,7 @@ def open_trials(
     cannot hold the tool), DeviceUnavailable, CameraError, UsageError (a session's own calibration is gone), and the
     errors of `open_lab`.
     """
-    with open_lab(config, task, drivers) as lab:
+    with open_lab(config, task, drivers, screen) as lab:
         ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
         if ground.touched is not None:  # the touch-off overrides the rig file
             lab.note(origin(ground.touched, task))
@@ -123,6 +136,8 @@ def _simulated(config: Config, task: Task) -> InSimulation:
             f"--hw {config.hw}: the task {task.name} runs in simulation only, so no arm can execute it. "
             "Leave --hw out, or choose another --task"
         )
+    if config.pace < FULL:
+        raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
     from sim.lab.rollouts import rollouts_in
     from sim.lab.world import load_world
 

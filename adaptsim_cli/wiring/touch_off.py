@@ -14,6 +14,7 @@ from adaptsim_cli.devices.mounted import weighed, workcell, written
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart
 from adaptsim_cli.errors import PreflightFailed
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
 from adaptsim_cli.wiring.calibration import calibration_key, calibration_of
@@ -85,7 +86,9 @@ def touch_off_of(config: Config, places: Places, task: Task, zeros_rad: Array) -
 
 
 @contextmanager
-def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None) -> Iterator[TouchRig]:
+def open_touch_rig(
+    config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None, screen: Screen | None = None
+) -> Iterator[TouchRig]:
     """Arm and hand, connected, the arm last. Nothing moves.
 
     Every check that needs no device comes first. Raises UnknownName (a tool without corners), CalibrationMissing,
@@ -99,7 +102,7 @@ def open_touch_rig(config: Config, places: Places, grasp: Grasp, drivers: Driver
     from sim.tasks import get_task
 
     task = get_task(config.task)
-    with open_lab(config, task, drivers) as lab:
+    with open_lab(config, task, drivers, screen) as lab:
         rig, shipped = lab.rig, task.require_hardware()
         _require_inside(plan_of(shipped), rig.table)
         eye, zeros_rad = calibration_of(config, places, lab.nominal)

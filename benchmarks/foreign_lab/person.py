@@ -86,6 +86,7 @@ class Person:
 REPLIES: dict[str, str | Callable[[Person, str], str]] = {
     "Enter when the arm is at rest": Person.guide,
     "n to leave this out": "n",
+    "Your name goes into the record": "Kim",
     "Type fr3 to confirm": "fr3",
     "Type recover to clear it": "recover",
     "Enter to begin it": "",

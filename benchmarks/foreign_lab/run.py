@@ -26,7 +26,8 @@ from world import START_RAD, TRUTH, Room
 HERE = Path(__file__).parent
 RIG = """\
 name = "foreign"
-without_pedal = true
+waived = ["pedal", "keep_out", "stop_button", "slow_start"]
+consent = "command"
 [arm]
 model = "fr3"
 address = "{host}"

@@ -5,7 +5,6 @@ Times are `time.monotonic()`, which all processes of a computer share.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from typing import Self
@@ -24,6 +23,7 @@ from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
+from hw.franka.weighing import READINGS, require_declared
 from hw.listening import ALIVE, PEDAL, REQUESTED
 from hw.ports import Pedal
 from hw.refusal import refuse_while_stopped
@@ -67,8 +67,9 @@ class FrankaArm:
         self._player: Player | None = None
         self._entered = False
         self._fault: str | None = None
-        self._stop = threading.Event()
-        self._carried: Payload | None = None  # set since the player got its settings
+        self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
+        self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
+        self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
 
@@ -140,9 +141,9 @@ class FrankaArm:
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
 
-        It holds until `recover`: no motion begins before.
+        It holds until a `recover` that begins later: no motion begins before.
         """
-        self._stop.set()
+        self._stops += 1
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load on the flange from now on, for the checks and for the arm's own weight compensation.
@@ -153,19 +154,20 @@ class FrankaArm:
             self._connected().carry(payload)
         except Failure as failure:
             raise self._error(failure) from failure
-        self._cell, self._carried = self._cell.holding(tool), payload
+        self._cell, self._payload = self._cell.holding(tool), payload
+        self._carries, self._weighed = True, False
 
     def recover(self) -> None:
         """Clear a fault, with a new player if the old one is gone. Never resumes a motion.
 
         Raises ArmFault if a person must act first, DeviceUnavailable if the arm cannot be reached.
         """
-        player = self._connected()
+        player, stops = self._connected(), self._stops
         try:
             reading = player.recover()
         except Failure as failure:
             raise self._error(failure) from failure
-        self._stop.clear()
+        self._answered = stops  # a stop that came meanwhile holds
         self._fault = reading.unwilling
         if self._fault is not None:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
@@ -173,7 +175,9 @@ class FrankaArm:
     def _admitted(self, path: JointPath, check: PathCheck, fade_s: float) -> PlayableMotion:
         """`path` in the player's form. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
-        refuse_while_stopped(self._stopped_by() or reading.unwilling)
+        self._fault = self._fault or reading.unwilling  # a stop button that is released now still needs a recovery
+        refuse_while_stopped(self._stopped_by())
+        self._weigh()
         check(path, frozen_array(reading.q_rad))
         held_rad = frozen_array(reading.q_held_rad)
         motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
@@ -184,6 +188,19 @@ class FrankaArm:
         refuse_while_stopped(self._stopped_by())  # a stop may have come while the path was checked
         self.last_execution = self.last_stop = None
         return motion
+
+    def _weigh(self) -> None:
+        """Before the first motion with a payload. Raises MotionRefused if the arm feels another."""
+        if self._weighed:
+            return
+        try:
+            self._connected().carry(self._payload)
+        except Failure as failure:
+            raise self._error(failure) from failure
+        felt = [self._reading() for _ in range(2 * READINGS)][READINGS:]
+        q_rad = self._cell.arm.true_rad(felt[-1].q_rad)
+        require_declared(self._model, q_rad, [one.external_Nm for one in felt], self._payload.com_F_m)
+        self._weighed = True
 
     def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
         """From the end of a guarded motion back to its start.
@@ -200,7 +217,7 @@ class FrankaArm:
             raise self._stopped(ArmFault, f"it cannot go back from the contact ({error})") from error
         if self._pedal is not None and not self._pedal.enabled():
             raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
-        if self._stop.is_set():
+        if self._stop_wanted:
             raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
         return motion
 
@@ -240,10 +257,14 @@ class FrankaArm:
 
     def _stopped_by(self) -> str | None:
         """The reason why the arm may not move until `recover`, or None."""
-        return self._fault or (WHY["request"] if self._stop.is_set() else None)
+        return self._fault or (WHY["request"] if self._stop_wanted else None)
+
+    @property
+    def _stop_wanted(self) -> bool:
+        return self._stops > self._answered
 
     def _word(self) -> bytes:
-        if self._stop.is_set():
+        if self._stop_wanted:
             return REQUESTED
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
@@ -263,8 +284,8 @@ class FrankaArm:
         if self._player is None:
             try:
                 self._player = self._start()
-                if self._carried is not None:
-                    self._player.carry(self._carried)
+                if self._carries:
+                    self._player.carry(self._payload)
             except Failure as failure:
                 self._drop_player()
                 raise DeviceUnavailable(failure.text) from failure
@@ -274,6 +295,8 @@ class FrankaArm:
         """The error to raise for a failure; during a motion it is a fault that lasts until `recover`."""
         if failure.kind in (LOST, UNAVAILABLE):
             self._drop_player()  # a broken connection stays broken: the next call makes a new one
+        if failure.kind == UNMOVED:
+            self._fault = failure.text
         if not moving:
             kind = DeviceUnavailable if failure.kind in (LOST, UNAVAILABLE) else ArmFault
             return kind(f"{self._model}: {failure.text}")

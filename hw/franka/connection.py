@@ -47,7 +47,7 @@ class Connection:
     def reading(self) -> Reading:
         """See `Driver`."""
         try:
-            return _reading(self._robot.read_once())
+            return self._read()
         except self._errors as error:
             raise self._failure(error) from error
 
@@ -88,11 +88,11 @@ class Connection:
     def recover(self) -> None:
         """See `Driver`."""
         try:
-            if _reading(self._robot.read_once()).mode != "Reflex":
+            if self._read().mode != "Reflex":
                 return
             self._robot.automatic_error_recovery()
             for _ in range(RECOVERY_READINGS):
-                if _reading(self._robot.read_once()).mode not in ("Reflex", "AutomaticErrorRecovery"):
+                if self._read().mode not in ("Reflex", "AutomaticErrorRecovery"):
                     return
         except self._errors as error:
             raise self._failure(error) from error
@@ -106,6 +106,19 @@ class Connection:
             _load(self._robot, payload)
         except self._errors as error:
             raise self._failure(error) from error
+
+    def _read(self) -> Reading:
+        """Raises the SDK's errors, and Failure for a state that is not finite."""
+        state = self._robot.read_once()
+        mode = mode_name(state.robot_mode)
+        reasons = error_names(state.current_errors)
+        if not reasons and mode == "Reflex":
+            reasons = error_names(state.last_motion_errors)
+        external_Nm = tuple(state.tau_ext_hat_filtered)
+        try:
+            return Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons, external_Nm)
+        except ValueError as error:
+            raise Failure(LOST, f"{self._model} at {self._host} reports nonsense ({error}): restart the arm") from error
 
     def _settled(self) -> Reading:
         """The first state in a mode that lasts."""
@@ -121,7 +134,7 @@ class Connection:
         if said.kind == LOST:
             return said
         try:
-            reasons = _reading(self._robot.read_once()).reasons
+            reasons = self._read().reasons
         except self._errors:  # it no longer answers: use its last state
             return said
         return self._failure(error, reasons)
@@ -145,11 +158,3 @@ def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:
 
 def _load(robot: Any, payload: Payload) -> None:
     robot.set_load(payload.mass_kg, payload.com_F_m.tolist(), payload.inertia_F_kg_m2.ravel(order="F").tolist())
-
-
-def _reading(state: Any) -> Reading:
-    mode = mode_name(state.robot_mode)
-    reasons = error_names(state.current_errors)
-    if not reasons and mode == "Reflex":
-        reasons = error_names(state.last_motion_errors)
-    return Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons)

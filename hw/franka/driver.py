@@ -9,6 +9,8 @@ from typing import Any, Protocol
 
 from hw.franka import reflexes, versions
 from hw.franka.settings import Payload
+from hw.kinematics import JOINTS
+from hw.types import frozen_array
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,12 @@ class Reading:
     dq_rad_s: tuple[float, ...]  # (7,)
     mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
     reasons: tuple[str, ...] = ()  # present reflexes; in mode Reflex, those that ended the last motion
+    external_Nm: tuple[float, ...] = (0.0,) * JOINTS  # (7,) the arm's estimate of what external forces do to its joints
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a state that is not finite."""
+        for name in ("q_rad", "q_held_rad", "dq_rad_s", "external_Nm"):
+            frozen_array(getattr(self, name), (JOINTS,), name)
 
     @property
     def unwilling(self) -> str | None:
@@ -39,6 +47,11 @@ class SdkState(Protocol):
     @property
     def q(self) -> Sequence[float]:
         """(7,) measured joints, rad."""
+        ...
+
+    @property
+    def q_d(self) -> Sequence[float]:
+        """(7,) joints that the arm's controller holds, rad."""
         ...
 
     @property

@@ -69,7 +69,10 @@ class FrankaHand:
     def state(self) -> HandState:
         """See `hw.ports.Hand`."""
         now = self._read()
-        return HandState(float(now.width), bool(now.is_grasped), self._homed)
+        try:
+            return HandState(float(now.width), bool(now.is_grasped), self._homed)
+        except ValueError as error:
+            raise DeviceUnavailable(f"the hand at {self._host} reports nonsense ({error})") from error
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""

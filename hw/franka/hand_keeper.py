@@ -134,7 +134,7 @@ def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
         why = second.text if isinstance(second, NotDone) else "it gave no state"
         return None, NotDone(
             f"the hand at {request.host} does not accept a second connection ({why}), and without one nothing could "
-            "stop it: end other programs that use it, or put without_hand = true into the rig file and close the hand "
+            'stop it: end other programs that use it, or put waived = ["hand"] into the rig file and close the hand '
             "in Desk",
             lost=True,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hw.franka.driver import Failure, Reading
-from hw.franka.playback import PlayableMotion, Played
+from hw.franka.playback import START_S, PlayableMotion, Played
 from hw.franka.settings import FrankaSettings, Payload
 from hw.listening import SILENCE_S
 from hw.types import Guard
@@ -17,6 +17,7 @@ class Timing:
 
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
+    start_s: float = START_S  # longest time from the check of a motion to its first cycle
     overrun_s: float = 5.0  # how long after its end a motion may go unanswered
 
 

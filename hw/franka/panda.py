@@ -7,7 +7,11 @@ from typing import Any
 from hw.franka.driver import SdkState, Step
 
 NO_FILTER_HZ = 1000.0
-"""libfranka's `kMaxCutoffFrequency`: the path is played as it was checked."""
+"""libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
+
+libfranka's rate limiter is off for the same reason. It would turn a jump of the commands into a chase at full speed
+(`limitRate` in its rate_limiting.cpp); without it the arm refuses the jump.
+"""
 
 
 def drive(sdk: Any, robot: Any, step: Step) -> None:
@@ -20,5 +24,5 @@ def drive(sdk: Any, robot: Any, step: Step) -> None:
         return command
 
     robot.control_joint_position(
-        cycle, controller_mode=sdk.ControllerMode.kJointImpedance, limit_rate=True, cutoff_frequency=NO_FILTER_HZ
+        cycle, controller_mode=sdk.ControllerMode.kJointImpedance, limit_rate=False, cutoff_frequency=NO_FILTER_HZ
     )

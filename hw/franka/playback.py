@@ -11,6 +11,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 
@@ -18,16 +19,26 @@ from hw.braking import check_braking, joint_spline
 from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
+from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
+from hw.since_boot import since_boot_s
 from hw.types import PATH_RATE_HZ, Array, JointPath
 
 STOPS_EVERY_S = 0.01
+STALE_RAD = 3e-6
+"""How far the first sample may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
+and 3000 rad/s³, which every joint of both arms may do. States in single precision differ by less."""
+START_S = 1.0
+"""The longest time from the check of a motion to its first cycle. Later, the lab may have changed."""
 STILL_RAD_S = 0.01
 """A joint slower than this stands still (as `hw.limits.REST_TOLERANCE_RAD_S`)."""
 
 STILL_CYCLES = 20
 HOLD_S = 0.5
 """The longest wait for standstill after the last sample."""
+
+NONSENSE = "nonsense"
+"""The reason of a stop because the arm reported a number that is none."""
 
 TOUCH = "touch"
 """The reason of a guarded motion that stopped at a touch."""
@@ -91,8 +102,12 @@ class Playback:
         wanted: Callable[[], str],
         clock: Callable[[], float],
         detector: Detector | None = None,
+        start_s: float = START_S,
+        awake: Callable[[], float] = since_boot_s,
     ) -> None:
         self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
+        self._start_s, self._awake, self._made_s = start_s, awake, awake()
+        self.refused = ""  # why not even the first sample was commanded
         self._samples = motion.path.q_rad.tolist()  # commanded unless it brakes
         self._last = len(self._samples) - 1  # tick of the last sample, of the path or of its stop
         self._between = _Between(motion.path)
@@ -105,12 +120,15 @@ class Playback:
         self._reason, self._wanted_at, self._braked_at, self._stop_tick = "", -1, -1, -1
 
     def step(self, state: SdkState, dt_s: float) -> tuple[list[float], bool]:
-        """`hw.franka.driver.Step`."""
+        """`hw.franka.driver.Step`. If the arm is no longer at the first sample, the motion ends where the arm is."""
+        if not self._rows and (stale := self._stale(state)):
+            self.refused = stale
+            return list(state.q_d), True
         self._tick += round(dt_s * PATH_RATE_HZ)
         tick, row = self._tick, self._rows
-        touched = self._felt(tick, row, state)
+        felt = self._felt(tick, row, state)
         if not self._reason:
-            self._reason = (self._wanted() if tick < self._last else "") or touched
+            self._reason = (self._wanted() if tick < self._last else "") or felt
             if self._reason:
                 self._wanted_at = row
                 self._brake(tick)
@@ -134,16 +152,41 @@ class Playback:
         n = self._rows
         elapsed = self._tick + 1 if n else 1
         reported = self._rate_sum / self._rate_count if self._rate_count else 1.0
-        logs = (self._t[:n], self._clock_s[:n], self._q_c[:n], self._q[:n], self._dq[:n])
+        commanded, measured, speeds = self._q_c[:n], self._q[:n], np.nan_to_num(self._dq[:n])
+        measured = np.where(np.isfinite(measured), measured, commanded)  # it braked where the arm reported nonsense
+        logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
         stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
         if self._detector is None:
             return Played(*logs, n / elapsed, reported, *stop)
         return Played(*logs, n / elapsed, reported, *stop, self._torque[:n], self._detector.largest_N)
 
+    def _stale(self, state: SdkState) -> str:
+        """Why the motion may not begin in this first cycle, or ""."""
+        first, late_s = self._samples[0], self._awake() - self._made_s
+        if late_s > self._start_s:
+            return f"the arm took {late_s:.1f} s to begin the motion (at most {self._start_s:g} s)"
+        for joints, most_rad, what in (
+            (state.q_d, STALE_RAD, "holds"),
+            (state.q, START_TOLERANCE_RAD, "reports"),
+        ):
+            off_rad = [abs(now - q) for now, q in zip(joints, first, strict=True)]
+            if not max(off_rad) <= most_rad:
+                joint = off_rad.index(max(off_rad))
+                return (
+                    f"since the motion was checked the arm has moved: it {what} joint {joint + 1} "
+                    f"{off_rad[joint]:.3g} rad from the beginning (at most {most_rad:g} rad)"
+                )
+        return ""
+
     def _felt(self, tick: int, row: int, state: SdkState) -> str:
+        """Why to stop by the arm's own readings, or ""."""
+        if not isfinite(sum(state.q) + sum(state.dq)):
+            return NONSENSE
         if self._detector is None:
             return ""
         torque_Nm = state.tau_ext_hat_filtered
+        if not isfinite(sum(torque_Nm)):
+            return NONSENSE
         self._torque[row] = torque_Nm
         return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 

@@ -19,9 +19,9 @@ from typing import Any
 from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, fr3, panda, realtime, versions
-from hw.franka.driver import FAULT, UNAVAILABLE, Driver, Failure
-from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm
-from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
+from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Driver, Failure
+from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm, Timing
+from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.listening import Listener
 from hw.types import Guard
 
@@ -30,13 +30,20 @@ REST_READINGS = 2000
 DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
 
 
-def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guard | None = None) -> PlayOutcome:
+def play(
+    driver: Driver,
+    motion: PlayableMotion,
+    listener: Listener,
+    guard: Guard | None = None,
+    start_s: float = START_S,
+) -> PlayOutcome:
     """Play `motion`; with a guard, until it touches. A failure during the motion is part of the outcome.
 
-    Raises Failure if the arm rejects its settings, or rejects the motion: nothing has moved.
+    Raises Failure if the arm rejects its settings, or is no longer where the motion begins: nothing has moved.
     """
+    detector = None if guard is None else Detector(guard)
+    playback = Playback(motion, listener.wanted, time.monotonic, detector, start_s)
     driver.prepare()
-    playback = Playback(motion, listener.wanted, time.monotonic, None if guard is None else Detector(guard))
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits
     listener.begin()
@@ -48,6 +55,8 @@ def play(driver: Driver, motion: PlayableMotion, listener: Listener, guard: Guar
         return PlayOutcome(playback.played(), failure)
     finally:
         gc.enable()
+    if playback.refused:
+        raise Failure(UNMOVED, f"{playback.refused}; nothing has moved")
     return PlayOutcome(playback.played())
 
 
@@ -65,6 +74,7 @@ def wait_for_rest(driver: Driver) -> None:
 def serve(program: Connection, listener: Listener, connect: Callable[[Connect], Driver]) -> None:
     """Answer requests, each with its result or a `Failure`, until the program is gone."""
     driver: Driver | None = None
+    timing = Timing()
     while not listener.orphaned:
         try:
             request: Request = program.recv()
@@ -72,12 +82,12 @@ def serve(program: Connection, listener: Listener, connect: Callable[[Connect], 
             return
         try:
             if isinstance(request, Connect):
-                driver = connect(request)
+                driver, timing = connect(request), request.timing
                 answer: Any = Connected(driver.reading(), driver.notes)
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif isinstance(request, Play):
-                answer = play(driver, request.motion, listener, request.guard)
+                answer = play(driver, request.motion, listener, request.guard, timing.start_s)
             elif isinstance(request, Listen):
                 answer = Rhythm(request.states, *driver.listen(request.states))
             else:

@@ -10,15 +10,22 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.motion_limits import RATED_NM
-from hw.types import Array, frozen_array
+from hw.mass import inertia
+from hw.motion_limits import RATED_NM, TORQUE_SHARE
+from hw.types import Array, frozen_array, number
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM
 
 HIGHEST_PAYLOAD_KG = 3.0
 """The largest load of both arms, hand included (the maker's data sheets)."""
 
+FARTHEST_M = 1.0
+"""No payload has its centre of mass farther from the flange."""
+
 STIFFEST_NM_RAD = 14250.0
 """Highest joint impedance that the arm accepts (libfranka, `setJointImpedance`)."""
+
+MOST_NM: Array = frozen_array(TORQUE_SHARE * RATED_NM)
+"""(7,) the highest threshold of each joint: the share of its rating that a motion may use."""
 
 MOST_FORCE_N = 100.0
 """A higher collision threshold would never stop anything."""
@@ -34,24 +41,18 @@ class Payload:
 
     def __post_init__(self) -> None:
         """Raises ValueError: too heavy, or an inertia that no body has."""
-        if not 0.0 <= self.mass_kg <= HIGHEST_PAYLOAD_KG:
-            raise ValueError(f"payload of {self.mass_kg:g} kg: it must be 0 to {HIGHEST_PAYLOAD_KG:g} kg")
-        object.__setattr__(self, "com_F_m", frozen_array(self.com_F_m, (3,), "centre of mass of the payload"))
-        inertia = frozen_array(self.inertia_F_kg_m2, (3, 3), "inertia of the payload")
-        if np.abs(inertia - inertia.T).max() > 1e-9 or np.linalg.eigvalsh(inertia).min() < -1e-12:
-            raise ValueError(
-                f"inertia of the payload {inertia.tolist()} kg m²: it must be symmetric and not negative; "
-                "take it from the drawing of the tool, about its centre of mass"
-            )
-        object.__setattr__(self, "inertia_F_kg_m2", inertia)
+        number(self.mass_kg, "mass of the payload", 0.0, HIGHEST_PAYLOAD_KG, "kg")
+        com_F_m = frozen_array(self.com_F_m, (3,), "centre of mass of the payload", most=FARTHEST_M)
+        object.__setattr__(self, "com_F_m", com_F_m)
+        object.__setattr__(self, "inertia_F_kg_m2", inertia(self.inertia_F_kg_m2, "inertia of the payload"))
 
 
 @dataclass(frozen=True, eq=False)
 class CollisionThresholds:
     """Above `contact` the arm reports a contact; above `collision` it stops with a reflex.
 
-    The same values hold while it accelerates. Each joint's threshold lies below its rated torque (`RATED_NM`); a higher
-    one would never stop anything. The defaults of joints 1 to 4 are the maker's example, times one and times three.
+    The same values hold while it accelerates. Each joint's threshold is at most `MOST_NM`; at its rated torque it would
+    never stop anything. The defaults of joints 1 to 4 are the maker's example, times one and times three.
     """
 
     torque_contact_Nm: Array = field(default_factory=lambda: np.array([20.0, 20.0, 18.0, 18.0, 8.0, 8.0, 8.0]))
@@ -63,8 +64,8 @@ class CollisionThresholds:
     def __post_init__(self) -> None:
         """Raises ValueError: not above 0, too high to stop anything, or contact above collision."""
         for name, size, most in (
-            ("torque_contact_Nm", 7, RATED_NM),
-            ("torque_collision_Nm", 7, RATED_NM),
+            ("torque_contact_Nm", 7, MOST_NM),
+            ("torque_collision_Nm", 7, MOST_NM),
             ("force_contact_N", 6, np.full(6, MOST_FORCE_N)),
             ("force_collision_N", 6, np.full(6, MOST_FORCE_N)),
         ):

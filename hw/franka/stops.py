@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.franka.playback import STILL_RAD_S, Played
+from hw.franka.playback import NONSENSE, STILL_RAD_S, Played
 from hw.kinematics import forward
 
 WHY = {
@@ -14,6 +14,7 @@ WHY = {
     "request": "a stop was requested",
     "silence": "the program was silent for too long",
     "orphaned": "the program ended",
+    NONSENSE: "the arm reported a number that is none",
 }
 
 

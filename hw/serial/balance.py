@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import termios
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,6 +20,11 @@ ASK_S = 1.0
 _LOST = (OSError, serial.SerialException, termios.error)
 """The errors that pyserial raises for a port that is gone."""
 
+HEAVIEST_KG = 50.0
+"""More than any object of a trial weighs."""
+EMPTY_KG = 0.005
+"""So far below 0 an empty pan may drift after it was tared."""
+_NUMBER = re.compile(r"[+-]?[0-9]{1,9}(\.[0-9]{1,9})?")
 _KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
 
 
@@ -64,12 +70,14 @@ def sics_mass_kg(answer: bytes) -> float:
 def _kg(value: str, unit: str) -> float:
     if unit not in _KG:
         raise BalanceError(f"the balance weighs in {unit!r}: set it to g, kg or mg")
-    try:
-        return float(value) * _KG[unit]
-    except ValueError:
+    if _NUMBER.fullmatch(value) is None:
+        raise BalanceError(f"the balance answered {value!r} instead of a number: check its display and weigh again")
+    mass_kg = float(value) * _KG[unit]
+    if not -EMPTY_KG <= mass_kg <= HEAVIEST_KG:
         raise BalanceError(
-            f"the balance answered {value!r} instead of a number: check its display and weigh again"
-        ) from None
+            f"the balance shows {mass_kg:g} kg, not 0 to {HEAVIEST_KG:g} kg: empty the pan, tare it and weigh again"
+        )
+    return mass_kg
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
-import time
+from collections.abc import Callable
 from typing import Self
 
 import serial
 
 from hw.errors import DeviceUnavailable
 from hw.serial.pedal_protocol import SILENCE_S, PedalState
+from hw.since_boot import since_boot_s
 
 BAUD = 115_200
 _GREETING_S = 3.0
@@ -22,8 +23,8 @@ class EnablePedal:
     Not a safety device: the stop button of the arm is.
     """
 
-    def __init__(self, port: str) -> None:
-        self._port = port
+    def __init__(self, port: str, clock: Callable[[], float] = since_boot_s) -> None:
+        self._port, self._clock = port, clock
         self._line: serial.Serial | None = None
         self._listener: threading.Thread | None = None
         self._closing = threading.Event()
@@ -45,7 +46,7 @@ class EnablePedal:
         self._listener.start()
         self._heard.wait(_GREETING_S)
         if self._state.last is None:
-            reason = self._state.why_not(time.monotonic())
+            reason = self._state.why_not(self._clock())
             self.__exit__()
             raise DeviceUnavailable(f"enabling pedal at {self._port}: {reason}")
         return self
@@ -59,13 +60,13 @@ class EnablePedal:
 
     def enabled(self) -> bool:
         """Whether motion is allowed at this moment."""
-        return not self._lost and not self._closing.is_set() and self._state.enabled(time.monotonic())
+        return not self._lost and not self._closing.is_set() and self._state.enabled(self._clock())
 
     def why_not(self) -> str:
         """The reason for the operator why motion is not allowed."""
         if self._closing.is_set():
             return "the pedal is no longer connected"
-        return self._lost or self._state.why_not(time.monotonic())
+        return self._lost or self._state.why_not(self._clock())
 
     def _listen(self) -> None:
         assert self._line is not None
@@ -77,6 +78,6 @@ class EnablePedal:
                 self._lost = f"the pedal was unplugged ({error}): plug it in and connect again"
                 self._heard.set()
                 return
-            self._state = self._state.feed(data, time.monotonic())
+            self._state = self._state.feed(data, self._clock())
             if self._state.last is not None or self._state.other_version:
                 self._heard.set()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -74,3 +75,12 @@ def test_the_template_is_a_valid_file_of_defaults(home: Path, project: Path) -> 
     found = load(home, project)
     assert found.config == load(home, project.parent).config
     assert set(found.sources.values()) == {str(project / "adaptsim.toml")}
+
+
+def test_every_documented_variable_may_be_set(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    pages = (*root.glob("*.md"), *(root / "docs").rglob("*.md"))
+    ours = set(re.findall(r"ADAPTSIM_[A-Z0-9_]*[A-Z0-9]", "".join(page.read_text() for page in pages)))
+    assert {"ADAPTSIM_KINECT_RECORDING", "ADAPTSIM_K4ARECORD_LIBRARY", "ADAPTSIM_TEST_FR3", "ADAPTSIM_HOME"} <= ours
+    settings = {f"ADAPTSIM_{key.upper()}" for key in config.load({}, {}, tmp_path).sources}
+    config.load({}, dict.fromkeys(ours - settings, "/nowhere"), tmp_path)

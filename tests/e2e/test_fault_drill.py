@@ -33,7 +33,7 @@ def run(home: Path, lab: ToyLab, capfd: Capture, calibration_sha256: str = "h" *
     """The command itself, in this process: exit code, stderr on one line, stdout."""
 
     @contextmanager
-    def opened(config: Config, learnt: Path) -> Iterator[Parts]:
+    def opened(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
         with lab:
             parts = toy_parts(lab)
             origin = dataclasses.replace(parts.provenance, calibration_sha256=calibration_sha256)

@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 from cells import cell
+from hard_paths import LOADED, paths
 
-from hw.braking import brake, check_braking
+from hw.braking import STOP_S, brake, check_braking, joint_spline, path_time
+from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
+from hw.franka.playback import STOPS_EVERY_S
 from hw.types import ContactWindow, JointPath
 
 PANDA = cell("panda").motion
@@ -65,3 +68,31 @@ def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
     stretched = brake(path, 0.58, PANDA).contact
     assert stretched is not None
     assert 0.6 < stretched.end_s < 0.64
+
+
+@pytest.mark.parametrize(("model", "seed"), [("panda", 5), ("fr3", 5)])
+def test_no_stop_changes_a_torque_faster_than_the_arm_may_or_takes_longer_than_promised(model: str, seed: int) -> None:
+    """Every stop of hard paths with a load, sample by sample."""
+    cell_ = cell(model, LOADED)
+    hard = ("near the limit", "all near the limit", "fast")
+    stops = 0
+    for one in paths(np.random.default_rng(seed), model):
+        if one.kind not in hard or np.abs(one.q_rad).max() > 3.0:
+            continue
+        path = JointPath(np.arange(len(one.q_rad)) / 1e3, one.q_rad)
+        if not cell_.check(path).ok:
+            continue
+        found = check_braking(path, cell_.motion, 0.01)
+        spline = joint_spline(path)
+        for at_s, duration_s in zip(found.at_s, found.duration_s, strict=True):
+            if not np.isfinite(duration_s):
+                continue
+            s = np.clip(path_time(np.array([at_s]), duration_s)[0], 0.0, path.duration_s)
+            q = np.concatenate([spline(s), np.repeat(spline(s[-1:]), 3, axis=0)])
+            dq, ddq = np.diff(q, axis=0) * 1e3, np.diff(q, 2, axis=0) * 1e6
+            torque = torque_Nm(q[2:], dq[1:], ddq, LOADED.mass)
+            assert np.abs(np.diff(torque[2:], axis=0)).max() * 1e3 <= 1000.0 * (1.0 + 1e-6)
+            assert 2.0 * STOPS_EVERY_S + duration_s + 0.03 <= STOP_S
+            stops += 1
+        if stops > 500:
+            return

@@ -16,6 +16,7 @@ from hw.serial import balance as balances
 from hw.serial.balance import SerialBalance, sbi_mass_kg, sics_mass_kg
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S, crc8
+from hw.since_boot import since_boot_s
 
 
 @pytest.fixture
@@ -48,6 +49,18 @@ def test_silence_stops_and_is_explained(line: Line, box: Box) -> None:
         until(lambda: not pedal.enabled())
         assert "silent" in pedal.why_not()
         box.silent = False
+        until(lambda: "again" in pedal.why_not())
+        assert not pedal.enabled()
+
+
+def test_a_computer_that_slept_needs_a_new_press(line: Line, box: Box) -> None:
+    """The pedal is held all the time, and its lines go on as if nothing had happened."""
+    asleep_s = 0.0
+    with EnablePedal(line.port, lambda: since_boot_s() + asleep_s) as pedal:
+        box.pressed = True
+        until(pedal.enabled)
+        asleep_s = 3600.0
+        assert not pedal.enabled(), "not even until the next line"
         until(lambda: "again" in pedal.why_not())
         assert not pedal.enabled()
 
@@ -129,6 +142,20 @@ def test_sbi_that_is_no_mass(answer: bytes, message: str) -> None:
 def test_sics_that_is_no_mass(answer: bytes, message: str) -> None:
     with pytest.raises(BalanceError, match=message):
         sics_mass_kg(answer)
+
+
+@pytest.mark.parametrize(
+    "value", ["nan", "inf", "-inf", "1_000", "1e3", "-5", "999999", "0x10", "1.2.3", "", ".", "+-1", "\u0663"]
+)
+@pytest.mark.parametrize("protocol", ["sbi", "mt-sics"])
+def test_only_a_plain_number_in_range_is_a_mass(value: str, protocol: str) -> None:
+    if protocol == "sbi":
+        sign, digits = (value[0], value[1:]) if value[:1] in ("+", "-") else ("+", value)
+        answer, mass_kg = f"{sign}{digits:>9} {'kg ':<3}\r\n".encode(), sbi_mass_kg
+    else:
+        answer, mass_kg = f"S S {value} kg\r\n".encode(), sics_mass_kg
+    with pytest.raises(BalanceError, match="the balance"):
+        mass_kg(answer)
 
 
 def test_a_balance_is_asked_and_answers(line: Line) -> None:

@@ -78,7 +78,7 @@ class BottleBench:
         return len(self.arm.executed) // 3
 
     @contextmanager
-    def open_parts(self, config: Config, learnt: Path) -> Iterator[Parts]:
+    def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
         """In the place of `wiring.open_parts`."""
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
         with self.arm as arm, _Camera(self) as camera:

@@ -57,6 +57,7 @@ from franky_sim.franka_robot_protocol import (
     SetCollisionBehaviorCommand,
     SetJointImpedanceCommand,
     SetLoadCommand,
+    UDPCommand,
 )
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
@@ -165,7 +166,11 @@ class Fr3Server(FrankaRobotServer):
         self.recent.clear()
         self.monitor.begin(np.array(self.robot.state.q_d))
         self.modes.moving = True
+        held = tuple(self.robot.state.q_d)
         super().start_motion(*mode)
+        # until the first command an arm goes on holding its last q_d (control_parameters.rst of the maker's FCI
+        # documentation: a trajectory begins at "the most recent q_d"); franky-sim would hold the measured joints
+        self._FrankaRobotServer__current_control_command = UDPCommand(q_c=held)
 
     def stop_motion(self, *arguments: Any, **more: Any) -> None:
         self.modes.moving = False

@@ -42,6 +42,8 @@ LIFTED_LINES = 15
 HOLD = "Hold the pedal to let the arm move"
 RIG = """\
 name = "drill"
+waived = ["keep_out", "payload", "stop_button", "slow_start"]
+consent = "command"
 [arm]
 model = "fr3"
 address = "{host}"
@@ -53,6 +55,7 @@ side = "left"
 START = "Enter to start, q to stop, ? explains:"
 ANSWERS = {
     "There is no session s yet. Enter to begin it, q to stop, ? explains:": "",
+    "Your name goes into the record:": "Kim",
     "Type fr3 to confirm, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
     "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop, ? explains:": "",

@@ -46,7 +46,7 @@ class InProcess:
         return self.driver.reading()
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        return player.play(self.driver, motion, _Told(word), guard)  # type: ignore[arg-type]
+        return player.play(self.driver, motion, _Told(word), guard, start_s=600.0)  # type: ignore[arg-type]
 
     def close(self) -> None:
         self.alive = False

@@ -30,6 +30,8 @@ from sim.lab.kinect import default_X_BC
 
 RIG = """\
 name = "lab-1"
+waived = ["keep_out", "stop_button", "slow_start"]
+consent = "command"
 [arm]
 model = "panda"
 address = "172.16.0.2"
@@ -42,6 +44,8 @@ port = "/dev/ttyUSB0"
 protocol = "sbi"
 [person]
 side = "left"
+[tools.board.payload]
+mass_kg = 0.45
 [tools.scooping]
 height_m = 0.002
 [tools.scooping.payload]
@@ -84,6 +88,7 @@ def own_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(folder / "home"))
+    monkeypatch.setenv("ADAPTSIM_OPERATOR", "Kim")
     monkeypatch.chdir(folder)
     monkeypatch.setattr(console, "require_terminal", lambda *_: None)
     return folder

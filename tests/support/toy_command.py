@@ -24,7 +24,7 @@ def call(home: Path, command: Sequence[str], lab: ToyLab | None = None) -> tuple
     bench = lab or ToyLab(7)
 
     @contextmanager
-    def opened(config: Config, learnt: Path) -> Iterator[Parts]:
+    def opened(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
         with bench:
             yield toy_parts(bench)
 

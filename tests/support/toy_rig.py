@@ -271,7 +271,7 @@ def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
     @contextmanager
-    def open_parts(config: Config, learnt: Path) -> Iterator[Parts]:
+    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
         with lab:
             yield toy_parts(lab, **kinds)
 

@@ -24,6 +24,8 @@ Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Range = tuple[float, float]
 Model = Literal["panda", "fr3"]
+Waivable = Literal["pedal", "hand", "person", "payload", "keep_out", "stop_button", "slow_start"]
+"""The checks of a real lab that its rig file may waive."""
 
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
@@ -270,13 +272,21 @@ class RigDescription:
     table: Annotated[TablePart, Field(description="the table")] = Field(default_factory=TablePart)
     camera: Annotated[CameraPart, Field(description="the camera")] = Field(default_factory=CameraPart)
     pedal: Annotated[PedalPart | None, Field(description="the enabling pedal")] = None
-    without_pedal: Annotated[
-        bool, Field(description="true: the arm moves without a pedal, and every trial records that")
-    ] = False
-    without_hand: Annotated[
-        bool,
-        Field(description="true: the tool is screwed on and no hand is watched, and every trial records that"),
-    ] = False
+    waived: Annotated[
+        tuple[Waivable, ...],
+        Field(
+            description="checks that this lab goes without, which every trial records: pedal, hand (the tool is "
+            "screwed on), person, payload, keep_out, stop_button, slow_start"
+        ),
+    ] = ()
+    consent: Annotated[
+        Literal["motion", "command"] | None,
+        Field(
+            description="what the operator agrees to: each motion, or all that a question of the command announces; "
+            "left out: each motion until this rig has moved slowly once",
+            examples=["motion"],
+        ),
+    ] = None
     balance: Annotated[BalancePart | None, Field(description="the balance")] = None
     tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
     person: Annotated[
@@ -288,10 +298,19 @@ class RigDescription:
         names = [part.name for part in self.keep_out]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"keep_out: two boxes are called {twice[0]!r}, give each a name of its own")
-        if self.pedal and self.without_pedal:
-            raise ValueError("the file names a pedal and waives it: remove [pedal], or without_pedal = true")
+        if self.pedal and "pedal" in self.waived:
+            raise ValueError('the file names a pedal and waives it: remove [pedal], or "pedal" from waived')
         if self.pedal and self.balance and self.pedal.port == self.balance.port:
             raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
+
+    def covers(self, what: Waivable, is_there: bool) -> bool:
+        """Whether something is there, or waived."""
+        return is_there or what in self.waived
+
+    @property
+    def without_hand(self) -> bool:
+        """Whether no hand holds the tool."""
+        return "hand" in self.waived
 
     def tool(self, task: str) -> ToolPart:
         """The tool of a task; the shipped mount if the file does not name one."""

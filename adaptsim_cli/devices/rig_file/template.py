@@ -23,8 +23,8 @@ _EXAMPLE_BOX = KeepOutPart("lamp", (0.5, -0.7, 0.4), (0.7, -0.5, 0.9))
 def template(rig: RigDescription, tasks: tuple[str, ...]) -> str:
     """The text of a file that describes `rig`; `tasks` are those that may have a tool."""
     lines = [_HEAD, *_part(rig, "", commented=False)]
-    for task in tasks:
-        lines += _section(f"tools.{task}", rig.tool(task), commented=task not in rig.tools)
+    for tool in (*tasks, *(name for name in rig.tools if name not in tasks)):
+        lines += _section(f"tools.{tool}", rig.tool(tool), commented=tool not in rig.tools)
     for box in rig.keep_out:
         lines += ["", "[[keep_out]]", *_part(box, "keep_out", commented=False)]
     if not rig.keep_out:

@@ -73,9 +73,7 @@ def init(places: Places, request: InitRequest, screen: Screen) -> Written:
         durable.replace_file(file, text.encode())
         screen.plain(f"Rig file: {file}")
         if rig.pedal is None:
-            screen.note(
-                "No enabling pedal: the arm does not move until the file names one, or says without_pedal = true"
-            )
+            screen.note('No enabling pedal: the arm does not move until the file names one, or says waived = ["pedal"]')
     new = not settings.exists()
     if new:
         durable.make_folder(settings.parent)

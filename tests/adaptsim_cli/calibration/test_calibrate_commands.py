@@ -51,7 +51,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> ToyBench:
     bench = ToyBench()
 
     @contextmanager
-    def opened(_: Config, board: Board, known: SavedCalibration | None) -> Iterator[CalibrationRig]:
+    def opened(_: Config, board: Board, known: SavedCalibration | None, **__: object) -> Iterator[CalibrationRig]:
         yield rig(bench, board=board)
 
     monkeypatch.setattr(wiring_calibration, "open_calibration_rig", opened)

@@ -17,6 +17,7 @@ from sdk_fake import FakeSdk
 
 from adaptsim_cli.devices.attended import offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.errors import StoppedByOperator
 from hw.collision import LEVEL
 from hw.errors import MotionRefused
@@ -33,7 +34,7 @@ STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
 def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
     typing(monkeypatch, "", "y", "yes", "Panda")
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda at 10.0.0.1", screen, None) as arm:
+    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), Consent(screen, "panda at 10.0.0.1", operator="Kim"), None) as arm:
         arm.execute(STILL)
         arm.execute(STILL)
     assert len(bare.executed) == 2
@@ -45,7 +46,10 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.Mon
 def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     bare = FakeArm(READY_RAD, FakeClock(), cell())
     typing(monkeypatch, *answers)
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", quiet(), None) as arm, pytest.raises(StoppedByOperator):
+    with (
+        ConfirmedArm(FakeGuardedArm(bare, LEVEL), Consent(quiet(), "panda", operator="Kim"), None) as arm,
+        pytest.raises(StoppedByOperator),
+    ):
         arm.execute(STILL)
     assert bare.executed == []
 
@@ -54,7 +58,13 @@ def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPat
     typing(monkeypatch, "panda")
     bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
     pedal = ToyPedal([False, False, False, True]).__enter__()
-    with ConfirmedArm(FakeGuardedArm(bare, LEVEL), "panda", screen, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
+    with ConfirmedArm(
+        FakeGuardedArm(bare, LEVEL),
+        Consent(screen, "panda", operator="Kim"),
+        pedal,
+        now_s=clock.now_s,
+        pause=clock.sleep,
+    ) as arm:
         arm.execute(STILL)
         assert "Hold the pedal to let the arm move: the pedal is released" in said(screen)
         assert clock.now_s() == pytest.approx(0.04), "two looks"

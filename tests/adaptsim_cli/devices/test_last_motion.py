@@ -11,6 +11,7 @@ from cells import cell
 from real_lab import READY_RAD, quiet, said, typing
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.screen.console import Screen
 from hw.collision import LEVEL
@@ -32,7 +33,7 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.Mo
             return replace(super().execute(path), control_success_rate=rates.pop(0))
 
     bare = Late(FakeArm(READY_RAD, FakeClock(), cell()), LEVEL)
-    with ConfirmedArm(bare, "panda", screen, None) as arm:
+    with ConfirmedArm(bare, Consent(screen, "panda", operator="Kim"), None) as arm:
         assert "the processor may fall asleep" in said(screen)
         arm.execute(STILL)
         assert "100.0 % of the commands reached the arm in time" in said(screen)
@@ -66,7 +67,7 @@ def test_a_stop_is_never_forgotten(
     def arm(screen: Screen) -> ConfirmedArm:
         typing(monkeypatch, "panda")
         bare = Stopping(FakeArm(READY_RAD, FakeClock(), cell()), LEVEL)
-        return ConfirmedArm(bare, "panda", screen, None, last=last)
+        return ConfirmedArm(bare, Consent(screen, "panda", operator="Kim", last=last), None)
 
     if error is None:  # killed: nobody came to take the note away
         moving = last.moving()
@@ -92,7 +93,10 @@ def test_a_refused_motion_is_no_stop(tmp_path: Path, monkeypatch: pytest.MonkeyP
     last = LastMotion(tmp_path / "panda.json")
     far = JointPath(STILL.t_s, STILL.q_rad + 0.5)
     bare = FakeGuardedArm(FakeArm(READY_RAD, FakeClock(), cell()), LEVEL)
-    with ConfirmedArm(bare, "panda", quiet(), None, last=last) as arm, pytest.raises(MotionRefused):
+    with (
+        ConfirmedArm(bare, Consent(quiet(), "panda", operator="Kim", last=last), None) as arm,
+        pytest.raises(MotionRefused),
+    ):
         arm.execute(far)
     assert last.unended() is None
 

@@ -198,13 +198,14 @@ def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.Monk
 def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     devices = ToyDevices()
     text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
-    with pytest.raises(UsageError, match="names no enabling pedal, so nothing has moved"), opened(place, devices, text):
+    with pytest.raises(UsageError, match="it names no enabling pedal"), opened(place, devices, text):
         pass
-    with opened(place, devices, "without_pedal = true\nwithout_hand = true\n" + text) as real:
+    with opened(place, devices, text.replace('"keep_out"', '"keep_out", "pedal", "hand"')) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
         assert beside(real).scales is None
-        assert beside(real).facts() == RigFacts(pedal="waived", tool="waived")
+        waived = ("keep_out", "pedal", "hand", "stop_button", "slow_start")
+        assert beside(real).facts() == RigFacts(pedal="waived", tool="waived", operator="Kim", waived=waived)
 
 
 def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(

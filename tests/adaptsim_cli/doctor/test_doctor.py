@@ -109,8 +109,6 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
         (lab.stream({"recording": {"frames": 12, "dropped": 3}}, 0.5), ADVICE, "3 dropped"),
         (lab.stream({"recording": {"frames": 4, "dropped": 0}}, 0.5), MISSING, "at least 10 are needed"),
         (lab.stream({"recording": None}, 0.5), MISSING, "0 synchronised frames"),
-        (lab.no_pedal(waived=True), ADVICE, "only the arm's own stop button"),
-        (lab.no_pedal(waived=False), MISSING, "the arm does not move"),
     ],
 )  # fmt: skip
 def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says: str) -> None:

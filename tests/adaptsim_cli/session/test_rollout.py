@@ -60,7 +60,7 @@ def test_an_action_by_hand_is_executed_as_given(lab: ToyLab, tmp_path: Path, cap
 def test_a_wrong_value_moves_nothing(
     lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:
-    def opened(*_: object) -> None:
+    def opened(*_: object, **__: object) -> None:
         raise AssertionError("what was typed is checked before anything is loaded or connected")
 
     monkeypatch.setattr(wiring, "open_parts", opened)

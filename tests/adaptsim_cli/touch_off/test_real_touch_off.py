@@ -29,6 +29,7 @@ from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.attended import PersonBeside
 from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.touch_off.asking import HumanAssistant
 from adaptsim_cli.touch_off.flow import touch_off
@@ -115,7 +116,7 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
     bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL)), FakeClock(), quiet()
     pedal = ToyPedal([False, True]).__enter__()
     feeling = FakeGuardedArm(bare, LEVEL)
-    arm = ConfirmedArm(feeling, "panda", screen, pedal, table="empty", now_s=clock.now_s, pause=clock.sleep)
+    arm = ConfirmedArm(feeling, Consent(screen, "panda", "empty", "Kim"), pedal, now_s=clock.now_s, pause=clock.sleep)
     with arm:
         typing(monkeypatch, "q")
         with pytest.raises(StoppedByOperator):
@@ -197,7 +198,8 @@ def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
 
     refused(resolved(place), CalibrationMissing, "adaptsim calibrate --hw panda")
     calibrated(resolved(place))
-    refused(resolved(place, task="pushing"), UnknownName, "no corners to touch")
+    pusher = RIG + "[tools.pushing.payload]\nmass_kg = 0.15\n"
+    refused(resolved(place, pusher, task="pushing"), UnknownName, "no corners to touch")
     refused(resolved(place, RIG + "[table]\nx_m = [0.3, 0.6]\n"), NotExecutable, r"outside of the work area.*\[table\]")
 
 

@@ -68,12 +68,12 @@ def test_a_motion_is_driven_until_its_last_joints(model: str) -> None:
     assert [finished for _, finished in commands] == [False] * 4 + [True]
 
 
-def test_the_panda_plays_the_path_unfiltered_and_rate_limited_under_joint_impedance() -> None:
+def test_the_panda_plays_the_path_unfiltered_and_unlimited_under_joint_impedance() -> None:
     driver, sdk = connected("panda")
     driver.drive(lambda state, dt_s: (list(Q_RAD), True))
     assert dict(sdk.calls)["control_joint_position"] == {
         "controller_mode": "kJointImpedance",
-        "limit_rate": True,
+        "limit_rate": False,
         "cutoff_frequency": 1000.0,
     }
 

@@ -14,12 +14,14 @@ from cells import cell
 from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
 from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NAMES, SETTERS
 from in_process import InProcess
-from sdk_fake import FakeRobot, FakeSdk
+from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.connection import Connection
-from hw.franka.driver import UNMOVED, Failure
+from hw.franka.driver import UNMOVED, Failure, Reading
+from hw.franka.messages import PlayOutcome
+from hw.franka.playback import Playback, motion_of
 from hw.franka.player import DRIVES
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
@@ -132,7 +134,7 @@ def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: st
     sdk = FakeSdk(k=True)
     sdk.modes.be(mode)
     with panda(sdk) as arm:
-        assert not any(name in SETTERS for name, _ in sdk.calls)
+        assert not any(name in SETTERS for name, _ in sdk.calls), "it takes them only when Idle"
         state = arm.state()
         assert state.fault
         assert state.by_hand == (mode in BY_HAND_MODES)
@@ -145,8 +147,8 @@ def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: st
         arm.recover()
         arm.execute(rad(arm.state().q_rad))
         names = [name for name, _ in sdk.calls]
-        assert [name for name in names if name in SETTERS] == list(SETTERS)
-        assert names.index("set_load") < names.index("control_joint_position")
+        felt, *before = [name for name in names if name in SETTERS]
+        assert (felt, before) == ("set_load", list(SETTERS)), "the load is felt once, then everything is set"
 
 
 @pytest.mark.long
@@ -171,10 +173,11 @@ def test_an_fr3_found_in_any_mode_connects_explains_recovers_and_moves(
                 arm.recover()
             server.tell(ended)
         arm.recover()
-        assert len(server.configured()) == before, "nothing is set before a motion is asked for"
+        assert not server.configured()[before:], "nothing is set before a motion is asked for"
         for _ in range(2):
             arm.execute(rad(arm.state().q_rad))
-        assert server.configured()[before:] == 2 * list(SETTERS), "and again before every motion"
+        felt, *every = server.configured()[before:]
+        assert (felt, every) == ("set_load", 2 * list(SETTERS)), "the load is felt once, all is set before each motion"
 
 
 def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing() -> None:
@@ -186,6 +189,120 @@ def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing(
         driver.prepare()
     assert raised.value.kind == UNMOVED
     assert not any(name in (*SETTERS, "command") for name, _ in sdk.calls)
+
+
+class Moved(InProcess):
+    """Somebody moves the arm after the program has checked the motion, before the player begins it."""
+
+    by_rad = 0.05
+
+    def play(self, *arguments: Any, **more: Any) -> PlayOutcome:
+        self.driver._robot._q[1] += self.by_rad
+        self.by_rad = 0.0
+        return super().play(*arguments, **more)
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("by_rad", [0.05, 0.0005, -0.002])
+def test_an_arm_that_was_moved_after_the_check_is_not_commanded(model: str, by_rad: float) -> None:
+    sdk, settings = FakeSdk(k=model == "panda"), FrankaSettings("172.16.0.2")
+
+    def start() -> Moved:
+        player = Moved(Connection(model, sdk, DRIVES[model], settings, realtime=True))
+        player.by_rad = by_rad
+        return player
+
+    with FrankaArm(cell(model), settings, start) as arm:
+        before = arm.state().q_rad
+        with pytest.raises(ArmFault, match=r"since the motion was checked the arm has moved: .* joint 2 .*nothing has"):
+            arm.execute(rad(before))
+        moved = before + by_rad * (np.arange(7) == 1)
+        commands = [q for name, (q, _) in (call for call in sdk.calls if call[0] == "command")]
+        assert len(commands) == 1, "one command, which ends the motion where the arm is"
+        np.testing.assert_allclose(commands[0], moved, atol=1e-12)
+        with pytest.raises(ArmFault, match="recover it before the next motion"):
+            arm.execute(rad(arm.state().q_rad))
+        arm.recover()
+        arm.execute(rad(arm.state().q_rad))
+
+
+def test_what_limits_rates_chases_a_jump_and_what_does_not_is_refused_it() -> None:
+    """Why the Panda is driven without libfranka's limiter: 50 mrad become more than 1 rad/s."""
+    chased, robot = [], FakeRobot(FakeSdk(k=True))
+    goal = np.array(robot._q) + 0.05 * (np.arange(7) == 0)
+
+    def command(state: Any, since: Any) -> JointPositions:
+        chased.append(list(state.q))
+        answer = JointPositions(goal.tolist())
+        answer.motion_finished = len(chased) > 200
+        return answer
+
+    robot.control_joint_position(command, limit_rate=True)
+    assert np.abs(np.diff(chased, axis=0)).max() * 1e3 > 1.0
+    refused = FakeRobot(FakeSdk(k=True))
+    with pytest.raises(RuntimeError, match="aborted by reflex"):
+        refused.control_joint_position(command, limit_rate=False)
+    assert refused.sdk.modes.reasons == ("joint_position_motion_generator_start_pose_invalid",)
+
+
+def test_a_motion_that_begins_late_does_not_begin() -> None:
+    sdk = FakeSdk(k=True)
+    driver = Connection("panda", sdk, DRIVES["panda"], FrankaSettings("172.16.0.2"), realtime=True)
+    motion = motion_of(rad(np.array(sdk.q_rad)), cell("panda").motion)
+    clock = iter([0.0, 1.5])
+    playback = Playback(motion, lambda: "", lambda: 0.0, awake=lambda: next(clock))
+    driver.drive(playback.step)
+    assert playback.refused == "the arm took 1.5 s to begin the motion (at most 1 s)"
+    assert len([name for name, _ in sdk.calls if name == "command"]) == 1
+
+
+def test_a_stop_button_pressed_between_check_and_motion_needs_a_recovery_after_its_release() -> None:
+    sdk, settings = FakeSdk(k=True), FrankaSettings("172.16.0.2")
+
+    class Pressed(InProcess):
+        def play(self, *arguments: Any, **more: Any) -> PlayOutcome:
+            sdk.modes.pressed = True
+            return super().play(*arguments, **more)
+
+    def start() -> Pressed:
+        return Pressed(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
+
+    with FrankaArm(cell("panda"), settings, start) as arm:
+        path = rad(arm.state().q_rad)
+        for _ in range(2):  # as it is pressed, and once more after its release
+            with pytest.raises(ArmFault, match="the stop button is pressed"):
+                arm.execute(path)
+            sdk.modes.pressed = False
+        assert not any(name == "command" for name, _ in sdk.calls)
+        arm.recover()
+        sdk.modes.pressed = True
+        with pytest.raises(ArmFault, match="the stop button is pressed"):
+            arm.execute(path)  # pressed before the check
+
+
+def test_a_stop_during_a_recovery_holds() -> None:
+    sdk, settings = FakeSdk(k=True), FrankaSettings("172.16.0.2")
+
+    class Stopping(InProcess):
+        def recover(self) -> Reading:
+            reading = super().recover()
+            if len(stopped) < 1:
+                arm.stop()
+                stopped.append(None)
+            return reading
+
+    stopped: list[None] = []
+
+    def start() -> Stopping:
+        return Stopping(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
+
+    with FrankaArm(cell("panda"), settings, start) as arm:
+        sdk.modes.be("Reflex")
+        arm.recover()
+        with pytest.raises(ArmFault, match="a stop was requested"):
+            arm.execute(rad(arm.state().q_rad))
+        arm.recover()
+        arm.execute(rad(arm.state().q_rad))
 
 
 def test_a_motion_of_somebody_else_is_waited_for_and_then_said() -> None:

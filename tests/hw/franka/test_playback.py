@@ -31,6 +31,7 @@ class State:
 
     q: list[float] = field(default_factory=READY.tolist)
     dq: list[float] = field(default_factory=lambda: [0.0] * 7)
+    q_d: list[float] = field(default_factory=READY.tolist)
     tau_ext_hat_filtered: list[float] = field(default_factory=lambda: [0.0] * 7)
     control_command_success_rate: float = 1.0
 

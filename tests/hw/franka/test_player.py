@@ -105,7 +105,7 @@ class Follower:
             if cycle == self._fails_at:
                 self.mode = "Reflex"
                 raise Failure(FAULT, "a joint felt more torque")
-            state = SimpleNamespace(q=self.q, dq=[0.0] * 7, control_command_success_rate=1.0)
+            state = SimpleNamespace(q=self.q, q_d=self.q, dq=[0.0] * 7, control_command_success_rate=1.0)
             self.q, finished = step(state, 0.001 if cycle else 0.0)
             cycle += 1
 

@@ -1,0 +1,143 @@
+"""The operator's consent: the questions before a real arm moves, once per command and once per motion.
+
+The screen writes every question and answer with its time into the log of the arm and of the session.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Literal
+
+from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
+from adaptsim_cli.devices.last_motion import LastMotion
+from adaptsim_cli.errors import StoppedByOperator
+from adaptsim_cli.screen.clear import clear_to_move
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
+from hw.errors import ArmFault
+from hw.ports import Arm
+
+SLOW_PACE = 0.3
+"""The first motion with a new rig file, tool or calibration is at most this fast."""
+NOBODY = "stopped by the operator; nothing has moved"
+_WAY_OUT = "The command ends; nothing has moved."
+
+
+@dataclass
+class Consent:
+    """Asks the operator beside one arm during one command. Every question raises StoppedByOperator at q."""
+
+    screen: Screen
+    where: str  # the arm, for a person
+    table: str = "nothing on the table but the object"
+    operator: str = ""  # "": asked
+    pedal: bool = False
+    pace: float = 1.0
+    waived: tuple[str, ...] = ()  # checks that the rig file waives
+    each: Literal["motion", "command"] = "command"
+    known: KnownArm | None = None  # None: an arm that nothing is remembered of
+    setup: str = ""  # `known_arm.setup_of`
+    last: LastMotion | None = None
+    given: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
+    _slow_ended: bool = field(default=False, init=False)
+    _motion: bool = field(default=False, init=False)  # given for the next motion
+
+    def once(self, arm: Arm) -> None:
+        """Before the first motion of a command: name, stop button, slow start, and the typed model."""
+        if self.given is not None:
+            return
+        if (unended := self.last.unended() if self.last else None) is not None:
+            self.screen.note(unended)
+        self._name()
+        self._stop_button(arm)
+        self._slow_start()
+        if self.pace < 1.0:
+            self.screen.note(f"Every motion is played at pace {self.pace:g}; nothing is learnt from these trials")
+        self.screen.note(
+            f"THE REAL ROBOT, {self.where}, is about to move for the first time. Check: nobody within its "
+            f"reach, {self.table}, a hand on the arm's stop button" + (", a foot at the pedal." if self.pedal else ".")
+        )
+        agreed = Key(arm.model, "to confirm", "The arm may move; the program still asks before each motion.")
+        if self.screen.choose("Have you checked all of this?", agreed, stop(_WAY_OUT)) == "q":
+            raise StoppedByOperator(NOBODY)
+        self.given = datetime.now(UTC).isoformat(timespec="seconds")
+
+    def motion(self, duration_s: float | None = None) -> None:
+        """Before one motion, if each needs its own consent; an answer counts for the next `begun`."""
+        if self.each == "command" or self._motion:
+            return
+        question = clear_to_move(True, "makes its next motion", duration_s) + "."
+        self.screen.go_on(question, "to let it move", then="This one motion begins.", stopped="stopped by the operator")
+        self._motion = True
+
+    def agreed(self) -> None:
+        """The next motion was announced and agreed to by a question of its own."""
+        self._motion = True
+
+    def begun(self) -> None:
+        """The motion that was consented to begins; the next one is asked for again."""
+        self._motion = False
+
+    def ended(self) -> None:
+        """A motion came to its end: a slow one makes its set-up known."""
+        if self.known is not None and self.pace <= SLOW_PACE and not self._slow_ended:
+            self.known.moved_slowly(self.setup)
+            self._slow_ended = True
+
+    def _name(self) -> None:
+        while not self.operator:
+            answer = self.screen.words("Who operates the arm? Your name goes into the record:")
+            if answer is None:
+                raise StoppedByOperator(NOBODY)
+            self.operator = answer
+        self.screen.tell_listeners(f"operator: {self.operator}")
+
+    def _stop_button(self, arm: Arm) -> None:
+        """Have the stop button pressed, see that the arm says so, have it released, recover."""
+        if self.known is None or "stop_button" in self.waived:
+            return
+        if not self.known.read().stop_button_is_due(datetime.now(UTC)):
+            return
+        self.screen.note(
+            f"The arm's stop button was not checked in the last {24 * STOP_BUTTON_DAYS} hours. It is the safety device "
+            "of this lab."
+        )
+        for question, pressed in (
+            ("Press the arm's stop button now (nothing moves).", True),
+            ("Release it, and activate FCI in Desk if it asks for it (nothing moves).", False),
+        ):
+            while True:
+                then = "Reads the arm's state. Nothing moves."
+                self.screen.go_on(question, "when done", then=then, stopped=NOBODY)
+                state = arm.state()
+                if state.by_hand == pressed and (pressed or state.fault is None):
+                    break
+                if not pressed and not state.by_hand:
+                    self._recover(arm)
+                    break
+                self.screen.note(f"  The arm reports: {state.fault or 'ready to move'}")
+        self.known.stop_button_checked(self.operator)
+        self.screen.note("  The stop button stops this arm.")
+
+    def _recover(self, arm: Arm) -> None:
+        try:
+            arm.recover()
+        except ArmFault as error:
+            self.screen.note(f"  {error}")
+
+    def _slow_start(self) -> None:
+        """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""
+        if self.known is None or "slow_start" in self.waived or self.pace <= SLOW_PACE:
+            return
+        if self.setup in self.known.read().setups:
+            return
+        self.screen.note(
+            "This rig file, tool or calibration has not moved the arm yet, so the first motion should be slow: end "
+            f"this command and add --pace {SLOW_PACE:g}."
+        )
+        name = self.operator.lower()
+        full = Key(name, "to move at full speed on your own account", "Your name is stored with this decision.")
+        leave = enter("to end the command", _WAY_OUT)
+        if self.screen.choose("Full speed nevertheless?", full, leave, stop(_WAY_OUT)) != name:
+            raise StoppedByOperator(f"{NOBODY}. Run it slowly first: add --pace {SLOW_PACE:g}")

@@ -1,0 +1,99 @@
+"""What this computer remembers of one real arm: when its stop button was checked, and which set-ups have moved it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli.config import Places
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.storage import durable
+from hw.bounded import Unreadable, read_table
+from hw.types import Array
+from hw.workcell import Workcell
+
+STOP_BUTTON_DAYS = 1
+"""A check of the stop button counts for so long."""
+
+
+def folder_of(places: Places, rig: RigDescription) -> Path:
+    """The folder of the notes and the log of the arm of `rig`."""
+    return places.data / "arms" / f"{rig.arm.model}-{rig.name}"
+
+
+@dataclass(frozen=True)
+class Known:
+    """The content of the file."""
+
+    stop_button: str = ""  # ISO 8601: when it was last found to stop the arm; "": never
+    stop_button_by: str = ""  # the operator
+    setups: Mapping[str, str] = field(default_factory=dict)  # `setup_of` -> ISO 8601 of the slow motion with it
+
+    def stop_button_is_due(self, now: datetime) -> bool:
+        """Whether the stop button has to be checked (again)."""
+        if not self.stop_button:
+            return True
+        return not timedelta(0) <= now - datetime.fromisoformat(self.stop_button) <= timedelta(days=STOP_BUTTON_DAYS)
+
+
+@dataclass(frozen=True)
+class KnownArm:
+    """The file `known.json` of an arm. A damaged one counts as empty: everything is then asked again."""
+
+    folder: Path
+
+    def read(self) -> Known:
+        """The content; empty without a file."""
+        try:
+            found = read_table(self.folder / "known.json")
+            setups = {str(setup): str(at) for setup, at in dict(found["setups"]).items()}
+            known = Known(str(found["stop_button"]), str(found["stop_button_by"]), setups)
+            known.stop_button_is_due(datetime.now(UTC))
+        except (FileNotFoundError, Unreadable, KeyError, TypeError, ValueError):
+            return Known()
+        return known
+
+    def stop_button_checked(self, operator: str) -> None:
+        """Remember that it stopped the arm just now. Raises SessionError."""
+        self._write(replace(self.read(), stop_button=_now(), stop_button_by=operator))
+
+    def moved_slowly(self, setup: str) -> None:
+        """Remember that the arm has moved slowly with this set-up. Raises SessionError."""
+        known = self.read()
+        self._write(replace(known, setups={**known.setups, setup: _now()}))
+
+    def _write(self, known: Known) -> None:
+        content = {
+            "stop_button": known.stop_button,
+            "stop_button_by": known.stop_button_by,
+            "setups": dict(known.setups),
+        }
+        durable.make_folder(self.folder)
+        durable.replace_file(self.folder / "known.json", (json.dumps(content, indent=1) + "\n").encode())
+
+
+def setup_of(rig: RigDescription, cell: Workcell) -> str:
+    """A short hash of everything that decides where the arm moves: rig file, tool, table, boxes, calibration."""
+    content = repr((rig, cell.tool.name, cell.arm.name, _plain(cell)))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+
+def _plain(cell: Workcell) -> list[Any]:
+    arrays: list[Array] = [cell.arm.zeros_rad, cell.tool.points_F_m, cell.tool.mass.com_m, cell.tool.mass.inertia_kg_m2]
+    for capsule in cell.tool.capsules:
+        arrays += [capsule.start_m, capsule.end_m, np.array([capsule.radius_m])]
+    for box in cell.keep_out:
+        arrays += [box.low_m, box.high_m]
+    table = cell.table
+    return [cell.tool.mass.kg, table.height_m, table.slope_x, table.slope_y, *(array.tolist() for array in arrays)]
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,0 +1,251 @@
+"""What a person is asked before a real arm moves, and that all of it is written down."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import cell, stick
+from real_lab import READY_RAD, RIG, ToyDevices, calibrated, own_place, quiet, said, typing, write_rig
+
+from adaptsim_cli import config
+from adaptsim_cli.devices.confirmed import ConfirmedArm
+from adaptsim_cli.devices.consent import Consent
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
+from adaptsim_cli.devices.rig_file.description import as_shipped
+from adaptsim_cli.devices.rig_file.reading import read
+from adaptsim_cli.devices.rig_file.required import gaps
+from adaptsim_cli.doctor import lab
+from adaptsim_cli.doctor.finding import Severity
+from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.log import SessionLog
+from adaptsim_cli.session.log import read as read_log
+from adaptsim_cli.wiring.session import open_trials
+from hw.collision import LEVEL
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.types import ArmState, JointPath
+from sim.tasks import get_task
+
+STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(np.asarray(READY_RAD, dtype=np.float64), (11, 1)))
+NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
+
+
+def arm_with(consent: Consent) -> tuple[ConfirmedArm, FakeArm]:
+    bare = FakeArm(READY_RAD, FakeClock(), cell())
+    return ConfirmedArm(FakeGuardedArm(bare, LEVEL), consent, None), bare
+
+
+def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = quiet()
+    screen.note("The processor may fall asleep")  # before the session has its log
+    screen.tell(SessionLog(tmp_path, screen))
+    typing(monkeypatch, "Kim", "yes", "panda")
+    arm, bare = arm_with(Consent(screen, "panda at 10.0.0.1"))
+    with arm:
+        arm.execute(STILL)
+    assert len(bare.executed) == 1
+    lines = read_log(tmp_path)
+    answers = [
+        (line.text.partition(" [")[0].partition(" Type")[0], line.data["answer"])
+        for line in lines
+        if line.event == "answered"
+    ]
+    assert [answer for _, answer in answers] == ["Kim", "yes", "panda"]
+    noted = " / ".join(line.text for line in lines if line.event == "noted")
+    for words in (
+        "The processor may fall asleep",
+        "operator: Kim",
+        "THE REAL ROBOT, panda at 10.0.0.1",
+        "100.0 % of the commands reached the arm in time",
+    ):
+        assert words in noted
+    assert arm.consent.given is not None
+    assert all(datetime.fromisoformat(line.at) for line in lines)
+
+
+def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, devices, screen = own_place(tmp_path, monkeypatch), ToyDevices(), quiet()
+    write_rig(place)
+    there = config.load({"hw": "panda", "task": "scooping"})
+    calibrated(there)
+    session = tmp_path / "session"
+    session.mkdir()
+    screen.tell(SessionLog(session, screen))
+    typing(monkeypatch, "panda")
+    with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=screen) as real:
+        real.rig.arm.execute(STILL)
+        assert real.rig.attendant is not None
+        facts = real.rig.attendant.facts()
+    assert (facts.operator, facts.waived) == ("Kim", ("keep_out", "stop_button", "slow_start"))
+    assert facts.consent is not None
+    for folder in (session, folder_of(there.places, read(place / "rig.toml"))):
+        said_there = [line.data.get("answer") for line in read_log(folder) if line.event == "answered"]
+        assert said_there == ["panda"], folder
+
+
+def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = quiet()
+    arm, bare = arm_with(Consent(screen, "panda", operator="Kim", each="motion"))
+    typing(monkeypatch, "panda", "", "", "q")
+    with arm:
+        arm.execute(STILL)
+        arm.await_enabled()  # asked before the camera records
+        arm.execute(STILL)
+        with pytest.raises(StoppedByOperator):
+            arm.execute(STILL)
+    assert len(bare.executed) == 2
+    assert said(screen).count("Enter to let it move") == 3
+
+
+def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, devices = own_place(tmp_path, monkeypatch), ToyDevices()
+    write_rig(place, RIG.replace('consent = "command"\n', "").replace(', "slow_start"', ""))
+    for pace, each in ((0.3, "motion"), (1.0, "command")):
+        there = config.load({"hw": "panda", "task": "scooping", "pace": pace})
+        calibrated(there)
+        typing(monkeypatch, "panda", *[""] * 3)
+        with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=quiet()) as real:
+            assert real.rig.attendant is not None
+            assert real.rig.attendant.arm.consent.each == each  # type: ignore[attr-defined]
+            real.rig.arm.execute(STILL)
+        assert devices.arm is not None
+        slow = len(STILL.t_s) if pace == 1.0 else 35
+        assert len(devices.arm.executed[0].t_s) == slow
+
+
+@dataclass
+class Buttoned:
+    """An arm whose stop button follows a list, one state a look."""
+
+    states: list[tuple[str | None, bool]]
+    recovered: list[None] = field(default_factory=list)
+    model: str = "panda"
+
+    def state(self) -> ArmState:
+        fault, by_hand = self.states.pop(0) if len(self.states) > 1 else self.states[0]
+        return ArmState(0.0, READY_RAD, np.zeros(7), fault, by_hand)
+
+    def recover(self) -> None:
+        self.recovered.append(None)
+
+
+def test_the_stop_button_is_checked_once_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = KnownArm(tmp_path / "arm")
+    pressed, free = ("the stop button is pressed", True), (None, False)
+    screen = quiet()
+    typing(monkeypatch, *[""] * 5, "panda")
+    consent = Consent(screen, "panda", operator="Kim", known=known, pace=0.3)
+    arm: Any = Buttoned([free, pressed, pressed, ("reflex", False)])
+    consent.once(arm)
+    assert said(screen).count("Press the arm's stop button now") == 2, "the first time nothing was pressed"
+    assert said(screen).count("Release it") == 2
+    assert arm.recovered == [None]
+    assert known.read().stop_button_by == "Kim"
+    typing(monkeypatch, "panda")
+    again = quiet()
+    Consent(again, "panda", operator="Kim", known=known, pace=0.3).once(arm)
+    assert "stop button now" not in said(again)
+
+
+def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    typing(monkeypatch, "q")
+    arm: Any = Buttoned([(None, False)])
+    with pytest.raises(StoppedByOperator, match="nothing has moved"):
+        Consent(quiet(), "panda", operator="Kim", known=KnownArm(tmp_path)).once(arm)
+    assert KnownArm(tmp_path).read().stop_button == ""
+
+
+@pytest.mark.parametrize(
+    ("age", "verdict"), [(None, Severity.ADVICE), (1.0, Severity.OK), (25.0, Severity.ADVICE), (-3.0, Severity.ADVICE)]
+)
+def test_the_doctor_says_when_the_check_is_older_than_a_day(
+    age: float | None, verdict: Severity, tmp_path: Path
+) -> None:
+    known = KnownArm(tmp_path)
+    if age is not None:
+        at = (NOW - timedelta(hours=age)).isoformat(timespec="seconds")
+        (tmp_path / "known.json").write_text(json.dumps({"stop_button": at, "stop_button_by": "Kim", "setups": {}}))
+    assert lab.stop_button(known.read(), False, NOW).verdict is verdict
+
+
+def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
+    for content in ("{", "[]", '{"stop_button": 3}', '{"stop_button": "x", "stop_button_by": "", "setups": {}}'):
+        (tmp_path / "known.json").write_text(content)
+        assert KnownArm(tmp_path).read().stop_button_is_due(NOW)
+
+
+@pytest.mark.parametrize(("answer", "moves"), [("kim", True), ("", False), ("q", False)])
+def test_a_new_set_up_moves_slowly_first_or_by_name(
+    answer: str, moves: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, screen = KnownArm(tmp_path), quiet()
+    typing(monkeypatch, answer, "panda")
+
+    def asked(pace: float, setup: str, into: Screen) -> Consent:
+        return Consent(into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waived=("stop_button",))
+
+    arm, bare = arm_with(asked(1.0, "new", screen))
+    with arm:
+        if moves:
+            arm.execute(STILL)
+        else:
+            with pytest.raises(StoppedByOperator, match="nothing has moved"):
+                arm.execute(STILL)
+    assert len(bare.executed) == moves
+    assert "add --pace 0.3" in said(screen)
+    assert known.read().setups == {}, "full speed makes nothing known"
+    typing(monkeypatch, "panda")
+    slow, _ = arm_with(asked(0.3, "new", quiet()))
+    with slow:
+        slow.execute(STILL)
+    typing(monkeypatch, "panda")
+    after, later = quiet(), arm_with(asked(1.0, "new", quiet()))[0]
+    with later:
+        later.execute(STILL)
+    assert "Full speed" not in said(after)
+
+
+def test_a_set_up_is_rig_file_tool_and_calibration() -> None:
+    rig, zeros = as_shipped("panda"), np.zeros(7)
+    first = setup_of(rig, cell(zeros_rad=zeros))
+    assert first == setup_of(as_shipped("panda"), cell(zeros_rad=zeros))
+    others = {
+        setup_of(as_shipped("fr3"), cell(zeros_rad=zeros)),
+        setup_of(rig, cell(zeros_rad=zeros + 1e-4)),
+        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.2)))),
+        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.201)))),
+    }
+    assert len(others | {first}) == 5
+
+
+def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = own_place(tmp_path, monkeypatch)
+    bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
+    rig = read(write_rig(place, bare))
+    assert [gap.what for gap in gaps(rig, "scooping")] == ["pedal", "person", "payload", "keep_out"]
+    there = config.load({"hw": "panda", "task": "scooping"})
+    calibrated(there)
+    every = r'pedal.*operator stands.*payload.*keep out.*waived = \["pedal", "person", "payload", "keep_out"\]'
+    with (
+        pytest.raises(UsageError, match=every),
+        open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers()),
+    ):
+        pass
+    found = lab.required(rig, "scooping")
+    assert [(one.name, one.verdict) for one in found] == [
+        (what, Severity.MISSING) for what in ("pedal", "person", "payload", "keep_out")
+    ]
+    waived = 'waived = ["pedal", "person", "payload", "keep_out"]\n' + bare
+    assert [one.verdict for one in lab.required(read(write_rig(place, waived)), "scooping")] == [Severity.ADVICE]

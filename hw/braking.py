@@ -21,9 +21,9 @@ from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-STOP_S = 0.5
+STOP_S = 0.9
 """The longest time from the wish to stop to standstill. A path that cannot be stopped in it is refused."""
-DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.45)
+DURATIONS_S = (0.04, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.45, 0.6, 0.85)
 """The last leaves 0.05 s of `STOP_S`: 0.02 s until the next moment at which a stop may begin, and the arm's lag."""
 EVERY_S = 0.02
 

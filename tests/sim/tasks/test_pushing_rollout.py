@@ -67,8 +67,11 @@ def test_yaw_turns_the_push_about_the_start():
     np.testing.assert_allclose(right.state[-1, :2], left.state[-1, :2] * [1.0, -1.0], atol=0.015)
 
 
-def test_a_rough_patch_in_the_way_throws_a_fast_bottle_over():
-    assert push(np.array([0.06, 1e5, 0.75, 0.0]), np.array([0.0, 0.55])).outcome is Outcome.TIPPED
+def test_a_rough_patch_in_the_way_throws_a_top_heavy_bottle_over():
+    parameters, action = np.array([0.06, 1e5, 0.9, 0.0]), np.array([0.0, 0.6])
+    tall = Unmodelled(com_height_m=0.08)
+    assert TASK.simulate(parameters, GOAL, action, np.zeros(2), tall).outcome is Outcome.TIPPED
+    assert TASK.simulate(parameters, GOAL, action, np.zeros(2)).outcome is Outcome.UPRIGHT
 
 
 def test_a_bottle_that_nothing_brakes_leaves_the_table():

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import pytest
 from real_lab import ToyPedal
@@ -35,7 +34,7 @@ def _at_once(condition: Callable[[], bool]) -> None:
 @contextmanager
 def on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[Foot]:
     """Its clock stands still, so that a busy machine never counts as a silent pedal."""
-    monkeypatch.setattr(enable_pedal, "time", SimpleNamespace(monotonic=FakeClock(100.0).now_s))
+    monkeypatch.setattr(enable_pedal.EnablePedal.__init__, "__defaults__", (FakeClock(100.0).now_s,))
     monkeypatch.setattr(enable_pedal, "_GREETING_S", 10.0)
     with plugged_in() as line, boxed(line) as box:
 

@@ -85,7 +85,7 @@ def sessions_of_the_readme(home: Path) -> set[str]:
         if not line.startswith("adaptsim run-iteration"):
             continue
         found = parse(line)
-        flags = {key: value for key, value in found.items() if key in config.Config.__dataclass_fields__}
+        flags = {key: value for key, value in found.items() if key in config.Config.model_fields}
         settings = config.load(flags, {"ADAPTSIM_HOME": str(home)}, home).config
         names.add(str(found.get("session") or default_name(settings)))
     return names

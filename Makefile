@@ -87,7 +87,6 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python docs/check_words.py
 
 # Every method in every set of worlds, and the page that shows it: hours; stop it at any time, it goes on where it was.
 results: $(STAMP)

@@ -143,11 +143,6 @@ class Places:
         return self.data / "benchmarks"
 
     @property
-    def durations(self) -> Path:
-        """The file with recent durations of steps; it may be deleted."""
-        return self.data / "durations.json"
-
-    @property
     def calibrations(self) -> Path:
         """The folder of the calibrations."""
         return self.data / "calibrations"

@@ -74,7 +74,6 @@ def rollout(
     from adaptsim_cli.config import same_lab
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
-    from adaptsim_cli.screen.durations import Durations
     from adaptsim_cli.session import single
     from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.wiring import looking
@@ -101,7 +100,6 @@ def rollout(
     folder = out or resolved.places.data / "rollouts" / name
     chosen = single.Chosen(context or [], action or [], param or [], history)
     single.typed(get_task(settings.task), chosen)  # raises before anything is loaded or connected
-    screen.expect(Durations(resolved.places.durations, f"{settings.hw} {settings.task} {settings.world}"))
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(wiring.open_parts(settings, Path(learnt), screen=screen))

@@ -22,7 +22,6 @@ from rich.text import Text
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
 from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.screen.durations import Durations
 from adaptsim_cli.screen.keyboard import read_line
 from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
@@ -40,7 +39,7 @@ _WAY_OUT = "The command ends. Everything completed is stored, and the same comma
 class Listener(Protocol):
     """A listener that shows the terminal's events elsewhere."""
 
-    def doing(self, what: str, expected_s: float | None) -> None:
+    def doing(self, what: str) -> None:
         """A step, `what`, begins."""
         ...
 
@@ -68,15 +67,9 @@ class Screen:
         loading.clear()
         self._console = console or Console(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
-        self._durations: Durations | None = None
         self._listeners: list[Listener] = []
         self._noted: list[str] = []
         self._stopwatch = Stopwatch()
-        self._pictures: pictures.Protocol | None = None  # the terminal's picture protocol, once known
-
-    def expect(self, durations: Durations) -> None:
-        """From now on every wait shows its recent duration."""
-        self._durations = durations
 
     def tell(self, listener: Listener) -> None:
         """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
@@ -181,27 +174,24 @@ class Screen:
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
-        """Show a running step with its time so far and its recent duration; only one line without a terminal.
+        """Show a running step with its time so far; only one line without a terminal.
 
         `stage` is the word under which `lap_s` adds up the time.
         """
-        expected_s = self._durations.expected_s(what) if self._durations else None
         began = time.monotonic()
         for listener in self._listeners:
-            listener.doing(what, expected_s)
-        with self._stopwatch.stage(stage or what), self._waiting(what, began, expected_s):
+            listener.doing(what)
+        with self._stopwatch.stage(stage or what), self._waiting(what, began):
             yield
         took_s = time.monotonic() - began
-        if self._durations:
-            self._durations.learn(what, took_s)
         for listener in self._listeners:
             listener.did(what, stage or what, took_s)
 
     @contextmanager
-    def _waiting(self, what: str, began: float, expected_s: float | None) -> Iterator[None]:
+    def _waiting(self, what: str, began: float) -> Iterator[None]:
         if self._live:
             waiting = Live(
-                get_renderable=lambda: views.waiting(what, time.monotonic() - began, expected_s),
+                get_renderable=lambda: views.waiting(what, time.monotonic() - began),
                 console=self._console,
                 transient=True,
                 refresh_per_second=8,
@@ -209,7 +199,7 @@ class Screen:
             with waiting:
                 yield
         else:
-            self.show(Text(f"  {what}{views.about(expected_s)}", style="dim"))
+            self.show(Text(f"  {what}", style="dim"))
             yield
 
     @contextmanager
@@ -251,13 +241,9 @@ class Screen:
 
     def picture(self, jpeg: bytes) -> bool:
         """Show a small picture if the terminal can; return whether it did."""
-        if not self._live:
+        if not (self._live and pictures.knows_kitty(os.environ)):
             return False
-        if self._pictures is None:
-            self._pictures = pictures.protocol_of(os.environ)
-        if self._pictures == "none":
-            return False
-        drawn = pictures.drawn(jpeg, self._pictures)
+        drawn = pictures.drawn(jpeg)
         self._console.file.write(f"{drawn}\n")
         self._console.file.flush()
         return True

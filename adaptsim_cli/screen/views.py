@@ -53,22 +53,11 @@ def checks(found: Sequence[Readiness]) -> RenderableType:
     return indent(table)
 
 
-def waiting(what: str, since_s: float, expected_s: float | None) -> Text:
+def waiting(what: str, since_s: float) -> Text:
     """The animated line of a running step, fitted to the screen."""
     dots = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
     line = Text(f"{dots[int(8 * since_s) % len(dots)]} {what}  ", no_wrap=True, overflow="ellipsis")
-    line.append(f"{since_s:.0f} s", "bold")
-    return line.append(_lately(expected_s), "dim")
-
-
-def _lately(expected_s: float | None) -> str:
-    """The recent duration, behind the seconds so far; empty if unknown."""
-    return "" if expected_s is None else f" of about {max(expected_s, 1.0):.0f} s"
-
-
-def about(expected_s: float | None) -> str:
-    """The recent duration, before a step begins; empty if unknown."""
-    return "" if expected_s is None or expected_s < 1.0 else f" (about {expected_s:.0f} s)"
+    return line.append(f"{since_s:.0f} s", "bold")
 
 
 def spent(stages: Mapping[str, float]) -> str:

@@ -19,7 +19,6 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
-from adaptsim_cli.screen.durations import Durations
 from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.advice import after_iteration
@@ -81,7 +80,6 @@ def conduct(
     if not request.yes:
         console.require_terminal()
     screen = screen or Screen(as_json=request.as_json)
-    screen.expect(Durations(resolved.places.durations, f"{asked.hw} {asked.task} {asked.world}"))
     if request.session is not None and known is None:
         _confirm_new(screen, request, root)
     unattended = config.unattended(request.yes)

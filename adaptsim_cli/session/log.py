@@ -50,7 +50,7 @@ class SessionLog:
         self._path, self._screen, self._is_failing = folder / FILE, screen, False
         self._is_torn = _is_torn(self._path)
 
-    def doing(self, what: str, expected_s: float | None) -> None:
+    def doing(self, what: str) -> None:
         """See `Listener`; the step becomes a line once it is over."""
 
     def did(self, what: str, stage: str, took_s: float) -> None:

@@ -46,9 +46,9 @@ class LiveView:
         }
         self._set(head=head)
 
-    def doing(self, what: str, expected_s: float | None) -> None:
+    def doing(self, what: str) -> None:
         """See `Listener`."""
-        now = {"doing": what, "expected_s": expected_s, "since_s": time.time(), "question": ""}
+        now = {"doing": what, "since_s": time.time(), "question": ""}
         self._set(now=now)
 
     def asking(self, question: str) -> None:
@@ -57,7 +57,7 @@ class LiveView:
 
     def did(self, what: str, stage: str, took_s: float) -> None:
         """See `Listener`."""
-        self.doing("", None)
+        self.doing("")
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
         """See `Listener`: the answer stays in the terminal."""

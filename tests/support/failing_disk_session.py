@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from toy_rig import ToyLab, opener
 
 from adaptsim_cli import config
 from adaptsim_cli.report import page
-from adaptsim_cli.screen import console, durations
+from adaptsim_cli.screen import console
 from adaptsim_cli.session import conduct
 from adaptsim_cli.session.store import TRIAL, SessionStore
 from adaptsim_cli.session.verifying import verify
@@ -24,8 +23,6 @@ VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "
 
 class ToySession:
     def run(self, home: Path) -> None:
-        # How long things took is stored only where that is worth telling: a busy machine would have more calls.
-        durations.WORTH_S = math.inf
         with Path(os.devnull).open("w") as nothing:
             vars(console)["Console"] = lambda **_: Console(file=nothing)
             request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)

@@ -30,7 +30,7 @@ from sim.lab.kinect import default_X_BC
 
 RIG = """\
 name = "lab-1"
-waived = ["keep_out", "payload", "stop_button", "slow_start"]
+waived = ["keep_out", "stop_button", "slow_start"]
 consent = "command"
 [arm]
 model = "panda"

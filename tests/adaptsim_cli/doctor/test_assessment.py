@@ -45,7 +45,7 @@ def test_the_page_has_the_rigs_own_numbers(tmp_path: Path) -> None:
         "stops by itself at 80 N",
         "payload in the hand: 0.12 kg",
         "2026-03-01T08:00:00+00:00 Kim",
-        "waived by the rig file: keep_out, payload, stop_button, slow_start",
+        "waived by the rig file: keep_out, stop_button, slow_start",
         "the person's side (left)",
         "| safety officer |",
     ):

@@ -9,7 +9,8 @@ a fault stops at a random moment and that the same command then continues. A fau
 After each fault:
 
 * no command was beyond a limit, by code that shares nothing with the program (`tests/support/own_judge.py`);
-* the last command that differs came within 0.5 s after the player could know, 0.06 s more where it had to hear silence;
+* the last command that differs came within `hw.braking.STOP_S` after the player could know, 0.06 s more where it had
+  to hear silence;
 * nothing was commanded without the typed model;
 * a motion that did not end is remembered, and nothing moves before a recovery;
 * of a session no completed trial changed, none is missing and none counted twice.
@@ -50,6 +51,7 @@ from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
 from adaptsim_cli.storage import durable
+from hw.braking import STOP_S
 from hw.errors import ArmFault, CameraError, HardwareError, StoppedByPedal
 from hw.fake import FakeHand
 from hw.franka import player
@@ -63,7 +65,7 @@ from hw.ports import Pedal
 from hw.serial.pedal_protocol import PedalState, line_for
 from hw.types import Array, JointPath
 
-STOP_S, WORD_EVERY, LINE_EVERY = 0.5, 5, 20
+WORD_EVERY, LINE_EVERY = 5, 20
 HOME = np.array([0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7])
 SETTINGS = FrankaSettings("172.16.0.2")
 

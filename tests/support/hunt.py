@@ -12,14 +12,12 @@ from hard_paths import LOADED, ROD, SCENE, paths
 from own_judge import Array, Touching, wrong
 from sink import Sink
 
+from hw.braking import STOP_S
 from hw.errors import MotionRefused
 from hw.franka.arm import FrankaArm
 from hw.franka.playback import PlayableMotion, Playback
 from hw.franka.settings import FrankaSettings
 from hw.types import ContactWindow, JointPath
-
-STOP_S = 0.5
-"""The promised time from the wish to stop to the last command that differs, s."""
 
 
 @dataclass

@@ -13,14 +13,16 @@ from sim.adaptation.method import Method
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.random_search import RandomSearch
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.pretraining.acting import Library, Solved, fill_library
 from sim.pretraining.emulated import EmulatedRolls
 from sim.pretraining.episodes import Simulator, sparse, visit
 from sim.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.pretraining.gate import learning_gate
 from sim.pretraining.meta_training import MetaSettings, explore, sample_targets, train_adaptation
-from sim.pretraining.pipeline import EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
+from sim.pretraining.pipeline import COMPARED, EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
@@ -140,21 +142,25 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
 
 @pytest.mark.long
 @pytest.mark.parametrize("memory", MEMORIES)
-def test_a_policy_with_each_memory_foresees_what_follows(memory):
+def test_a_policy_with_each_memory_foresees_what_follows_and_learns_to_adapt(memory):
     network, _, episodes = train_adaptation(simulator(), MetaSettings(episodes=400, parallel=50), 0, memory)
-    horizon = TOY.adaptation.horizon
-    values = [network(episodes.state(TOY, memory, t)).max(axis=-1).mean(axis=-1) for t in range(horizon)]
-    assert np.corrcoef(np.concatenate(values), _returns(episodes))[0, 1] > 0.5
+    returns = _returns(episodes)
+    for t in (0, 2, 4):  # one moment at a time: the values go on after the end of an episode, the returns do not
+        values = network(episodes.state(TOY, memory, t)).max(axis=-1).mean(axis=-1)
+        assert np.corrcoef(values, returns[t])[0, 1] > 0.5
+    gate = learning_gate(simulator(), network, memory, 9, count=128)
+    assert gate.passed
+    assert gate.policy > max(gate.stay, gate.drift) + 0.05
 
 
 def _returns(episodes):
-    """Discounted sparse rewards of the rest of each episode, in the order of the steps."""
+    """(H, E * P) discounted sparse rewards of the rest of each episode, after each visit."""
     rewards, total = sparse(TOY, episodes.rewards), np.zeros(episodes.rewards.shape[:2])
     rows = []
     for t in range(rewards.shape[2] - 1, 0, -1):
         total = rewards[:, :, t] + TOY.adaptation.discount * total
         rows.append(total.reshape(-1))
-    return np.concatenate(rows[::-1])
+    return np.stack(rows[::-1])
 
 
 def test_the_evaluation_orders_oracle_and_udr():
@@ -232,7 +238,9 @@ def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts
     whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
     assert resumed.sha256 == whole.sha256
     assert resumed.card.evaluation == whole.card.evaluation
-    assert before + len(calls) <= whole.card.simulations + 4 + 32  # two times two probes, one interrupted request
+    probes, judged = 4, TINY.evaluation  # two times two probes; the largest request judges all policies of a target
+    interrupted = judged.rollouts * (UDR_POLICIES + 1 + COMPARED * judged.iterations)
+    assert before + len(calls) <= whole.card.simulations + probes + interrupted
     calls.clear()
     run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))
     assert len(calls) == 2

@@ -97,9 +97,9 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
         assert app.run([*call, "--workers", "1"]) == 0
     text = (docs / "phase1.md").read_text()
     paper, beyond = (text.split(f"<!-- begin pendulum{s} -->")[1].split("<!-- end")[0] for s in ("", "-wide"))
-    assert "`adaptsim pretrain --task pendulum --steps 80 --judged 3`" in paper
+    assert "`adaptsim pretrain --task pendulum --episodes 8 --judged 3`" in paper
     assert "(in Ω, as in the paper)" in paper
-    assert "`adaptsim pretrain --task pendulum --targets wide --steps 80 --judged 3`" in beyond
+    assert "`adaptsim pretrain --task pendulum --targets wide --episodes 8 --judged 3`" in beyond
     assert "(in Ω and the margin around it)" in beyond
     capfd.readouterr()
 
@@ -107,7 +107,7 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
 def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification: Verification) -> None:
     made = verification.pretrained
     learnt = dataclasses.replace(made, emulator=object())  # type: ignore[arg-type]
-    assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --steps 80 --judged 3"
+    assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --episodes 8 --judged 3"
     usual = dataclasses.asdict(PretrainBudget.full(made.task))
     assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
         "adaptsim pretrain --task pendulum"

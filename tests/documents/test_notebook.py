@@ -25,7 +25,7 @@ def test_every_cell_runs_in_order(
             shown.append(_run("".join(cell["source"]), names))
     said = capsys.readouterr().out
     assert shown[0] == "balance a double pendulum with a linear feedback"
-    assert re.search(r"iteration 2: mean reward 0\.\d\d\. (Go on|Stop here): reward 0\.\d\d", said)
+    assert re.search(r"iteration 2: mean reward 0\.\d\d\. (go_on|enough), reward 0\.\d\d", said)
     assert said.count(" settled ") == 4
     assert "the weight lies on 2048 parameter sets before" in said
     expected = float(said.split("expected reward ")[1].split()[0])

@@ -74,7 +74,7 @@ def test_an_interrupted_session_goes_on_to_the_same_end(
     real = SessionStore.save_trial
 
     def cut(self: SessionStore, record: object, files: object) -> None:
-        if record.number == 2:  # type: ignore[attr-defined]
+        if record.trial == 2:  # type: ignore[attr-defined]
             raise KeyboardInterrupt
         real(self, record, files)  # type: ignore[arg-type]
 

@@ -15,16 +15,13 @@ from typing import Annotated
 import typer
 
 from adaptsim_cli.commands import (
-    benchmark,
     bundle,
     calibrate,
-    checkpoints,
     compare,
     config,
     doctor,
     exporting,
     lab,
-    pretrain,
     preview,
     report,
     retrack,
@@ -34,8 +31,8 @@ from adaptsim_cli.commands import (
     schema,
     sessions,
     touch_off,
-    world_tables,
 )
+from adaptsim_cli.research import benchmark, checkpoints, pretrain, world_tables
 from adaptsim_cli.screen import loading
 
 EXIT_CODES = (

@@ -23,7 +23,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
 from sim.lab.world import list_worlds, load_world
-from sim.pretraining.evaluation import EvaluationSettings, run_session
+from sim.research.pretraining.evaluation import EvaluationSettings, run_session
 from sim.rollouts import Requests, run_many, serial_executor
 from sim.rollouts.draws import sobol
 from sim.solvers.misfit import misfit

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.benchmark.jobs import COMPARED
-from sim.benchmark.sessions import Conditions
+from sim.research.benchmark.jobs import COMPARED
+from sim.research.benchmark.sessions import Conditions
 
 PAGE, FOLDER = Path("docs/results/methods.md"), Path("build/results")
 TABLE_A2 = ("wd", "ood-1", "ood-2", "ood-3", "ood-4")

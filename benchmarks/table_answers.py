@@ -14,8 +14,8 @@ import numpy as np
 from studies.shared import table_of
 
 from hw.types import Array
-from sim.benchmark.places import Simulated
-from sim.benchmark.targets import targets_of
+from sim.research.benchmark.places import Simulated
+from sim.research.benchmark.targets import targets_of
 from sim.rollouts.draws import cover
 from sim.tasks import get_task
 

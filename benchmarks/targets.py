@@ -17,9 +17,9 @@ from sim.adaptation.card import MethodScore, Targets
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.q_policy import QPolicy
-from sim.pretraining.evaluation import EvaluationSettings, evaluate
-from sim.pretraining.meta_training import TARGETS
-from sim.pretraining.pipeline import stage_seeds
+from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.research.pretraining.meta_training import TARGETS
+from sim.research.pretraining.pipeline import stage_seeds
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.run import Roll

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from sim.adaptation.checkpoint import save_checkpoint
 from sim.adaptation.prospects import look_ahead
-from sim.pretraining.pipeline import PretrainBudget, stage_seeds
+from sim.research.pretraining.pipeline import PretrainBudget, stage_seeds
 from sim.rollouts import load_dataset
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import train_emulator

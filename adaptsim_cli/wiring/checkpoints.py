@@ -1,12 +1,10 @@
-"""Finds the checkpoint of the settings, lists checkpoints, and verifies their cards."""
+"""Finds the checkpoint of the settings or of a stored session, and lists checkpoints."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, load, places
 from sim.tasks.task import Task
@@ -14,9 +12,6 @@ from sim.tasks.task import Task
 if TYPE_CHECKING:
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.checkpoint import Checkpoint
-
-ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
 
 
 def task_of(config: Config) -> Task:
@@ -63,41 +58,6 @@ def _pretrained(task: Task) -> list[Path]:
     return [folder for folder in own_checkpoints() if fits(folder)]
 
 
-def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Load the settings' checkpoint, compare it with card and task, and measure the card's figures again; for JSON.
-
-    Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
-    """
-    from sim.pretraining.verification.figures import Figure
-    from sim.pretraining.verification.figures import verify_figures as verify
-    from sim.rollouts import process_pool, run_many
-
-    checkpoint = checkpoint_of(config)
-    task = checkpoint.solver.task
-    figures: list[Figure] = []
-    if rollouts:
-        with process_pool(config.workers or None) as executor:
-            roll = partial(run_many, task, executor=executor)
-            figures = verify(checkpoint, roll, rollouts, config.seed, progress)
-    return {
-        "task": task.name,
-        "folder": str(checkpoint.path),
-        "sha256": checkpoint.sha256,
-        "holds": all(f.holds for f in figures),
-        "figures": [
-            {
-                "name": f.name,
-                "card": f.card,
-                "found": f.found,
-                "tolerance": f.tolerance,
-                "better": f.better,
-                "holds": f.holds,
-            }
-            for f in figures
-        ],
-    }
-
-
 def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; an unreadable card is noted under `created`."""
     from sim.adaptation.checkpoint import list_checkpoints, read_card
@@ -114,35 +74,6 @@ def list_checkpoints() -> list[dict[str, str]]:
     named = [(name, folder) for _, name, folder in list_checkpoints()]
     named += [(folder.parent.name, folder) for folder in own_checkpoints()]
     return [row(name, folder) for name, folder in named]
-
-
-def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
-    """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
-    from sim.adaptation.checkpoint import read_card
-
-    text = json.dumps(read_card(folder, task).facts(), default=str)
-    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
-    return card
-
-
-def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
-    from sim.adaptation.identifiability import SESSIONS, TRIALS, identifiability
-    from sim.adaptation.methods.adaptsim import create
-
-    checkpoint = checkpoint_of(config)
-    task = checkpoint.solver.task
-    found = identifiability(create(task, checkpoint).simulators, config.seed, progress)
-    return {
-        "folder": str(checkpoint.path),
-        "task": task.name,
-        "sessions": SESSIONS,
-        "trials": TRIALS,
-        "parameters": [
-            {"name": one.name, "title": d.title, "left": one.left, "words": one.words}
-            for one, d in zip(found, task.parameters.dimensions, strict=True)
-        ],
-    }
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:

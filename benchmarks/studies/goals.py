@@ -15,8 +15,8 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods import make_method
-from sim.benchmark.places import Place
-from sim.benchmark.sessions import Conditions, run_session
+from sim.research.benchmark.places import Place
+from sim.research.benchmark.sessions import Conditions, run_session
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
 from sim.types import Space

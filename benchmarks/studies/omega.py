@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from sim.benchmark.sessions import Conditions
+from sim.research.benchmark.sessions import Conditions
 from sim.tasks import get_task
 from sim.tasks.task import Task
 from sim.types import Space

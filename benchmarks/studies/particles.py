@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from sim.benchmark.sessions import Conditions
+from sim.research.benchmark.sessions import Conditions
 from studies.shared import COLOURS, Asked, interval, plot, save, session, table, table_of
 
 COUNTS, BUDGET, TARGET = (1, 2, 3, 4), 24, "light-bottle"

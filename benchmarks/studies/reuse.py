@@ -12,8 +12,8 @@ from typing import Any
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
-from sim.benchmark.places import Place
-from sim.benchmark.sessions import Conditions, judge, run_session
+from sim.research.benchmark.places import Place
+from sim.research.benchmark.sessions import Conditions, judge, run_session
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts

@@ -12,16 +12,16 @@ import numpy as np
 from kept import Kept
 
 from adaptsim_cli import config
-from adaptsim_cli.wiring.benchmark import tables_folder
+from adaptsim_cli.research.benchmarking import tables_folder
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.methods import make_method
-from sim.benchmark.places import Place, Simulated, Tabled
-from sim.benchmark.sessions import Conditions, judge, run_session, udr_policies
-from sim.benchmark.tables import load_table
-from sim.benchmark.targets import targets_of
-from sim.pretraining.pipeline import PretrainBudget, Wanted, pretrain
+from sim.research.benchmark.places import Place, Simulated, Tabled
+from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
+from sim.research.benchmark.tables import load_table
+from sim.research.benchmark.targets import targets_of
+from sim.research.pretraining.pipeline import PretrainBudget, Wanted, pretrain
 from sim.rollouts.executors import serial_executor
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from sim.benchmark.sessions import Conditions
+from sim.research.benchmark.sessions import Conditions
 from sim.tasks import get_task
 from studies.shared import COLOURS, Asked, interval, plot, save, session, simulated, table, trained
 

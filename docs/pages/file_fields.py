@@ -138,9 +138,9 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What `adaptsim benchmark --json` prints. Beside it lie `rows.csv` and the page `report.html`. "
         "`null` stands where a number needs UDR or the oracle and they were not run.",
         (
-            ("Each of `rows`, one for a method, a world and a seed", "sim.benchmark.jobs", "Row"),
-            ("Each of `summary`, one for a set of worlds", "sim.benchmark.summary", "SetSummary"),
-            ("Each of its `methods`", "sim.benchmark.summary", "MethodSummary"),
+            ("Each of `rows`, one for a method, a world and a seed", "sim.research.benchmark.jobs", "Row"),
+            ("Each of `summary`, one for a set of worlds", "sim.research.benchmark.summary", "SetSummary"),
+            ("Each of its `methods`", "sim.research.benchmark.summary", "MethodSummary"),
         ),
     ),
 )

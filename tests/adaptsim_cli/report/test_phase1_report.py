@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from adaptsim_cli import app
-from adaptsim_cli.report import phase1
-from adaptsim_cli.wiring import verification as wiring_verification
+from adaptsim_cli.research import phase1_page as phase1
+from adaptsim_cli.research import verification as wiring_verification
 from sim.adaptation.prospects import ProspectSettings
-from sim.pretraining.evaluation import EvaluationSettings
-from sim.pretraining.meta_training import MetaSettings
-from sim.pretraining.pipeline import PretrainBudget, pretrain
-from sim.pretraining.verification.emulator import Errors, HeldOut, reliability_bins
-from sim.pretraining.verification.policies import Pairs
-from sim.pretraining.verification.replays import Agreement
-from sim.pretraining.verification.statistics import Estimate, rank_correlation
-from sim.pretraining.verification.verify import Verification, VerificationSettings, load_pretrained, verify
+from sim.research.pretraining.evaluation import EvaluationSettings
+from sim.research.pretraining.meta_training import MetaSettings
+from sim.research.pretraining.pipeline import PretrainBudget, pretrain
+from sim.research.pretraining.verification.emulator import Errors, HeldOut, reliability_bins
+from sim.research.pretraining.verification.policies import Pairs
+from sim.research.pretraining.verification.replays import Agreement
+from sim.research.pretraining.verification.statistics import Estimate, rank_correlation
+from sim.research.pretraining.verification.verify import Verification, VerificationSettings, load_pretrained, verify
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 

@@ -11,16 +11,16 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
-from sim.adaptation.identifiability import identifiability
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
-from sim.benchmark.places import Simulated
-from sim.benchmark.sessions import Conditions, judge, run_session, udr_policies
 from sim.errors import CheckpointError, NotExecutable
 from sim.lab.world import load_world
+from sim.research.benchmark.places import Simulated
+from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
+from sim.research.identifiability import identifiability
 from sim.rollouts.draws import cover
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import policy_for

@@ -11,13 +11,14 @@ from toy_task import ACTION, PARAMETERS, TOY, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
-from sim.adaptation.methods import bo, extras, make_method, sysid
-from sim.adaptation.methods.bo import BayesianOptimisation
-from sim.adaptation.methods.bo_prior import BoPrior
-from sim.adaptation.methods.learn_in_target import LearnInTarget
-from sim.adaptation.methods.sysid import SysId
+from sim.adaptation.methods import make_method
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.errors import CheckpointError, ExtraMissing, NotExecutable
+from sim.research.methods import bo, extras, sysid
+from sim.research.methods.bo import BayesianOptimisation
+from sim.research.methods.bo_prior import BoPrior
+from sim.research.methods.learn_in_target import LearnInTarget
+from sim.research.methods.sysid import SysId
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import squared_misfits
 from sim.tasks import get_task

@@ -13,11 +13,11 @@ from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.belief import APART, Belief, Estimate
 from sim.adaptation.methods.q_policy import QPolicy
-from sim.adaptation.methods.random_search import RandomSearch
 from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
 from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
-from sim.pretraining.evaluation import EvaluationSettings, run_session
+from sim.research.methods.random_search import RandomSearch
+from sim.research.pretraining.evaluation import EvaluationSettings, run_session
 from sim.solvers.emulator.solver import EmulatorSolver
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))

@@ -3,7 +3,7 @@ import pytest
 
 from sim.adaptation.q_network import QNetwork, new_network, restore_network
 from sim.errors import CheckpointError
-from sim.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions, branching_target
+from sim.research.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions, branching_target
 
 
 def steps(n, rng, reward=0.0):

@@ -10,10 +10,10 @@ from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.memory import new_policy
 from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName
-from sim.pretraining.acting import Solved
-from sim.pretraining.episodes import Simulator
-from sim.pretraining.evaluation import EvaluationSettings, evaluate
-from sim.pretraining.meta_training import MetaSettings, train_adaptation
+from sim.research.pretraining.acting import Solved
+from sim.research.pretraining.episodes import Simulator
+from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.misfit import misfit
 from sim.solvers.naf.memory import RECORD, NafMemory

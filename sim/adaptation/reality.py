@@ -100,7 +100,8 @@ class Simulators:
         """(k,) standard deviation of the end states over Omega and all actions, weighted by the expected reward."""
         task, rng, n = self.task, np.random.default_rng(0), 2048
         drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
-        success, end = self.solver.outcomes(truths, self.actions(truths, n), drawn.nuisance)
+        others = self.actions(truths[rng.permutation(n)], n)  # the best for a truth would always end alike
+        success, end = self.solver.outcomes(truths, others, drawn.nuisance)
         ends = end.mean(axis=0)
         earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
         std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9

@@ -8,7 +8,10 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 
 STEEPNESS = 10.0
-"""At this excess over the least possible cost, the reward is 0."""
+"""Reward lost per excess over the least possible cost: at .1 it is 0."""
+
+WORTHLESS = 2.0 / STEEPNESS
+"""Excesses of this and more are not told apart: they all earn 0, and say nothing of the actions that earn more."""
 
 
 def succeeded(track: ObjectTrack) -> bool:
@@ -17,8 +20,8 @@ def succeeded(track: ObjectTrack) -> bool:
 
 
 def end_state(track: ObjectTrack) -> Array:
-    """(1,) excess of the cost, (J - J*) / J*: the last column of the track."""
-    return np.array(track.state[-1, -1:])
+    """(1,) excess of the cost, (J - J*) / J*, at most `WORTHLESS`: the last column of the track."""
+    return np.minimum(track.state[-1, -1:], WORTHLESS)
 
 
 def reward_of_success(excess: Array, context: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.tasks.pendulum.lqr import INPUTS, STATES, excess, optimal
-from sim.tasks.pendulum.observe import reward_of_success
+from sim.tasks.pendulum.observe import WORTHLESS, reward_of_success
 from sim.tasks.pendulum.params import OBSERVATION
 from sim.tasks.pendulum.rollout import observed_many
 from sim.tasks.solver import Executable, SolverSettings
@@ -70,10 +70,10 @@ class LqrSolver:
         return observed_many(parameters, np.broadcast_to(action, (len(parameters), 8)))
 
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """Whether the loop is stable (1, ...), and the excess of the cost (1, ..., 1), 0 if unstable."""
+        """Whether the loop is stable (1, ...), and the end state (1, ..., 1), 0 if unstable."""
         spent = _excess(parameters, action)
         stable = np.isfinite(spent)
-        return stable[None].astype(np.float64), np.where(stable, spent, 0.0)[None, ..., None]
+        return stable[None].astype(np.float64), np.where(stable, np.minimum(spent, WORTHLESS), 0.0)[None, ..., None]
 
     @property
     def residual_std(self) -> Array:

@@ -17,6 +17,7 @@ from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
 from sim.errors import CheckpointError, NotExecutable
+from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world
 from sim.research.benchmark.places import Simulated
 from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
@@ -27,6 +28,8 @@ from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
+FAR_TASK = get_task("pendulum")
+FAR = drawn_world(FAR_TASK, seed=1, number=34)
 CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
 
 
@@ -235,3 +238,12 @@ def test_parameters_that_move_the_piece_are_told_and_others_are_not():
     assert told["mu"].left < 0.7
     assert told["mu"].left < told["h"].left
     assert all(found.words for found in told.values())
+
+
+def test_a_pendulum_whose_first_policies_cost_forty_times_the_least_is_balanced_after_four_trials():
+    checkpoint = load_checkpoint(FAR_TASK)
+    method, place = make_method("adaptsim", FAR_TASK, checkpoint), Simulated(checkpoint.solver, FAR)
+    assert isinstance(method, AdaptSim)
+    assert method.simulators.end_unit > 1e-3, "a unit of 0 would turn every residual into an enormous one"
+    policy = run_session(checkpoint.solver, method, place, Conditions(4), seed=0)[-1]
+    assert judge(FAR_TASK, policy.actions, place, Conditions(4), seed=0).reward > 0.9

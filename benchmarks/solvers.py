@@ -29,11 +29,11 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, rules_of
 from sim.rollouts import Requests, Rollouts
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.draws import cover, trial_requests
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, rules_of
 from sim.solvers.solver import SolvedPolicy, policy_for
 from sim.storage.files import write_toml
 from sim.tasks import get_task

@@ -17,7 +17,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
-from sim.adaptation.memory import Seen, encode
+from sim.research.methods.memory import Seen, encode, networks_of
 from sim.rollouts.draws import cover
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -35,7 +35,11 @@ def reached(task: Task, checkpoint: Checkpoint) -> tuple[float, float, int]:
 def moves(task: Task, checkpoint: Checkpoint, candidates: int, targets: int, seed: int) -> Array:
     """(candidates, targets, p) in {-1, 0, 1}: where the policy sends each E after the trials in each target."""
     rng = np.random.default_rng(seed)
-    solver, network, trials = checkpoint.solver, checkpoint.networks["iteration"], task.adaptation.trials_per_iteration
+    solver, network, trials = (
+        checkpoint.solver,
+        networks_of(checkpoint)["iteration"],
+        task.adaptation.trials_per_iteration,
+    )
     means = cover(task.parameters, candidates, rng)
     truths = cover(task.parameters, targets, rng)
     found = np.empty((candidates, targets, len(task.parameters)))

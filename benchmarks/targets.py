@@ -16,7 +16,8 @@ from pathlib import Path
 from sim.adaptation.card import MethodScore, Targets
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
-from sim.adaptation.methods.q_policy import QPolicy
+from sim.research.methods.memory import networks_of
+from sim.research.methods.q_policy import QPolicy
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.meta_training import TARGETS
 from sim.research.pretraining.pipeline import stage_seeds
@@ -33,7 +34,7 @@ def main() -> None:
     first = next(iter(checkpoints.values()))
     methods: dict[str, Method] = {
         f"{memory}, trained on {checkpoint.card.budget.meta.targets}": QPolicy(
-            task, checkpoint.networks[memory], memory
+            task, networks_of(checkpoint)[memory], memory
         )
         for checkpoint in checkpoints.values()
         for memory in arguments.memories

@@ -28,8 +28,7 @@ def bundle(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import bundle as bundling
-    from adaptsim_cli.session import listing, store
+    from adaptsim_cli.session import keeping, shows, store
 
     resolved = config.load()
     root = resolved.places.sessions
@@ -40,12 +39,12 @@ def bundle(
         key: {"value": getattr(resolved.config, key), "from": source} for key, source in resolved.sources.items()
     }
     path = out or Path(f"{folder.name}-bundle.zip")
-    made = bundling.bundle(folder, path, settings, pictures=pictures)
+    made = keeping.bundle(folder, path, settings, pictures=pictures)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
         return
-    screen.plain(f"{made.path} ({listing.size(made.path.stat().st_size)}, {len(made.files)} files)")
+    screen.plain(f"{made.path} ({shows.size(made.path.stat().st_size)}, {len(made.files)} files)")
     if made.left_out:
         screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
     screen.next((f"unzip -l {made.path}", "its contents; check them before you send it"))

@@ -64,10 +64,11 @@ def replay(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rerun_file, store, table, video, whole
+    from adaptsim_cli.session import rerun_file, store, video, whole
+    from adaptsim_cli.session.exporting import written
 
     opened = store.SessionStore.open(config.load().places.sessions, session)
-    records = {record.trial: record for record in table.trials_of(opened)}
+    records = {record.trial: record for record in store.trials_of(opened)}
     if trial not in records:
         known = ", ".join(map(str, records)) or "none"
         raise UsageError(f"trial {trial} of {session} is not completed; completed are {known}")
@@ -79,7 +80,7 @@ def replay(
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
         name = f"replay{'.rrd' if rerun else video.SUFFIX}"
         path = out or Path(f"{found.title}-{name}")
-        (rerun_file.write if rerun else video.write)(found, path)
+        written(path, (rerun_file if rerun else video).encode(found))
     if as_json:
         told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
         screen.data("replay", told)

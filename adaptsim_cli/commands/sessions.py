@@ -30,7 +30,7 @@ def list_sessions(
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import listing, store, summary
+    from adaptsim_cli.session import shows, store, summary
     from adaptsim_cli.session.keeping import archive_of
 
     root = config.load().places.sessions
@@ -44,7 +44,7 @@ def list_sessions(
     if as_json:
         screen.data("sessions list", {"sessions": found})
     elif found:
-        screen.show(listing.sessions(found))
+        screen.show(shows.sessions(found))
         whole = [one.session for one in found if not isinstance(one, Damaged)]
         for name in whole[-1:]:
             screen.next(
@@ -97,14 +97,14 @@ def verify(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, store, verifying
+    from adaptsim_cli.session import keeping, shows, store
 
     root = config.load().places.sessions
     screen = console.Screen(as_json=as_json)
     checked = []
     for name in names or store.names(root):
         with screen.busy(f"Reading {name}"):
-            checked.append(verifying.verify(root, name))
+            checked.append(keeping.verify(root, name))
     if as_json:
         screen.data("sessions verify", {"sessions": [one.as_json() for one in checked]})
     elif checked:
@@ -132,10 +132,10 @@ def redo(
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import redoing, store
+    from adaptsim_cli.session import correcting, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
-    attempt = redoing.redo(opened, trial, reason)
+    attempt = correcting.redo(opened, trial, reason)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("sessions redo", {"session": name, "trial": trial, "next_attempt": attempt})
@@ -164,10 +164,10 @@ def accept(
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import amending, shows, store
+    from adaptsim_cli.session import correcting, shows, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
-    changed = amending.restore(opened, trial, None if attempt is None else attempt - 1, reason)
+    changed = correcting.restore(opened, trial, None if attempt is None else attempt - 1, reason)
     shows.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed, as_json=as_json)
 
 
@@ -189,8 +189,8 @@ def amend(
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import amending, shows, store
-    from adaptsim_cli.session.attended import choose_amendment
+    from adaptsim_cli.session import correcting, shows, store
+    from adaptsim_cli.session.operator import choose_amendment
     from adaptsim_cli.wiring.amending import seen_by_camera
 
     if outcome is None:
@@ -198,10 +198,10 @@ def amend(
     resolved = config.load()
     opened = store.SessionStore.open(resolved.places.sessions, name)
     task, outcomes = seen_by_camera(resolved.config, opened.facts)
-    record, choices = amending.amendable(opened, task, outcomes, trial)
+    record, choices = correcting.amendable(opened, task, outcomes, trial)
     screen = console.Screen(as_json=as_json)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
-    changed = amending.amend(opened, task, trial, chosen, choices[chosen], reason)
+    changed = correcting.amend(opened, task, trial, chosen, choices[chosen], reason)
     shows.tell_amended(screen, "sessions amend", name, changed, as_json=as_json)
 
 

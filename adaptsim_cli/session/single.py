@@ -18,15 +18,11 @@ from adaptsim_cli.screen import console, values
 from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import shows
-from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.flow import motion_record, propose, trial_record
-from adaptsim_cli.session.in_terminal import InTerminal
-from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Placed, Planned, Target
-from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
+from adaptsim_cli.session.operator import Attended, Operator, Unattended
+from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord
+from adaptsim_cli.session.target import Parts, Placed, Planned, Target
+from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.conduct import OpenView
-from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import RunHeader, Watcher
 from adaptsim_cli.view.live import live_view
 

@@ -17,9 +17,8 @@ from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Assessment, Parts, Provenance
 from adaptsim_cli.session.records import Facts
-from adaptsim_cli.session.target import Planner, Target
+from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
 from adaptsim_cli.storage.versions import versions
 from adaptsim_cli.wiring.checkpoints import checkpoint_of
 from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground

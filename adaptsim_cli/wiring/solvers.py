@@ -37,15 +37,7 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
     if name != "naf" and not checkpoint.naf:
         yield own, own
         return
-    from sim.rollouts import process_pool
-    from sim.rollouts.cache import CachedRollouts
-    from sim.solvers.naf.memory import NafMemory
-    from sim.solvers.naf.solver import NafSolver, restore_naf, rules_of
+    from sim.solvers.simulating import simulating
 
-    with process_pool(workers or None) as crew:
-        roll, kept = CachedRollouts(own.task, folder / "rollouts", crew), folder / "policies"
-        if checkpoint.naf:
-            solver = restore_naf(own.task, checkpoint.naf, roll, kept)
-            yield solver, solver
-        else:
-            yield NafSolver(own.task, roll, rules_of(own.task), NafMemory(own.task, kept)), own
+    with simulating("naf").in_session(own.task, checkpoint.naf, workers, folder) as solver:
+        yield solver, solver if checkpoint.naf else own

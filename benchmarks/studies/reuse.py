@@ -14,11 +14,11 @@ from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.research.benchmark.places import Place
 from sim.research.benchmark.sessions import Conditions, judge, run_session
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, rules_of
 from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.executors import serial_executor
 from sim.rollouts.run import Requests, Rollouts
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, rules_of
 from sim.tasks import get_task
 from studies.shared import Asked, Watched, plot, save, simulated, table
 

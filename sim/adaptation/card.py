@@ -96,7 +96,7 @@ class Card(_Table):
     simulations: int = 0
     method: Default = "adaptsim-iteration"  # what "adaptsim" means; the paper's unless stated
     solver: Literal["emulator", "naf"] = "emulator"
-    naf: dict[str, Any] | None = None  # read by `sim.solvers.naf.solver.restore_naf`
+    naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
     budget: Budget = Budget()
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for

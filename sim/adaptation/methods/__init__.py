@@ -12,9 +12,9 @@ from sim.tasks.task import Task
 METHODS = {
     "adaptsim": "sim.adaptation.methods.adaptsim:create",
     "adaptsim-belief": "sim.adaptation.methods.belief:create",
-    "adaptsim-iteration": "sim.adaptation.methods.q_policy:create_iteration",
-    "adaptsim-state": "sim.adaptation.methods.q_policy:create_state",
-    "adaptsim-history": "sim.adaptation.methods.q_policy:create_history",
+    "adaptsim-iteration": "sim.research.methods.q_policy:create_iteration",
+    "adaptsim-state": "sim.research.methods.q_policy:create_state",
+    "adaptsim-history": "sim.research.methods.q_policy:create_history",
     "bo": "sim.research.methods.bo:create",
     "bo-prior": "sim.research.methods.bo_prior:create",
     "learn-in-target": "sim.research.methods.learn_in_target:create",

@@ -24,15 +24,17 @@ import numpy as np
 from hw.bounded import Unreadable
 from sim.adaptation.card import CARD, Targets
 from sim.adaptation.checkpoint import save_checkpoint
-from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
-from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
-from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
+from sim.research.methods.memory import MemoryName, restore_policy, tensors_of
+from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import QPolicy
 from sim.research.methods.random_search import RandomSearch
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.acting import Acting, Solved, fill_library
 from sim.research.pretraining.emulated import EmulatedRolls
 from sim.research.pretraining.episodes import Episodes, Simulator
@@ -47,8 +49,6 @@ from sim.rollouts.run import Roll, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
@@ -190,7 +190,7 @@ def pretrain(
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
         facts["simulations"] = means.simulated()
-        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
+        save_checkpoint(task, path, means.emulator, tensors_of(networks), {**means.facts, **facts}, ahead)
     progress(STAGES[5], 1, 1)
     return path
 

@@ -24,8 +24,8 @@ from adaptsim_cli.doctor import lab
 from adaptsim_cli.doctor.finding import Severity
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.log import SessionLog
-from adaptsim_cli.session.log import read as read_log
+from adaptsim_cli.session.watching import SessionLog
+from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
 from hw.collision import LEVEL
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from sim.adaptation.q_network import QNetwork, new_network, restore_network
 from sim.errors import CheckpointError
+from sim.research.methods.q_network import QNetwork, new_network, restore_network
 from sim.research.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions, branching_target
 
 

@@ -1,8 +1,4 @@
-"""Restores a rejected attempt, or sets another outcome of an accepted trial. Nothing is edited: each is a new marker.
-
-Later trials keep their particles and policies. The next adaptation uses the trials that then count, and its result
-names the amendments.
-"""
+"""Corrections of a stored session: amended outcomes, restored attempts, redone trials."""
 
 from __future__ import annotations
 
@@ -14,8 +10,7 @@ import numpy as np
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.trials import as_row
 from adaptsim_cli.session.operator import Choices
-from adaptsim_cli.session.records import Amendment, TrialRecord
-from adaptsim_cli.session.stages import Existing, TrialKey, current_key
+from adaptsim_cli.session.records import Amendment, Existing, TrialKey, TrialRecord, current_key, trial_numbers
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
@@ -172,3 +167,28 @@ def _now(store: SessionStore) -> str:
     now = datetime.now(UTC).replace(microsecond=0)
     earliest = max((datetime.fromisoformat(at) for at in made), default=now - _STEP) + _STEP
     return max(now, earliest).isoformat(timespec="seconds")
+
+
+def redo(store: SessionStore, number: int, reason: str) -> int:
+    """Mark trial `number` as not counting; returns the number of its next attempt (from 1).
+
+    The trial has to be completed, or recorded and not yet reviewed, and no later iteration may depend on it.
+    Raises UsageError, SessionError.
+    """
+    facts = store.facts
+    with store.locked():
+        existing = store.existing()
+        iteration = (number - 1) // (facts.particles * facts.trials)
+        key = current_key(existing, number)
+        if key not in existing.completed | existing.recorded:
+            done = sorted({k.number for k in existing.completed})
+            raise UsageError(f"trial {number} of {facts.name} is not completed; completed are {done or 'none'}")
+        later = trial_numbers(iteration + 1, facts.particles, facts.trials).start
+        if any(k.number >= later for k in existing.started | existing.completed):
+            raise UsageError(
+                f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "
+                "that iteration; only trials of the newest iteration can be redone. To change its outcome: adaptsim "
+                f"sessions amend {facts.name} {number}"
+            )
+        store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
+    return key.attempt + 2

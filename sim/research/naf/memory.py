@@ -14,8 +14,8 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.solvers.naf.policy import NafPolicy, restore_policy
-from sim.solvers.naf.reuse import PolicyRecord
+from sim.research.naf.policy import NafPolicy, restore_policy
+from sim.research.naf.reuse import PolicyRecord
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
 from sim.tasks.fingerprint import fingerprint

@@ -7,19 +7,24 @@ each also sees the goals of these trials, as in the paper's public code.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration
-from sim.adaptation.q_network import QNetwork, new_network, restore_network
+from sim.research.methods.q_network import QNetwork, new_network, restore_network
 from sim.storage.tensors import Tensors
 from sim.tasks.task import Task
 
 MemoryName = Literal["iteration", "state", "history"]
+
+PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
+"""Prefix of an adaptation policy's tensors in a checkpoint, by memory."""
 
 SLOTS = 20
 """Entries of a history: two particles over ten iterations."""
@@ -75,6 +80,17 @@ def restore_policy(task: Task, memory: MemoryName, tensors: Tensors) -> QNetwork
     """An adaptation policy with this memory. Raises CheckpointError if the tensors do not fit."""
     slots, width = inputs(task, memory)
     return restore_network(width, len(task.parameters), tensors, slots)
+
+
+def tensors_of(networks: Mapping[MemoryName, QNetwork]) -> dict[str, NDArray[Any]]:
+    """The tensors of adaptation policies, for a checkpoint."""
+    return {f"{PREFIXES[memory]}{name}": t for memory, net in networks.items() for name, t in net.tensors.items()}
+
+
+def networks_of(checkpoint: Checkpoint) -> dict[MemoryName, QNetwork]:
+    """The adaptation policies in a checkpoint, by memory. Raises CheckpointError if one does not fit."""
+    parts = {memory: checkpoint.part(prefix) for memory, prefix in PREFIXES.items()}
+    return {memory: restore_policy(checkpoint.solver.task, memory, part) for memory, part in parts.items() if part}
 
 
 def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:

@@ -9,10 +9,10 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.memory import MemoryName, encode, seen_in_session
 from sim.adaptation.method import Iteration, Particle
-from sim.adaptation.q_network import QNetwork
 from sim.errors import CheckpointError
+from sim.research.methods.memory import MemoryName, encode, networks_of, seen_in_session
+from sim.research.methods.q_network import QNetwork
 from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
@@ -35,12 +35,13 @@ def create_history(task: Task, checkpoint: Checkpoint | None) -> QPolicy:
 def _with(task: Task, checkpoint: Checkpoint | None, memory: MemoryName) -> QPolicy:
     if checkpoint is None:
         raise CheckpointError(f"adaptsim needs a checkpoint: make one with `adaptsim pretrain --task {task.name}`")
-    if memory not in checkpoint.networks:
+    networks = networks_of(checkpoint)
+    if memory not in networks:
         raise CheckpointError(
             f"{checkpoint.path} holds no adaptation policy that sees the {memory}: pretrain with "
             f"`adaptsim pretrain --task {task.name} --methods`"
         )
-    return QPolicy(task, checkpoint.networks[memory], memory)
+    return QPolicy(task, networks[memory], memory)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,13 @@ from toy_rig import OUTCOMES, TASK, ToyLab
 from toy_session import NAME, ScriptedOperator, attended, run
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.session import amending
-from adaptsim_cli.session.amending import amend, amendable, restore
+from adaptsim_cli.session import correcting
+from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.redoing import redo
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.verifying import verify
 from perception.types import Outcome
 
 
@@ -141,7 +140,7 @@ def test_a_clock_that_goes_backwards_mixes_up_no_changes(tmp_path: Path, monkeyp
         def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
             return datetime(2024, 1, 1, tzinfo=UTC) + timedelta(hours=next(hours))
 
-    monkeypatch.setattr(amending, "datetime", Backwards)
+    monkeypatch.setattr(correcting, "datetime", Backwards)
     changed(run(tmp_path), 3, Outcome.ON_TABLE)
     run(tmp_path)
     for number in (1, 2):

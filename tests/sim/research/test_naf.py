@@ -3,7 +3,7 @@ import torch
 from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.solvers.naf.policy import NafNetwork
+from sim.research.naf.policy import NafNetwork
 
 MEAN = PARAMETERS.denormalise(np.array([0.3, 0.5, 1.0, 0.7]))
 

@@ -7,18 +7,18 @@ from toy_task import PARAMETERS, TOY, best_action
 
 from sim.adaptation.card import CARD
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
-from sim.adaptation.methods.q_policy import QPolicy
 from sim.errors import CheckpointError, NotExecutable, UnknownName
+from sim.research.methods.memory import new_policy, tensors_of
+from sim.research.methods.q_policy import QPolicy
+from sim.research.naf.memory import RECORD, NafMemory
+from sim.research.naf.policy import NafPolicy, naf_training, train_together
+from sim.research.naf.solver import NafSolver, in_session, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.acting import Solved
 from sim.research.pretraining.episodes import Simulator
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
 from sim.solvers.misfit import misfit
-from sim.solvers.naf.memory import RECORD, NafMemory
-from sim.solvers.naf.policy import NafPolicy, naf_training, train_together
-from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, restore_naf, rules_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.task import ReuseRules
@@ -203,16 +203,18 @@ def test_phase_1_runs_on_it():
 
 def test_a_checkpoint_restores_it(tmp_path):
     network = new_policy(TOY, "iteration", 5)
-    save_checkpoint(TOY, tmp_path, None, {"iteration": network}, naf_facts(solver_with(QUICK, misfit_limit=1.7)))
+    save_checkpoint(
+        TOY, tmp_path, None, tensors_of({"iteration": network}), naf_facts(solver_with(QUICK, misfit_limit=1.7))
+    )
     restored = load_checkpoint(TOY, str(tmp_path))
     assert isinstance(restored.solver, NafSolver)
     assert restored.solver.rules == QUICK
     assert restored.solver.misfit_limit == 1.7
     assert restored.emulator is None
-    own = restore_naf(TOY, restored.naf, roll, tmp_path / "policies")
-    policy_for(own, MEAN[None])
+    with in_session(TOY, restored.naf, 1, tmp_path) as own:
+        policy_for(own, MEAN[None])
+        assert (own.rules, own.misfit_limit) == (QUICK, 1.7)
     assert (tmp_path / "policies" / RECORD).exists()
-    assert (own.rules, own.misfit_limit) == (QUICK, 1.7)
     card = tmp_path / CARD
     card.write_text(card.read_text().replace("first_budget", "last_budget"))
     with pytest.raises(CheckpointError, match=r"table naf .* damaged"):

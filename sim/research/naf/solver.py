@@ -8,7 +8,8 @@ prediction is its value head.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,13 +19,14 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import UnknownName
+from sim.research.naf.memory import NafMemory, policy_key
+from sim.research.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
+from sim.research.naf.reuse import TrainingPlan, features, plan_training
+from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.draws import Disturbances, at_reference, trial_requests
-from sim.rollouts.executors import serial_executor
+from sim.rollouts.executors import process_pool, serial_executor
 from sim.rollouts.run import Requests, Roll, run_many
 from sim.solvers.misfit import misfit
-from sim.solvers.naf.memory import NafMemory, policy_key
-from sim.solvers.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
-from sim.solvers.naf.reuse import TrainingPlan, features, plan_training
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import ReuseRules, Task
 
@@ -153,20 +155,28 @@ def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
 
 
 def naf_facts(solver: NafSolver) -> dict[str, Any]:
-    """The facts about the solver for a checkpoint's card, read by `restore_naf`."""
+    """The facts about the solver for a checkpoint's card, read by `restore` and `in_session`."""
     return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": solver.misfit_limit}}
 
 
-def restore_naf(
-    task: Task, facts: Mapping[str, Any], roll: Roll | None = None, folder: Path | None = None
-) -> NafSolver:
-    """The solver of a checkpoint whose card has the table `facts`.
+def restore(task: Task, facts: Mapping[str, Any]) -> NafSolver:
+    """`sim.solvers.simulating.Simulating.restore`."""
+    return _restored(task, facts, partial(run_many, task, executor=serial_executor()), None)
 
-    `folder` stores its policies and may hold earlier ones; None: nothing is stored. Without `roll` it runs rollouts one
-    by one. Raises KeyError, TypeError or ValueError if the table is damaged, CheckpointError if the folder is foreign.
-    """
+
+@contextmanager
+def in_session(task: Task, facts: Mapping[str, Any] | None, workers: int, folder: Path) -> Iterator[NafSolver]:
+    """`sim.solvers.simulating.Simulating.in_session`. Rollouts and policies are stored."""
+    with process_pool(workers or None) as crew:
+        roll, kept = CachedRollouts(task, folder / "rollouts", crew), folder / "policies"
+        if facts is None:
+            yield NafSolver(task, roll, rules_of(task), NafMemory(task, kept))
+        else:
+            yield _restored(task, facts, roll, kept)
+
+
+def _restored(task: Task, facts: Mapping[str, Any], roll: Roll, folder: Path | None) -> NafSolver:
     rules = ReuseRules(**{name: value for name, value in facts.items() if name != "misfit_limit"})
-    roll = roll or partial(run_many, task, executor=serial_executor())
     return NafSolver(task, roll, rules, NafMemory(task, folder), float(facts["misfit_limit"]))
 
 

@@ -58,7 +58,9 @@ def draw(rows: dict[str, Shown]) -> None:
             axis.axis("off")
         for axis, (trial, end) in zip(line, shown, strict=False):
             picture(axis, trial, end)
-    figure.subplots_adjust(left=1.5 / figure.get_figwidth(), right=0.995, top=0.94, bottom=0.01, wspace=0.04, hspace=0.2)
+    figure.subplots_adjust(
+        left=1.5 / figure.get_figwidth(), right=0.995, top=0.94, bottom=0.01, wspace=0.04, hspace=0.2
+    )
     figure.savefig(PICTURE, dpi=110, pil_kwargs={"quality": 85})
 
 

@@ -35,10 +35,10 @@ def test_every_link_is_absolute_and_leads_to_a_file(setup: ModuleType) -> None:
 
 
 def test_pictures_are_raw_files_and_pages_are_not(setup: ModuleType) -> None:
-    text = setup.readme("![a](docs/figures/session.png) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
+    text = setup.readme("![a](docs/figures/session.jpg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
     assert (
         text
-        == f"![a]({URL}/raw/main/docs/figures/session.png) [b]({URL}/blob/main/docs/README.md#start) [c](https://arxiv.org/x)"
+        == f"![a]({URL}/raw/main/docs/figures/session.jpg) [b]({URL}/blob/main/docs/README.md#start) [c](https://arxiv.org/x)"
     )
 
 

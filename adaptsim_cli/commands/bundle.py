@@ -23,7 +23,7 @@ def bundle(
 
     The home folder is written as ~. Look into the archive before you send it.
 
-    Example: adaptsim bundle scooping-ood-1-adaptsim-seed0
+    Example: adaptsim bundle scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError

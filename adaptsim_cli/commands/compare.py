@@ -20,7 +20,7 @@ def compare(
 ) -> None:
     """Compare sessions: methods, worlds, days. Writes a page, and CSV with a row for each session and each trial.
 
-    Example: adaptsim compare scooping-ood-1-adaptsim-seed0 scooping-ood-1-udr-seed0
+    Example: adaptsim compare scooping-oreo-adaptsim-seed0 scooping-ood-1-udr-seed0
     """
     import hashlib
 

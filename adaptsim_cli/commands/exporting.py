@@ -27,7 +27,7 @@ def export(
 
     Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
 
-    Example: adaptsim sessions export scooping-ood-1-adaptsim-seed0 --format mcap
+    Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -56,7 +56,7 @@ def replay(
 ) -> None:
     """Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.
 
-    Example: adaptsim replay scooping-ood-1-adaptsim-seed0 2
+    Example: adaptsim replay scooping-oreo-adaptsim-seed0 2
     """
     import subprocess
     import sys

@@ -20,7 +20,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
 
-    Example: adaptsim report scooping-ood-1-adaptsim-seed0
+    Example: adaptsim report scooping-oreo-adaptsim-seed0
     """
     import shlex
 

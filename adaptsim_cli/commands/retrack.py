@@ -18,7 +18,7 @@ def retrack(
 ) -> None:
     """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
 
-    Example: adaptsim retrack scooping-ood-1-adaptsim-seed0 --trial 2
+    Example: adaptsim retrack scooping-oreo-adaptsim-seed0 --trial 2
     """
     from adaptsim_cli import config
     from adaptsim_cli.devices.trackers import tracker_of

@@ -22,6 +22,7 @@ from adaptsim_cli.commands import (
     doctor,
     exporting,
     lab,
+    parts,
     preview,
     report,
     retrack,
@@ -54,6 +55,7 @@ app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(world_tables.world_tables)
 app.command("rollout")(rollout.rollout)
 app.command("preview")(preview.preview)
+app.command("parts")(parts.parts)
 app.command("report")(report.report)
 app.command("compare")(compare.compare)
 app.command("bundle")(bundle.bundle)

@@ -20,16 +20,18 @@ def parts(
     Example: adaptsim parts --out parts
     """
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.parts import sheet, solids
+    from adaptsim_cli.report import parts as sheet
     from adaptsim_cli.screen import console
     from adaptsim_cli.storage import durable
+    from adaptsim_cli.wiring import parts as wiring
 
     screen = console.Screen(as_json=as_json)
     if out.exists():
         raise UsageError(f"{out} exists already: give another folder with --out")
     with screen.busy("Building the solids"):
-        made = solids.parts()
-        files = {f"{part.name}.stl": bytes(part.printed().export(file_type="stl")) for part in made}
+        made = wiring.parts()
+        solids = [part for part in made if not part.flat]
+        files = {f"{part.name}.stl": bytes(sheet.printed(part).export(file_type="stl")) for part in solids}
         files["parts.pdf"] = sheet.pdf(made)
     durable.write_folder(out, files)
     for part in made:
@@ -40,6 +42,6 @@ def parts(
     if as_json:
         told = [
             {"file": str(out / f"{part.name}.stl"), "count": part.count, "notes": list(sheet.lines(part))}
-            for part in made
+            for part in solids
         ]
         screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": told})

@@ -11,14 +11,16 @@ import open3d
 import pytest
 
 from adaptsim_cli import app
-from adaptsim_cli.parts import solids
+from adaptsim_cli.report import parts as sheet
+from adaptsim_cli.wiring.parts import parts as all_parts
 from hw.types import Array
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
 from sim.tasks.tool_mesh import tool_mesh
+from sim.types import Part
 
 
-def outside_m(part: solids.Part, points: Array) -> Array:
+def outside_m(part: Part, points: Array) -> Array:
     """Distance of points (n, 3) from the surface, negative inside."""
     tensor: Any = open3d.core.Tensor
     scene: Any = open3d.t.geometry.RaycastingScene()
@@ -27,37 +29,36 @@ def outside_m(part: solids.Part, points: Array) -> Array:
 
 
 @pytest.fixture(scope="module")
-def parts() -> dict[str, solids.Part]:
-    return {part.name: part for part in solids.parts()}
+def parts() -> dict[str, Part]:
+    return {part.name: part for part in all_parts()}
 
 
-def test_every_part_is_closed_and_fits_between_the_fingers(parts: dict[str, solids.Part]) -> None:
-    assert set(parts) == {"pusher", "adapter", "board-holder"}
+def test_every_part_is_closed_and_fits_between_the_fingers(parts: dict[str, Part]) -> None:
+    assert set(parts) == {"pusher", "patch", "adapter", "board-holder"}
     for part in parts.values():
         assert part.solid.is_watertight
         assert part.solid.body_count == 1
-        assert 0.0 < part.held_m < solids.OPENING_M
-        assert part.printed().bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
+        assert part.flat or 0.0 < (part.held_m or 0.0) < sheet.OPENING_M
+        assert sheet.printed(part).bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts: dict[str, solids.Part]) -> None:
+def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts: dict[str, Part]) -> None:
     pusher = parts["pusher"]
-    assert pusher.modelled is not None
-    assert pusher.infill is not None
-    assert 0.3 < pusher.infill < 1.0, "a print can have this mass"
-    density = pusher.modelled.kg / pusher.solid.volume
-    assert density == pytest.approx(pusher.infill * solids.PLA_KG_M3)
-    assert np.abs(pusher.solid.center_mass - pusher.modelled.com_m).max() < 0.003
+    assert pusher.mass is not None
+    share = sheet.infill(pusher)
+    assert share is not None
+    assert 0.3 < share < 1.0, "a print can have this mass"
+    assert np.abs(pusher.solid.center_mass - pusher.mass.com_m).max() < 0.003
     vertices, _ = tool_mesh(PUSHING)
     behind = vertices[vertices[:, 0] < 1e-6]
     assert outside_m(pusher, behind).max() < 1e-4, "the mask of the tool covers the same body"
     assert pusher.solid.bounds[1, 0] == pytest.approx(0.0, abs=1e-6), "nothing stands out of the plate's face"
-    size = np.sort(pusher.printed().extents)
+    size = np.sort(sheet.printed(pusher).extents)
     assert size[-1] >= 1e3 * PLATE_WIDTH_M
     assert (outside_m(pusher, np.array([GRIP_M, [-0.002, 0.0, PLATE_HEIGHT_M / 2]])) < 0.0).all()
 
 
-def test_a_handle_fits_into_the_adapter(parts: dict[str, solids.Part]) -> None:
+def test_a_handle_fits_into_the_adapter(parts: dict[str, Part]) -> None:
     half = parts["adapter"]
     assert half.solid.bounds[1, 2] < 0.0, "the halves do not touch: screws clamp the handle"
     assert (outside_m(half, np.array([[0.0, 0.0115, -0.0088], [0.0, -0.0115, -0.0088]])) > 0.0).all()

@@ -27,7 +27,7 @@ def export(
 
     Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
 
-    Example: adaptsim sessions export scooping-ood-1-adaptsim-seed0 --format mcap
+    Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -56,7 +56,7 @@ def replay(
 ) -> None:
     """Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.
 
-    Example: adaptsim replay scooping-ood-1-adaptsim-seed0 2
+    Example: adaptsim replay scooping-oreo-adaptsim-seed0 2
     """
     import subprocess
     import sys
@@ -105,7 +105,7 @@ def bundle(
 
     The home folder is written as ~. Look into the archive before you send it.
 
-    Example: adaptsim bundle scooping-ood-1-adaptsim-seed0
+    Example: adaptsim bundle scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
@@ -141,7 +141,7 @@ def retrack(
 ) -> None:
     """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
 
-    Example: adaptsim retrack scooping-ood-1-adaptsim-seed0 --trial 2
+    Example: adaptsim retrack scooping-oreo-adaptsim-seed0 --trial 2
     """
     from adaptsim_cli import config
     from adaptsim_cli.devices.trackers import tracker_of

@@ -31,7 +31,7 @@ def note(
 ) -> None:
     """Write a note to a session, in place of an earlier one. No record is changed.
 
-    Example: adaptsim sessions note scooping-ood-1-adaptsim-seed0 "before the camera was moved"
+    Example: adaptsim sessions note scooping-oreo-adaptsim-seed0 "before the camera was moved"
     """
     from adaptsim_cli import config
     from adaptsim_cli.session import keeping, store
@@ -48,7 +48,7 @@ def tag(
 ) -> None:
     """Add tags to a session, or remove them. `sessions list --tag` finds them.
 
-    Example: adaptsim sessions tag scooping-ood-1-adaptsim-seed0 paper
+    Example: adaptsim sessions tag scooping-oreo-adaptsim-seed0 paper
     """
     from adaptsim_cli import config
     from adaptsim_cli.session import keeping, store
@@ -61,7 +61,7 @@ def tag(
 def archive(name: _Name, as_json: _Json = False) -> None:
     """Move a session out of the list, as it is. `sessions restore` brings it back.
 
-    Example: adaptsim sessions archive scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions archive scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -78,7 +78,7 @@ def archive(name: _Name, as_json: _Json = False) -> None:
 def restore(name: _Archived, as_json: _Json = False) -> None:
     """Move an archived session back into the list.
 
-    Example: adaptsim sessions restore scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions restore scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -95,7 +95,7 @@ def restore(name: _Archived, as_json: _Json = False) -> None:
 def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
     """Remove a session for good, after you type its name. `sessions archive` keeps it.
 
-    Example: adaptsim sessions delete scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions delete scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
@@ -128,7 +128,7 @@ def prune(
     Without its recordings a session can still be continued, compared and exported as a table; it cannot be replayed or
     tracked again.
 
-    Example: adaptsim sessions prune scooping-ood-1-adaptsim-seed0 --rejected
+    Example: adaptsim sessions prune scooping-oreo-adaptsim-seed0 --rejected
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
@@ -162,7 +162,7 @@ def policy(
 
     `adaptsim rollout --session NAME --best` runs it.
 
-    Example: adaptsim sessions policy scooping-ood-1-adaptsim-seed0 --out policy.json
+    Example: adaptsim sessions policy scooping-oreo-adaptsim-seed0 --out policy.json
     """
     import json
 

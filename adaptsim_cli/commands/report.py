@@ -20,7 +20,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
 
-    Example: adaptsim report scooping-ood-1-adaptsim-seed0
+    Example: adaptsim report scooping-oreo-adaptsim-seed0
     """
     import shlex
 
@@ -54,7 +54,7 @@ def compare(
 ) -> None:
     """Compare sessions: methods, worlds, days. Writes a page, and CSV with a row for each session and each trial.
 
-    Example: adaptsim compare scooping-ood-1-adaptsim-seed0 scooping-ood-1-udr-seed0
+    Example: adaptsim compare scooping-oreo-adaptsim-seed0 scooping-ood-1-udr-seed0
     """
     import hashlib
 

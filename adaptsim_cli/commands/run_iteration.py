@@ -58,7 +58,7 @@ def run_iteration(
     Continues where the session stopped. Without --session, its name follows from task, world, method and seed. With
     --until-done it stops when another iteration is not worth its trials, and runs --iterations at most.
 
-    Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
+    Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """
     from functools import partial
 

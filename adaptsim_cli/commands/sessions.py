@@ -60,7 +60,7 @@ def list_sessions(
 def show(name: _Name, as_json: _Json = False) -> None:
     """Show every completed trial and iteration of a session.
 
-    Example: adaptsim sessions show scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions show scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -92,7 +92,7 @@ def verify(
 
     Ends with exit code 8 when a file is damaged. Nothing is changed.
 
-    Example: adaptsim sessions verify scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions verify scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
@@ -128,7 +128,7 @@ def redo(
 ) -> None:
     """Mark a trial as bad: the next run-iteration repeats it and adapts again.
 
-    Example: adaptsim sessions redo scooping-ood-1-adaptsim-seed0 3 --reason "the piece was touched"
+    Example: adaptsim sessions redo scooping-oreo-adaptsim-seed0 3 --reason "the piece was touched"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -160,7 +160,7 @@ def accept(
 ) -> None:
     """Take back a rejection: the attempt counts again. Nothing moves, nothing is deleted.
 
-    Example: adaptsim sessions accept scooping-ood-1-adaptsim-seed0 3
+    Example: adaptsim sessions accept scooping-oreo-adaptsim-seed0 3
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -185,7 +185,7 @@ def amend(
 
     Later trials stay as they are; the next adaptation takes the new outcome into account and says so.
 
-    Example: adaptsim sessions amend scooping-ood-1-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
+    Example: adaptsim sessions amend scooping-oreo-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console

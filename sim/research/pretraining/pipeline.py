@@ -96,7 +96,7 @@ class PretrainBudget:
 
     @classmethod
     def full(cls, task: Task) -> PretrainBudget:
-        """The default: about a quarter of an hour of two quiet cores for a contact task (docs/results/learning.md).
+        """The default: about a quarter of an hour of two quiet cores for a contact task.
 
         Where the mirror image of a rollout counts too, three quarters as many are simulated.
         """

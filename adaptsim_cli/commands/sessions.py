@@ -191,7 +191,7 @@ def amend(
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import correcting, shows, store
     from adaptsim_cli.session.operator import choose_amendment
-    from adaptsim_cli.wiring.amending import seen_by_camera
+    from adaptsim_cli.wiring.session import seen_by_camera
 
     if outcome is None:
         console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")

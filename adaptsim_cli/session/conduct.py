@@ -16,9 +16,9 @@ from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.advice import after_iteration

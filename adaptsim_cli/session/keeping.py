@@ -33,7 +33,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 from sim.storage.files import flush_folder, publish_new, sha256
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.records import Facts, RigFacts
 from adaptsim_cli.session.target import Rig, Target
 from calib.types import HandEye

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown
-from adaptsim_cli.screen import values, views
+from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words
 from adaptsim_cli.session.correcting import Amended
@@ -106,7 +106,7 @@ def adapted(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
-        ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
+        ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
     verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
@@ -122,7 +122,7 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
     if result.outlook is None:
         return []
     told = [
-        f"{d.plain_name} {'+' if off > 0 else '−'}{values.quantity(abs(off), d.unit)}"
+        f"{d.plain_name} {'+' if off > 0 else '−'}{views.quantity(abs(off), d.unit)}"
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not told:
@@ -150,9 +150,9 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(values.number(now), style="dim"), Text("=", style="dim")
+        return Text(views.number(now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(values.number(now)), Text(f"{'↑' if then > now else '↓'} {values.number(then)}", style=style)
+    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:

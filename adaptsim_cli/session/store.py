@@ -34,7 +34,7 @@ from adaptsim_cli.session.records import (
     trial_numbers,
 )
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.tasks.task import Task
 

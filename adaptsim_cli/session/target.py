@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
-from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import KeyMoment, RigFacts, RunTrial, TrialKey
 from calib.types import HandEye

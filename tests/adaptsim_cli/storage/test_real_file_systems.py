@@ -19,7 +19,7 @@ from toy_rig import ToyLab
 from adaptsim_cli.errors import DiskFull, SessionError
 from adaptsim_cli.session import conduct, flow, watching
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 
 Mount = Callable[[str], Path]
 NOBODY = 65534
@@ -116,7 +116,7 @@ import os, sys
 from pathlib import Path
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 os.setresuid(65534, 65534, 65534)
 folder = Path(sys.argv[1])
 for attempt in (

@@ -1,4 +1,4 @@
-"""A list of a rig's calibrations or touch-offs, with the sessions that use the current one."""
+"""What the calibrations and touch-offs of a rig share: their list, and the open sessions that rest on one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Listing:
     head: Sequence[str]
 
 
-def tell(
+def tell_list(
     screen: Screen,
     listed: Listing,
     found: Sequence[Mapping[str, Any]],
@@ -42,3 +42,13 @@ def tell(
         screen.next((f"adaptsim {listed.command} compare {names}", "with the same --task, --world or --hw"))
     else:
         screen.next((f"adaptsim {listed.command}", "makes one, with the same --task, --world or --hw"))
+
+
+def tell_resting(screen: Screen, what: str, sessions: Sequence[str]) -> None:
+    """Name the `sessions` that use `what`, if there are any."""
+    if not sessions:
+        return
+    many = "s" if len(sessions) > 1 else ""
+    screen.note(f"Open session{many} that rest{'' if many else 's'} on {what}: {', '.join(sessions)}.")
+    screen.plain("Once it is replaced, each can continue only with its own, if the camera has not moved:")
+    screen.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")

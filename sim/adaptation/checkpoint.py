@@ -68,11 +68,6 @@ class Checkpoint:
         """SHA-256 of the weights, which a session records."""
         return self.card.sha256
 
-    @property
-    def method(self) -> str:
-        """The method that "adaptsim" meant."""
-        return self.card.method
-
 
 def save_checkpoint(
     task: Task,

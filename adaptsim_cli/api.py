@@ -29,11 +29,11 @@ from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.store import Row
 
 if TYPE_CHECKING:
+    from adaptsim_cli.wiring.best import TaskPolicy
     from adaptsim_cli.wiring.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
     from sim.adaptation.verdict import Verdict
-    from sim.tasks.solver import SolvedPolicy
 
 __all__ = [
     "BestRecord",
@@ -134,15 +134,13 @@ class Session:
         """
         return self.hindsight().posterior(self._stored, iterations)
 
-    def best_policy(self) -> SolvedPolicy:
-        """The final task policy of the session if it ended now: context (c,) in units -> action (a,) in units.
-
-        It ignores the limits of an arm. Raises CheckpointError, SessionError.
-        """
-        from adaptsim_cli.wiring.best import policy_of_session
+    def best_policy(self) -> TaskPolicy:
+        """The final task policy of the session if it ended now. Raises CheckpointError, SessionError."""
+        from adaptsim_cli.wiring.best import TaskPolicy, policy_of_session
         from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 
-        return policy_of_session(self._stored, checkpoint_of_session(self._stored))
+        checkpoint = checkpoint_of_session(self._stored)
+        return TaskPolicy(self.name, checkpoint.solver.task, policy_of_session(self._stored, checkpoint))
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""

@@ -96,7 +96,7 @@ def case(task: Task, seed: int, number: int, with_steps: bool) -> Row:
     cpu_s.append(cpu_s[0])
     run("drake", replace(world.unmodelled, contact=OTHER_LAW[task.name]))
     run("mujoco", world.unmodelled)
-    step_s = import_module(f"sim.lab.foreign.{task.name}").STEP_S
+    step_s = import_module(f"sim.research.mujoco.{task.name}").STEP_S
     for halvings in (1, 2) if with_steps else ():
         run("mujoco", replace(world.unmodelled, dt_s=step_s / 2**halvings))
     return Row(
@@ -224,7 +224,7 @@ def picture(task: Task, name: str | None, folder: Path) -> None:
     motion = hardware.plan(context, np.array(action))
     X_BO = hardware.rest_pose(context, world.parameters, world.nuisance, world.unmodelled)
     renderer, strips = Renderer(model, _looking(eye_m, target_m), _visuals(task, world)), []
-    for module in (f"sim.tasks.{task.name}.rollout", f"sim.lab.foreign.{task.name}"):
+    for module in (f"sim.tasks.{task.name}.rollout", f"sim.research.mujoco.{task.name}"):
         found: Readings = import_module(module).readings(
             motion, X_BO, world.parameters, world.nuisance, world.unmodelled
         )

@@ -18,15 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptsim_cli import config
-from adaptsim_cli.wiring.benchmark import tables_folder
+from adaptsim_cli.research.benchmarking import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import WORTHWHILE, Outlook
 from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
 from sim.adaptation.reality import RealityPolicy
-from sim.benchmark.places import Simulated, Tabled
-from sim.benchmark.sessions import Conditions, judge, run_session
-from sim.benchmark.tables import load_table
-from sim.benchmark.targets import targets_of
+from sim.research.benchmark.places import Simulated, Tabled
+from sim.research.benchmark.sessions import Conditions, judge, run_session
+from sim.research.benchmark.tables import load_table
+from sim.research.benchmark.targets import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key

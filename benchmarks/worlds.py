@@ -30,7 +30,7 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import World, load_world, shipped_worlds
-from sim.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
+from sim.research.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import Roll

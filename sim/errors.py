@@ -15,6 +15,9 @@ them ├── DatasetError         a stored dataset is corrupt or of another ki
 corrupt, or of another task or version
 """
 
+import difflib
+from collections.abc import Iterable
+
 
 class SimError(Exception):
     """Base of everything that `sim` raises."""
@@ -66,3 +69,9 @@ class DatasetError(SimError):
 
 class CheckpointError(SimError):
     """A checkpoint is corrupt, or belongs to another task or version."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The most similar names as the end of a message; empty if none is similar."""
+    near = difflib.get_close_matches(name, list(known), n=3)
+    return f"; did you mean {' or '.join(near)}?" if near else ""

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from adaptsim_cli.outputs.trials import Rollout
-from adaptsim_cli.report import path_figures
+from adaptsim_cli.report import figures
 from adaptsim_cli.report.page import both, fill, picture
 from adaptsim_cli.storage import durable
 from sim.tasks import TASKS, get_task
@@ -32,9 +32,9 @@ def render(record: Rollout, folder: Path) -> str:
     track = record.track.track()
     curves = dict(zip(task.observation.curves, task.observation.columns, strict=False)) if task is not None else {}
     figures = [
-        (label, both(partial(path_figures.one_curve, track.t_s, track.state[:, column], label)))
+        (label, both(partial(figures.one_curve, track.t_s, track.state[:, column], label)))
         for label, column in curves.items()
-    ] or [("On the table", both(lambda width: path_figures.one_path(track.state, record.goal_m, width)))]
+    ] or [("On the table", both(lambda width: figures.one_path(track.state, record.goal_m, width)))]
     points = {"Context": record.context, "Action": record.action, "Parameters of its policy": record.params}
     return fill(
         "rollout.html.j2",

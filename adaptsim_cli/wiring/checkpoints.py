@@ -1,22 +1,20 @@
-"""Finds the checkpoint of the settings, lists checkpoints, and verifies their cards."""
+"""Finds the checkpoint of the settings or of a stored session, lists checkpoints, and chooses the solver for one."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, load, places
+from adaptsim_cli.errors import UsageError
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.checkpoint import Checkpoint
-
-ROLLOUTS, QUICK = 240, 96
-"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
+    from sim.solvers.solver import Expectations, Policies
 
 
 def task_of(config: Config) -> Task:
@@ -63,41 +61,6 @@ def _pretrained(task: Task) -> list[Path]:
     return [folder for folder in own_checkpoints() if fits(folder)]
 
 
-def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Load the settings' checkpoint, compare it with card and task, and measure the card's figures again; for JSON.
-
-    Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
-    """
-    from sim.pretraining.verification.figures import Figure
-    from sim.pretraining.verification.figures import verify_figures as verify
-    from sim.rollouts import process_pool, run_many
-
-    checkpoint = checkpoint_of(config)
-    task = checkpoint.solver.task
-    figures: list[Figure] = []
-    if rollouts:
-        with process_pool(config.workers or None) as executor:
-            roll = partial(run_many, task, executor=executor)
-            figures = verify(checkpoint, roll, rollouts, config.seed, progress)
-    return {
-        "task": task.name,
-        "folder": str(checkpoint.path),
-        "sha256": checkpoint.sha256,
-        "holds": all(f.holds for f in figures),
-        "figures": [
-            {
-                "name": f.name,
-                "card": f.card,
-                "found": f.found,
-                "tolerance": f.tolerance,
-                "better": f.better,
-                "holds": f.holds,
-            }
-            for f in figures
-        ],
-    }
-
-
 def list_checkpoints() -> list[dict[str, str]]:
     """Shipped checkpoints and the user's own ones; an unreadable card is noted under `created`."""
     from sim.adaptation.checkpoint import list_checkpoints, read_card
@@ -114,35 +77,6 @@ def list_checkpoints() -> list[dict[str, str]]:
     named = [(name, folder) for _, name, folder in list_checkpoints()]
     named += [(folder.parent.name, folder) for folder in own_checkpoints()]
     return [row(name, folder) for name, folder in named]
-
-
-def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
-    """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
-    from sim.adaptation.checkpoint import read_card
-
-    text = json.dumps(read_card(folder, task).facts(), default=str)
-    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
-    return card
-
-
-def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
-    from sim.adaptation.identifiability import SESSIONS, TRIALS, identifiability
-    from sim.adaptation.methods.adaptsim import create
-
-    checkpoint = checkpoint_of(config)
-    task = checkpoint.solver.task
-    found = identifiability(create(task, checkpoint).simulators, config.seed, progress)
-    return {
-        "folder": str(checkpoint.path),
-        "task": task.name,
-        "sessions": SESSIONS,
-        "trials": TRIALS,
-        "parameters": [
-            {"name": one.name, "title": d.title, "left": one.left, "words": one.words}
-            for one, d in zip(found, task.parameters.dimensions, strict=True)
-        ],
-    }
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
@@ -175,3 +109,33 @@ def _folders(task: str) -> Iterator[Path]:
         yield Path(named)
     yield from sorted(files_of(task, "checkpoints").glob("*"))
     yield from own_checkpoints()
+
+
+SOLVERS = ("emulator", "naf")
+
+
+@contextmanager
+def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[tuple[Policies, Expectations]]:
+    """The solver `name` (empty: the checkpoint's own), on `workers` processes (0: one per core).
+
+    Only NAF simulates: it stores rollouts and policies in `folder`, which belongs to this session. Its settings are the
+    checkpoint's, if that was made with NAF, else the paper's. Expectations come from the checkpoint.
+
+    Raises UsageError for an unknown name and for a solver that the checkpoint does not contain, UnknownName for a task
+    without NAF, CheckpointError if `folder` holds other data.
+    """
+    if name not in ("", *SOLVERS):
+        raise UsageError(f"--solver {name}: choose one of {', '.join(SOLVERS)}")
+    if name == "emulator" and checkpoint.naf:
+        raise UsageError(
+            f"--solver emulator: the checkpoint {checkpoint.path} was made with --solver naf and holds no emulator. "
+            "Leave --solver out, or choose another checkpoint"
+        )
+    own = checkpoint.solver
+    if name != "naf" and not checkpoint.naf:
+        yield own, own
+        return
+    from sim.solvers.simulating import simulating
+
+    with simulating("naf").in_session(own.task, checkpoint.naf, workers, folder) as solver:
+        yield solver, solver if checkpoint.naf else own

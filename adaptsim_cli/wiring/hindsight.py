@@ -12,10 +12,9 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
-from adaptsim_cli.report.hindsight import Judgement, Prediction
-from adaptsim_cli.session.history import history_of, particles_of
+from adaptsim_cli.report.figures import Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.store import SessionStore, history_of, names, particles_of
 from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from sim.errors import SimError

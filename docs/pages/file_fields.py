@@ -82,7 +82,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
         "| `reported` | the report was drawn | |\n"
         "| `ended` | the command ends | `error`, where one ended it |",
-        (("", "adaptsim_cli.session.log", "LogLine"),),
+        (("", "adaptsim_cli.session.watching", "LogLine"),),
     ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
     ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
@@ -138,9 +138,9 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What `adaptsim benchmark --json` prints. Beside it lie `rows.csv` and the page `report.html`. "
         "`null` stands where a number needs UDR or the oracle and they were not run.",
         (
-            ("Each of `rows`, one for a method, a world and a seed", "sim.benchmark.jobs", "Row"),
-            ("Each of `summary`, one for a set of worlds", "sim.benchmark.summary", "SetSummary"),
-            ("Each of its `methods`", "sim.benchmark.summary", "MethodSummary"),
+            ("Each of `rows`, one for a method, a world and a seed", "sim.research.benchmark.jobs", "Row"),
+            ("Each of `summary`, one for a set of worlds", "sim.research.benchmark.summary", "SetSummary"),
+            ("Each of its `methods`", "sim.research.benchmark.summary", "MethodSummary"),
         ),
     ),
 )

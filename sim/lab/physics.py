@@ -13,7 +13,7 @@ from sim.tasks.task import Simulate, Task
 Physics = Literal["drake", "mujoco"]
 """Name in a world file. "drake" is the physics of the task itself, even if that does not use Drake."""
 
-_MUJOCO = {"pushing": "sim.lab.foreign.pushing", "scooping": "sim.lab.foreign.scooping"}
+_MUJOCO = {"pushing": "sim.research.mujoco.pushing", "scooping": "sim.research.mujoco.scooping"}
 """Task -> the module with its `simulate`; imported on first use."""
 
 _DRAKE_ONLY = ("contact",)

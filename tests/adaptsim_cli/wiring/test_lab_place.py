@@ -9,16 +9,17 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.research import benchmarking as benchmark
+from adaptsim_cli.research import lab_place
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.wiring import benchmark, lab_place
 from hw.types import Array
 from perception.errors import ObjectNotFound
-from sim.benchmark.jobs import Job, Row
-from sim.benchmark.places import Place
-from sim.benchmark.sessions import Conditions
 from sim.errors import RolloutError
 from sim.lab.rollouts import rollouts_in
 from sim.lab.world import load_world
+from sim.research.benchmark.jobs import Job, Row
+from sim.research.benchmark.places import Place
+from sim.research.benchmark.sessions import Conditions
 from sim.tasks import get_task
 
 PUSHING = get_task("pushing")

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.benchmark.tables import world_digest
 from sim.errors import ExtraMissing, NoHardware, WorldError
-from sim.lab.foreign import scooping
 from sim.lab.physics import effects_in, in_physics, simulate_of
 from sim.lab.rollouts import rollouts_in
 from sim.lab.simulated import SimulatedLab, truth_of
 from sim.lab.touch import TouchLab
 from sim.lab.world import list_worlds, load_world
 from sim.panda.tool import cell_as_shipped
+from sim.research.benchmark.tables import world_digest
+from sim.research.mujoco import scooping
 from sim.tasks import get_task
 from sim.tasks.scene_key import scene_key
 
@@ -101,7 +101,7 @@ def test_its_truth_leaves_out_the_effects_of_drake() -> None:
 
 
 def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in [name for name in sys.modules if name.startswith("sim.lab.foreign")]:
+    for module in [name for name in sys.modules if name.startswith("sim.research.mujoco")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ExtraMissing, match=r'pip install "adaptsim\[mujoco\]"'):
@@ -112,7 +112,7 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
 def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
     code = (
         "import sys; from sim.lab.rollouts import rollouts_in; from sim.lab.world import load_world; "
-        "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.pretraining.pipeline; "
+        "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.research.pretraining.pipeline; "
         "rollouts_in(load_world('mujoco-wd', get_task('pushing'))); sys.exit('mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0

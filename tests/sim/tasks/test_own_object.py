@@ -8,9 +8,9 @@ import pytest
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
-from sim.pretraining.evaluation import EvaluationSettings
-from sim.pretraining.meta_training import MetaSettings
-from sim.pretraining.pipeline import PretrainBudget, pretrain
+from sim.research.pretraining.evaluation import EvaluationSettings
+from sim.research.pretraining.meta_training import MetaSettings
+from sim.research.pretraining.pipeline import PretrainBudget, pretrain
 from sim.rollouts import serial_executor
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint

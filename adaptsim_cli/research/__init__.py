@@ -1,0 +1,1 @@
+"""The commands that pretrain, verify checkpoints and compare methods, with their pages."""

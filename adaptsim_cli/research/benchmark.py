@@ -1,0 +1,97 @@
+"""`adaptsim benchmark`: methods compared in worlds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def benchmark(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. pushing.")] = None,
+    targets: Annotated[
+        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
+    ] = "wd,ood-1,ood-2,ood-3,ood-4",
+    methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
+    budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
+    fresh: Annotated[
+        int, typer.Option("--fresh", min=0, help="Simulate trials, and score by N rollouts; 0: look them up in tables.")
+    ] = 0,
+    lab: Annotated[
+        bool, typer.Option("--lab", help="Run every trial through the whole simulated lab: arm, camera and tracking.")
+    ] = False,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Sessions of each method in each world.")] = 10,
+    checkpoints: Annotated[
+        str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
+    ] = "",
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
+    executor: Annotated[str, typer.Option("--executor", help="Where sessions run: processes or dask.")] = "processes",
+    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Rows and summary on stdout.")] = False,
+) -> None:
+    """Compare methods: the same worlds, contexts, noise and budget of real trials for all, scored by fresh rollouts.
+
+    Stop it at any time: the same command continues. Further methods or worlds are added to the results.
+
+    The worlds of a contact task need tables of true rollouts: adaptsim world-tables makes them. The set drawn is for
+    results that are reported; develop with develop. oracle (the best E) and best-action are limits, not methods.
+
+    Example: adaptsim benchmark --task pendulum --targets wd --budget 6 --seeds 2
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.research import benchmark_page as page
+    from adaptsim_cli.research import benchmarking as wiring
+    from adaptsim_cli.research.pretraining import open_executor
+    from adaptsim_cli.screen import console
+
+    resolved = config.load({"task": task, "workers": workers})
+    screen = console.Screen(as_json=as_json)
+    asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
+    for name, why in asked.left_out:
+        screen.note(f"{name} is left out: {why}")
+    with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
+        found = wiring.benchmark(asked, crew, progress)
+    document = page.write(found)
+    for part in page.tables(found.summaries):
+        screen.show(part)
+    screen.plain(f"Report: {document}")
+    screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
+    if as_json:
+        screen.data("benchmark", found.as_json())
+
+
+def world_tables(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. pushing.")] = None,
+    targets: Annotated[
+        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
+    ] = "develop,drawn,named",
+    rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
+    executor: Annotated[str, typer.Option("--executor", help="Where they run: processes or dask.")] = "processes",
+    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="The tables on stdout.")] = False,
+) -> None:
+    """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
+
+    Stop it at any time: the same command continues. Damaged files of a table are made again.
+
+    Example: adaptsim world-tables --task pushing --targets wd
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.research import benchmarking as wiring
+    from adaptsim_cli.research.pretraining import open_executor
+    from adaptsim_cli.screen import console
+
+    resolved = config.load({"task": task, "workers": workers})
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
+        made = wiring.make_tables(resolved, targets, rollouts, crew, progress)
+    screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
+    command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
+    screen.next((command, "compares methods in these worlds"))
+    if as_json:
+        screen.data("world-tables", {"task": resolved.config.task, "tables": made})

@@ -1,0 +1,279 @@
+"""Joins the parts of a benchmark: settings -> worlds, tables, checkpoints, jobs, results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.storage.durable import locked, make_folder
+
+if TYPE_CHECKING:
+    from adaptsim_cli.research.benchmark_page import Comparison
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.lab.physics import Physics
+    from sim.research.benchmark.jobs import Job, Row
+    from sim.research.benchmark.sessions import Conditions
+    from sim.research.benchmark.tables import WorldTable
+    from sim.research.benchmark.targets import Target
+    from sim.tasks.task import Task
+
+StageProgress = Callable[[str, int, int], None]
+
+FORMAT = 1
+DEFAULT = "default"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A checked request for a benchmark."""
+
+    resolved: Resolved
+    task: Task
+    targets: tuple[Target, ...]
+    methods: tuple[str, ...]
+    conditions: Conditions
+    seeds: int
+    checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
+    out: Path | None
+    in_lab: bool = False  # trials run through the whole simulated lab
+    left_out: tuple[tuple[str, str], ...] = ()  # for "all": methods missing from these checkpoints, and why
+
+    @property
+    def plan(self) -> dict[str, Any]:
+        """Everything that results depend on, and that may not change while they are gathered."""
+        return {
+            "format": FORMAT,
+            "task": self.task.name,
+            "conditions": asdict(self.conditions),
+            "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
+            **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
+        }
+
+    @property
+    def folder(self) -> Path:
+        """The folder of its results: the same request has the same folder."""
+        if self.out is not None:
+            return self.out.absolute()
+        digest = hashlib.sha256(json.dumps(self.plan, sort_keys=True).encode()).hexdigest()[:8]
+        name = f"{self.task.name}-budget{self.conditions.budget}-{digest}"
+        return (self.resolved.places.benchmarks / name).absolute()
+
+
+def asked(
+    resolved: Resolved,
+    targets: str,
+    methods: str,
+    budget: int,
+    fresh: int,
+    seeds: int,
+    checkpoints: str,
+    out: Path | None,
+    *,
+    in_lab: bool = False,
+) -> Asked:
+    """Check the request before anything runs.
+
+    Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
+    """
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.adaptation.methods import METHODS, make_method
+    from sim.errors import CheckpointError
+    from sim.research.benchmark.jobs import COMPARED
+    from sim.research.benchmark.sessions import Conditions
+    from sim.research.benchmark.targets import targets_of
+    from sim.tasks import get_task
+
+    config = resolved.config
+    task = get_task(config.task)
+    chosen = COMPARED if methods == "all" else tuple(dict.fromkeys(_words(methods)))
+    if unknown := [name for name in chosen if name not in COMPARED]:
+        raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(COMPARED)}")
+    if not chosen:
+        raise UsageError(f"--methods is empty: choose all, or any of {', '.join(COMPARED)}")
+    names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
+    loaded = tuple((name, load_checkpoint(task, name)) for name in names)
+    left_out = dict[str, str]()
+    for name in chosen:
+        try:
+            for _, checkpoint in loaded if name in METHODS else ():
+                make_method(name, task, checkpoint)
+        except CheckpointError as error:
+            if methods != "all":
+                raise
+            left_out[name] = str(error)
+    chosen = tuple(name for name in chosen if name not in left_out)
+    conditions = Conditions(budget, config.particles, fresh=fresh)
+    conditions.iterations(task)
+    found = targets_of(task, _words(targets))
+    if in_lab:
+        _require_lab(task, found)
+    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, tuple(left_out.items()))
+
+
+def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
+    """Run the missing sessions. Raises DatasetError if a table is missing, SimError, SessionError."""
+    from adaptsim_cli.research.benchmark_page import Comparison
+    from sim.research.benchmark.run import Results, run_jobs
+    from sim.research.benchmark.summary import summarise
+
+    tables = _tables(asked)
+    jobs = _jobs(asked, tables)
+    make_folder(asked.folder)
+    busy = f"another benchmark is running in {asked.folder}: wait for it, or give another --out"
+    with (
+        locked(asked.folder, busy),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
+    ):
+        results = Results(asked.folder)
+        results.agree(asked.plan)
+        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total), _runner(asked))
+    return Comparison(
+        folder=asked.folder,
+        task_title=asked.task.title,
+        plan=asked.plan,
+        targets=tuple(target.name for target in asked.targets),
+        seeds=asked.seeds,
+        tabled=any(table is not None for table in tables),
+        left_out=asked.left_out,
+        rows=tuple(rows),
+        summaries=summarise(rows),
+    )
+
+
+def tables_folder(resolved: Resolved) -> Path:
+    """The folder of the tables of the settings' task."""
+    return resolved.places.world_tables / resolved.config.task
+
+
+def make_tables(
+    resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
+) -> list[dict[str, Any]]:
+    """Simulate the missing parts of the tables of these worlds; one entry per world, for JSON.
+
+    Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
+    """
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.research.benchmark.tables import build_table
+    from sim.research.benchmark.targets import targets_of
+    from sim.tasks import get_task
+
+    config = resolved.config
+    task = get_task(config.task)
+    if task.exact:
+        raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
+    checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
+    chosen = targets_of(task, _words(targets))
+    scenes = _scenes(task, chosen)
+    folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
+    make_folder(folder)
+    busy = f"another process is making tables in {folder}: wait for it"
+    with (
+        locked(folder, busy),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
+    ):
+        for i, target in enumerate(chosen):
+            place = folder / target.set / target.name
+
+            def report(done: int, _: int, before: int = i * rollouts) -> None:
+                progress("rollouts", before + done, total)
+
+            table = build_table(
+                checkpoint.solver,
+                checkpoint.sha256,
+                scenes[target.world.physics],
+                target.world,
+                place,
+                rollouts,
+                executor,
+                report,
+            )
+            made.append(
+                {
+                    "set": target.set,
+                    "world": target.name,
+                    "rollouts": len(table.actions),
+                    "digest": table.digest,
+                    "folder": str(place),
+                }
+            )
+    return made
+
+
+def _runner(asked: Asked) -> Callable[[Job], Row]:
+    """The function that runs one job; the lab is imported only if trials run in it."""
+    if asked.in_lab:
+        from adaptsim_cli.research.lab_place import run_in_lab
+
+        return run_in_lab
+    from sim.research.benchmark.jobs import run_job
+
+    return run_job
+
+
+def _require_lab(task: Task, targets: Sequence[Target]) -> None:
+    """Raises UsageError for a task without an arm, and for a world with physics that the lab does not have."""
+    if task.hardware is None:
+        raise UsageError(f"--lab: {task.name} has no motion for an arm, so the lab cannot run it; leave --lab out")
+    if foreign := [target.name for target in targets if target.world.physics != "drake"]:
+        raise UsageError(
+            f"--lab: the lab is simulated in Drake, and {', '.join(foreign)} in another physics; leave them out"
+        )
+
+
+def _tables(asked: Asked) -> list[WorldTable | None]:
+    """The table of each target; None for a task that simulates its worlds."""
+    from sim.research.benchmark.tables import load_table
+
+    if asked.task.exact:
+        return [None] * len(asked.targets)
+    scenes, folder = _scenes(asked.task, asked.targets), tables_folder(asked.resolved)
+    return [load_table(asked.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in asked.targets]
+
+
+def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
+    """The key of the scene, for each physics among the targets."""
+    from sim.lab.physics import in_physics
+    from sim.tasks.scene_key import scene_key
+
+    return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
+
+
+def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
+    """The jobs world by world, so that partial results are complete worlds."""
+    from sim.research.benchmark.jobs import Job
+
+    return [
+        Job(
+            task=asked.task.name,
+            checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
+            set=target.set,
+            world=target.world,
+            table=table,
+            method=method,
+            seed=seed,
+            conditions=asked.conditions,
+        )
+        for target, table in zip(asked.targets, tables, strict=True)
+        for method in asked.methods
+        for seed in range(asked.seeds)
+    ]
+
+
+def _found_again(name: str, checkpoint: Checkpoint) -> str:
+    """A shipped checkpoint by its name, any other by its absolute path, because workers run in another folder."""
+    from sim.tasks import files_of
+
+    is_shipped = checkpoint.path.is_relative_to(files_of(checkpoint.card.task, "checkpoints"))
+    return name if is_shipped else str(checkpoint.path.absolute())
+
+
+def _words(listed: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in listed.split(",") if word.strip())

@@ -1,0 +1,130 @@
+"""`adaptsim checkpoints list/verify`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(help="The pretrained policies.", no_args_is_help=True)
+
+_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+
+@app.command("list")
+def list_checkpoints(as_json: _Json = False) -> None:
+    """List the shipped checkpoints and those of `adaptsim pretrain`.
+
+    Example: adaptsim checkpoints list
+    """
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring import checkpoints
+
+    found = checkpoints.list_checkpoints()
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data("checkpoints list", {"checkpoints": found})
+    else:
+        body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
+        screen.show(views.rows(("task", "name", "created", "folder"), body))
+        screen.next(("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?"))
+
+
+@app.command()
+def verify(
+    checkpoint: Annotated[str, typer.Argument(help="Folder; default: the shipped one, or the one for --object.")] = "",
+    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
+    rollouts: Annotated[
+        int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the draws.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
+
+    A figure holds unless it is worse than the card's by more than three standard errors of the two together. Exit code
+    8 when a figure does not hold, or when the checkpoint is corrupt or foreign.
+
+    Example: adaptsim checkpoints verify --task scooping
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.research import checkpoint_figures
+    from adaptsim_cli.screen import console, views
+    from sim.errors import CheckpointError
+
+    if quick and rollouts is not None:
+        raise UsageError("--quick and --rollouts contradict each other: give one of them")
+    flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
+    settings = config.load(flags).config
+    wanted = rollouts if rollouts is not None else checkpoint_figures.ROLLOUTS
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress:
+        found = checkpoint_figures.verify_figures(
+            settings,
+            checkpoint_figures.QUICK if quick else wanted,
+            lambda done, total: progress("rollouts", done, total),
+        )
+    screen.plain(f"{found['folder']} is intact: task {found['task']}, sha256 {found['sha256'][:12]}")
+    if found["figures"]:
+        columns = ("", "figure", "card", "now", "may be worse by")
+        body = [
+            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
+            for f in found["figures"]
+        ]
+        screen.show(views.rows(columns, body))
+    elif wanted:
+        screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
+    if as_json:
+        screen.data("checkpoints verify", found)
+    if found["holds"]:
+        screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, if the settings name it"))
+    else:
+        worse = ", ".join(f["name"] for f in found["figures"] if not f["holds"])
+        raise CheckpointError(
+            f"fresh rollouts are worse than the card of {found['folder']} says: {worse}. The simulation has changed "
+            "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
+            "`adaptsim pretrain` again"
+        )
+
+
+@app.command()
+def parameters(
+    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
+    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
+    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the simulated targets.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Show which parameters a session can estimate, and which stay unknown. Measured in simulated sessions.
+
+    Example: adaptsim checkpoints parameters --task pushing
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.research import checkpoint_figures
+    from adaptsim_cli.screen import console, views
+
+    settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress:
+        found = checkpoint_figures.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
+    if as_json:
+        screen.data("checkpoints parameters", found)
+        return
+    body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
+    screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
+    screen.plain(
+        f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials say nothing about it."
+    )
+    screen.next(
+        (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")
+    )
+
+
+def _numbers(figure: dict[str, Any]) -> tuple[float, float, float]:
+    return figure["card"], figure["found"], figure["tolerance"]

@@ -1,0 +1,126 @@
+"""Benchmark sessions in the whole simulated lab: arm, camera and tracking take part in every trial."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+import numpy as np
+
+from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.devices.simulated import nominal_hand_eye
+from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.records import TrialKey
+from adaptsim_cli.session.target import Rig
+from adaptsim_cli.wiring.session import executable_on
+from hw.errors import MotionRefused
+from hw.types import Array
+from perception.errors import PerceptionError
+from perception.types import ObjectTrack
+from sim.errors import NotExecutable, RolloutError
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import World
+from sim.research.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
+from sim.research.benchmark.places import Place, Played, Tabled
+from sim.solvers.solver import Executable
+from sim.tasks import get_task
+from sim.tasks.task import Task
+
+ATTEMPTS, INWARD = 6, 0.02
+"""How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved
+inward by this share of the area, as the message asks: at the rim a hand's error, and that of the first look at the
+object, put most of them outside.
+"""
+
+
+class Nobody:
+    """An operator for trials without questions."""
+
+    def placed(self, *_: Any) -> None:
+        """See `adaptsim_cli.session.operator.Operator`."""
+
+
+@dataclass(frozen=True, eq=False)
+class InLab:
+    """A `Place`: trials run in the lab; scores and best actions come from the table of the same world."""
+
+    rig: OnRig
+    table: Place
+    executable: Executable
+    _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """See `Place`.
+
+        Raises RolloutError if a trial keeps failing. The lab draws from its own random numbers, not `rng`.
+        """
+        task = self.rig.task
+        done = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
+        seen = np.stack([context for context, _ in done])
+        return Played(
+            observations=np.stack([task.observation(track) for _, track in done]),
+            rewards=np.array([task.score(track, context) for context, track in done]),
+            ends=tuple(task.end_of(track) for _, track in done),
+            contexts=seen,
+        )
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: from the table."""
+        return self.table.judge(contexts, actions, rng)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """See `Place`: from the table."""
+        return self.table.best_actions(contexts)
+
+    def _trial(self, context: Array, action: Array) -> tuple[Array, ObjectTrack]:
+        """One motion, as in a session -> the measured context, and the track."""
+        number, why = next(self._numbers), ""
+        area = self.rig.task.context
+        for attempt in range(ATTEMPTS):
+            inner = np.clip(area.normalise(context), INWARD * attempt, 1 - INWARD * attempt)
+            try:
+                placed = self.rig.place(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
+                files = self.rig.execute(self.rig.plan(placed, action)).files()
+                with TemporaryDirectory() as folder:
+                    for name, content in files.items():
+                        Path(folder, name).write_bytes(content)
+                    return placed.context, self.rig.track(placed.context, action, Path(folder)).track
+            except (PerceptionError, NotExecutable, MotionRefused) as error:
+                why = str(error)
+        raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")
+
+
+def run_in_lab(job: Job) -> Row:
+    """As `run_job`, but with the session's trials in the lab.
+
+    UDR and the upper bounds run outside: they need no trials, or too many.
+    """
+    if job.method in (UDR, *LIMITS):
+        return run_job(job)
+    with in_lab(job) as place:
+        return run_job(job, place)
+
+
+@contextmanager
+def in_lab(job: Job) -> Iterator[InLab]:
+    """The place of a job's trials."""
+    task, world = get_task(job.task), job.world
+    assert job.table is not None, "only a task without hardware has no table"
+    with rig_in_lab(task, world, job.seed) as (_, rig):
+        yield InLab(rig, Tabled(task, job.table), executable_on(rig.hardware, rig.planner))
+
+
+@contextmanager
+def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
+    """A lab in `world` and its rig, with the default arm and the nominal calibration."""
+    there = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
+        devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
+        yield lab, OnRig(there.task, devices, tracker_of(there.task), there.planner())

@@ -1,0 +1,107 @@
+"""`adaptsim pretrain`: Phase 1."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def pretrain(
+    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
+    rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
+    denser: Annotated[
+        int | None, typer.Option("--denser", min=0, help="Further trials where the outcome is uncertain.")
+    ] = None,
+    episodes: Annotated[
+        int | None, typer.Option("--episodes", min=64, help="Episodes from which each adaptation policy learns.")
+    ] = None,
+    judged: Annotated[
+        int | None, typer.Option("--judged", min=4, help="Unseen targets on which the result is evaluated.")
+    ] = None,
+    solver: Annotated[
+        str | None,
+        typer.Option("--solver", help="emulator (default), or naf: the paper's solver, on true rollouts alone."),
+    ] = None,
+    targets: Annotated[
+        str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
+    ] = "paper",
+    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
+    executor: Annotated[
+        str, typer.Option("--executor", help="Where simulations run: processes or dask.")
+    ] = "processes",
+    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
+    ] = None,
+    methods: Annotated[
+        bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
+    ] = False,
+    evaluate: Annotated[
+        bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
+    ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="A document with figures; includes --methods and --evaluate.")
+    ] = False,
+    docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
+) -> None:
+    """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
+
+    The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
+    both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
+
+    Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
+
+    With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
+
+    With --executor dask the simulations run on a cluster of yours; the numbers are the same.
+
+    --report runs some 5,500 further rollouts (minutes) to measure emulator and policies; a second report needs none.
+    A finished folder given with --out is not changed.
+
+    Example: adaptsim pretrain --task scooping --budget small --report
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.research import checkpoint_figures, phase1_page, pretraining
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.wiring import checkpoints
+    from sim.research.pretraining.pipeline import Wanted
+
+    if docs is not None and not report:
+        raise UsageError("--docs sets where the report goes: add --report")
+    if episodes is not None and not (methods or report):
+        raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
+    if judged is not None and not (evaluate or report):
+        raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
+    resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
+        if report and out is not None and phase1_page.is_finished(out):
+            folder = out / "checkpoint"
+        else:
+            sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
+            wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
+            folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
+        document = None
+        if report:
+            of = checkpoints.task_of(resolved.config)
+            document = phase1_page.write_report(of, folder.parent, docs, crew, progress)
+    screen.plain(f"Checkpoint: {folder}")
+    chosen = resolved.config
+    whose = f" --object {chosen.object}" if chosen.object else ""
+    if document is not None:
+        screen.plain(f"Report: {document}")
+    use = f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{whose}"
+    screen.next(
+        (use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?")
+    )
+    if as_json:
+        told = {"report": str(document)} if document else {}
+        card = checkpoint_figures.checkpoint_card(resolved.config.task, folder)
+        screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})

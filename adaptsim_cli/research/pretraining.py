@@ -1,0 +1,117 @@
+"""Joins the parts of Phase 1: settings -> budget, executor, folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.storage.durable import locked, make_folder
+from adaptsim_cli.wiring.checkpoints import task_of
+
+if TYPE_CHECKING:
+    from sim.research.pretraining.pipeline import PretrainBudget, Wanted
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Requested sizes; None: the budget's."""
+
+    rollouts: int | None = None  # of the dataset, spread evenly over the space
+    denser: int | None = None  # further ones where the outcome is uncertain
+    episodes: int | None = None  # of the training of each adaptation policy
+    judged: int | None = None  # unseen targets of the evaluation
+
+    def applied_to(self, budget: PretrainBudget) -> PretrainBudget:
+        """The budget with these sizes."""
+        return replace(
+            budget,
+            rollouts=_either(self.rollouts, budget.rollouts),
+            denser=_either(self.denser, budget.denser),
+            meta=replace(budget.meta, episodes=_either(self.episodes, budget.meta.episodes)),
+            evaluation=replace(budget.evaluation, targets=_either(self.judged, budget.evaluation.targets)),
+        )
+
+    @property
+    def label(self) -> str:
+        """Part of the folder's name; empty if no size was requested."""
+        asked = {
+            "": self.rollouts,
+            "denser": self.denser,
+            "episodes": self.episodes,
+            "judged": self.judged,
+        }
+        return "-".join(f"{what}{size}" for what, size in asked.items() if size is not None)
+
+
+def _either(asked: int | None, usual: int) -> int:
+    return usual if asked is None else asked
+
+
+def pretrain(
+    resolved: Resolved,
+    out: Path | None,
+    budget: str,
+    targets: str,
+    sizes: Sizes,
+    executor: Executor,
+    progress: Callable[[str, int, int], None],
+    wanted: Wanted,
+) -> Path:
+    """Run Phase 1 with the settings' task, solver and seed; return the checkpoint's folder. Resumes a run in `out`.
+
+    Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
+    """
+    from adaptsim_cli.wiring.checkpoints import SOLVERS
+    from sim.research.pretraining.meta_training import TARGETS
+    from sim.research.pretraining.pipeline import PretrainBudget, pretrain
+
+    budgets = {"full": PretrainBudget.full, "small": PretrainBudget.small}
+    if budget not in budgets:
+        raise UsageError(f"--budget {budget}: choose one of {', '.join(budgets)}")
+    config = resolved.config
+    solver = config.solver or SOLVERS[0]
+    if solver not in SOLVERS:
+        raise UsageError(f"--solver {solver}: choose one of {', '.join(SOLVERS)}")
+    kind = next((known for known in TARGETS if known == targets), None)
+    if kind is None:
+        raise UsageError(f"--targets {targets}: choose one of {', '.join(TARGETS)}")
+    task = task_of(config)
+    chosen = sizes.applied_to(budgets[budget](task).on_targets(kind))
+    unusual = (
+        Path(config.object).stem,
+        solver if solver != SOLVERS[0] else "",
+        targets if targets != TARGETS[0] else "",
+        budget,
+        sizes.label,
+    )
+    parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
+    folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
+    make_folder(folder)
+    with (
+        locked(folder, f"another pretraining is running in {folder}: wait for it, or give another --out"),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
+    ):
+        return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)
+
+
+def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
+    """The executor of simulations: processes of this machine, or a Dask cluster.
+
+    Raises UsageError, ClusterUnavailable.
+    """
+    from sim.rollouts.executors import dask_cluster, process_pool
+
+    if kind == "processes" and not scheduler:
+        return process_pool(config.workers or None)
+    if kind == "dask" and scheduler:
+        return dask_cluster(scheduler)
+    if kind not in ("processes", "dask"):
+        raise UsageError(f"--executor {kind}: choose one of processes, dask")
+    raise UsageError("--executor dask and --scheduler ADDRESS belong together")

@@ -1,0 +1,141 @@
+"""The places of benchmark sessions: a simulated world, or its table.
+
+A third place, the whole lab with arm and camera, has the same contract (`adaptsim_cli.research.lab_place`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.lab.rollouts import rollouts_in
+from sim.lab.world import World
+from sim.research.benchmark.tables import WorldTable
+from sim.rollouts.draws import trial_requests
+from sim.rollouts.run import Rollouts
+from sim.solvers.solver import Executable, Solver
+from sim.tasks.task import Task
+
+SMOOTHED = 4
+"""Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """The observable results of trials."""
+
+    observations: Array  # (N, size) normalised, with the camera's noise
+    rewards: Array  # (N,)
+    ends: tuple[Array | None, ...]  # N end states of successes, (k,) each
+    contexts: Array  # (N, c) as measured
+
+
+class Place(Protocol):
+    """One world. Contexts (N, c) and commanded actions (N, a) are in units; all randomness comes from the generator."""
+
+    @property
+    def executable(self) -> Executable | None:
+        """The test for executable actions; None: all are."""
+        ...
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """Run trials."""
+        ...
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """(N,) rewards of rollouts that `play` never shows."""
+        ...
+
+    def best_actions(self, contexts: Array) -> Array:
+        """(N, a) the best actions by the data of `play`: an upper bound for any method."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A `Place` with a true rollout for each trial, for tasks with exact, nearly free answers."""
+
+    solver: Solver
+    world: World
+    executable: Executable | None = None
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """See `Place`: true rollouts."""
+        task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
+        shown = np.stack([task.observation(track) for track in tracks])
+        ends = tuple(map(task.end_of, tracks))
+        return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends, contexts)
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: true rollouts."""
+        return self._scores(self._rolled(contexts, actions, rng), contexts)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """The actions of the exact policy for the world's own parameters."""
+        truth = self.world.parameters[None, None]
+        return self.solver.policies(truth, np.random.default_rng(0))[0].actions(contexts)
+
+    def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
+        where = np.tile(self.world.parameters, (len(contexts), 1))
+        asked, there = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
+        rows = zip(asked.parameters, asked.context, asked.action, asked.nuisance, strict=True)
+        return [there(*row) for row in rows]
+
+    def _scores(self, tracks: Sequence[ObjectTrack], contexts: Array) -> Array:
+        return np.array([self.solver.task.score(track, c) for track, c in zip(tracks, contexts, strict=True)])
+
+
+@dataclass(frozen=True, eq=False)
+class Tabled:
+    """A `Place` that answers with the rollout of a table with the nearest executed action, in fractions of ranges."""
+
+    task: Task
+    table: WorldTable
+    executable: Executable | None = None
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """See `Place`: from the half of the table for trials."""
+        task, (_, results) = self.task, self._for_trials
+        rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
+        found = results[rows]
+        seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
+        return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: from the half of the table for scores."""
+        known, results = self._for_scores
+        return results[self._nearest(known, self._executed(actions, rng))].rewards(self.task, contexts)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """The best of the table's own actions, each valued by the mean over its nearest ones."""
+        known, results = self._for_trials
+        unit = self.task.action.normalise(known)
+        together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]
+        best = []
+        for context in contexts:
+            earned = results.rewards(self.task, np.tile(context, (len(known), 1)))
+            best.append(int(np.argmax(earned[together].mean(axis=1))))
+        return known[best]
+
+    @cached_property
+    def _for_trials(self) -> tuple[Array, Rollouts]:
+        return self.table.half(odd=False)
+
+    @cached_property
+    def _for_scores(self) -> tuple[Array, Rollouts]:
+        return self.table.half(odd=True)
+
+    def _executed(self, actions: Array, rng: np.random.Generator) -> Array:
+        return np.asarray(actions + rng.uniform(-1.0, 1.0, actions.shape) * self.task.action_noise)
+
+    def _nearest(self, known: Array, executed: Array) -> NDArray[np.intp]:
+        space = self.task.action
+        gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
+        return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)

@@ -1,0 +1,168 @@
+"""Whole sessions of a method in one world, and the references for comparison.
+
+Every method gets the same contexts, action errors and observation noise: all randomness of a trial depends only on
+(seed, iteration, particle).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.best import choose_best
+from sim.adaptation.method import Iteration, Method, OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.methods import udr
+from sim.errors import OutOfRange
+from sim.research.benchmark.places import Place
+from sim.rollouts.draws import cover
+from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
+from sim.tasks.task import Task
+from sim.types import Space
+
+UDR_POLICIES = 8
+"""Number of policies behind UDR's reward: over Omega many actions earn the same, but in one world they differ as much
+as success and failure.
+"""
+
+SCREENING, FINAL = 16, 6
+"""Trials per policy in the oracle's first round, which leaves `FINAL` policies; these get as many trials as a score."""
+
+Commands = Callable[[Array], Array]
+"""Contexts (N, c) -> actions (N, a)."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The common conditions of all methods."""
+
+    budget: int  # real trials of a session, rounded down to whole iterations
+    particles: int = 2
+    judged: int = 64  # rollouts behind each reward
+    fresh: int = 0  # true rollouts behind the final reward; then the trials are true rollouts, too. 0: all from tables
+    candidates: int = 96  # candidate E of the oracle, spread evenly over Omega
+
+    def iterations(self, task: Task) -> int:
+        """The number of iterations. Raises OutOfRange if the budget is less than one iteration."""
+        each = self.particles * task.adaptation.trials_per_iteration
+        if self.budget < each:
+            raise OutOfRange(
+                f"a budget of {self.budget} trials is less than one iteration of {task.name} with {self.particles} "
+                f"particles, which takes {each}"
+            )
+        return self.budget // each
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The reward of one policy."""
+
+    reward: float
+    ci95: tuple[float, float]  # of the mean over rollouts
+
+
+class _Chance(IntEnum):
+    """The purpose of a stream of random numbers."""
+
+    CONTEXT = 0
+    TRIAL = 1
+    START = 2
+    NEXT = 3
+    JUDGE_CONTEXT = 4
+    JUDGE = 5
+    CHOOSE = 6
+    UDR = 7
+
+
+def run_session(
+    solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
+) -> list[SolvedPolicy]:
+    """The final policies of the session if it ended after each iteration; `contexts` default to all of the task."""
+    task, history, chosen = solver.task, list[Iteration](), list[SolvedPolicy]()
+    among = task.context if contexts is None else contexts
+    trained: dict[bytes, SolvedPolicy] = {}
+
+    def policy(particle: Particle) -> SolvedPolicy:
+        if isinstance(method, OwnPolicies):
+            return method.policy(particle, history, place.executable)
+        return _once(trained, solver, particle, place.executable)
+
+    particles = method.start(conditions.particles, _stream(seed, _Chance.START))
+    for i in range(conditions.iterations(task)):
+        acting = [policy(particle) for particle in particles]
+        history.append(
+            tuple(
+                ParticleTrials(particle, _trials(task, act, place, among, (seed, i, j)))
+                for j, (particle, act) in enumerate(zip(particles, acting, strict=True))
+            )
+        )
+        best = choose_best(task, history).particle
+        chosen.append(method.final(history, place.executable) if isinstance(method, OwnPolicies) else policy(best))
+        particles = method.next(history, _stream(seed, _Chance.NEXT, i))
+    return chosen
+
+
+def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed: int) -> Judged:
+    """The mean reward of these commands over contexts, by rollouts that no session uses."""
+    contexts = task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
+    rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
+    half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
+    mean = float(rewards.mean())
+    return Judged(mean, (max(0.0, mean - half), min(1.0, mean + half)))
+
+
+def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
+    """Several policies for all of Omega; UDR's reward is their mean."""
+    return udr.udr_policies(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
+
+
+def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
+    """The best of many E, chosen by trials in the world in two rounds, and its reward in the second."""
+    task = solver.task
+    grid = cover(task.parameters, conditions.candidates, np.random.default_rng(0))
+    policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
+    first = [shown(task, policy.actions, place, SCREENING, seed) for policy in policies]
+    left = [policies[i] for i in np.argsort(first)[-FINAL:]]
+    second = [shown(task, policy.actions, place, conditions.judged, seed + 1) for policy in left]
+    best = int(np.argmax(second))
+    return left[best], second[best]
+
+
+def shown(task: Task, act: Commands, place: Place, n: int, seed: int) -> float:
+    """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
+    rng = _stream(seed, _Chance.CHOOSE)
+    contexts = task.context.sample(rng, _worthwhile(task, n))
+    return float(place.play(contexts, act(contexts), rng).rewards.mean())
+
+
+def _worthwhile(task: Task, n: int) -> int:
+    """`n` rollouts, or two if all rollouts are the same."""
+    return n if len(task.context) or np.any(task.action_noise) else 2
+
+
+def _once(
+    trained: dict[bytes, SolvedPolicy], solver: Solver, particle: Particle, executable: Executable | None
+) -> SolvedPolicy:
+    key = particle.samples.tobytes()
+    if key not in trained:
+        trained[key] = policy_for(solver, particle.samples, executable)
+    return trained[key]
+
+
+def _trials(
+    task: Task, policy: SolvedPolicy, place: Place, among: Space, which: tuple[int, int, int]
+) -> tuple[Trial, ...]:
+    """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
+    seed, *where = which
+    contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
+    actions = np.stack([policy(context) for context in contexts])
+    seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
+    rows = zip(seen.contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
+    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
+
+
+def _stream(seed: int, chance: _Chance, *where: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(chance), *where)))

@@ -1,0 +1,1 @@
+"""Methods of others, and the extras that they need; `sim.adaptation.methods` names them."""

@@ -1,0 +1,158 @@
+"""Meta-episodes: trials and rewards of parameter distributions in simulated targets, many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from sim.adaptation.method import Trial
+from sim.research.methods.memory import MemoryName, Seen, encode, look_back
+from sim.research.pretraining.acting import Acting
+from sim.rollouts.draws import trial_requests
+from sim.rollouts.run import Roll
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+DRAWS = 4
+"""Draws of action error and nuisance for each context of an expected reward."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """What episodes run in: the task policies, a source of trials, and the rewards that they may expect."""
+
+    solver: Solver  # of the expected rewards
+    acting: Acting
+    roll: Roll  # of the observations: emulated ones, or those of the simulator
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Trials and rewards of B distributions in their targets."""
+
+    contexts: Array  # (B, T * c) normalised
+    observations: Array  # (B, T * size) normalised, with camera noise
+    trial_rewards: Array  # (B, T)
+    rewards: Array  # (B,) expected by the solver
+
+
+def visit(simulator: Simulator, means: Array, targets: Array, rng: np.random.Generator) -> Visit:
+    """Run the task policies of `means` (B, p) `trials_per_iteration` times in their targets (B, p).
+
+    The reward is the solver's expectation over contexts, nuisance and action error, which would need hundreds of
+    rollouts; the evaluation compares it with true rollouts.
+    """
+    solver, task = simulator.solver, simulator.solver.task
+    trials, count = task.adaptation.trials_per_iteration, len(means)
+    contexts, actions = simulator.acting(means, rng)
+    own = contexts[:, :trials].reshape(count * trials, -1)
+    requests = trial_requests(
+        task, np.repeat(targets, trials, axis=0), own, actions[:, :trials].reshape(count * trials, -1), rng
+    )
+    rollouts = simulator.roll(requests)
+    seen = task.observation.with_noise(rollouts.observation, rng)
+    return Visit(
+        contexts=task.context.normalise(own).reshape(count, -1),
+        observations=seen.reshape(count, -1),
+        trial_rewards=rollouts.rewards(task, own).reshape(count, -1),
+        rewards=solver.expected_rewards(targets, contexts, actions, rng, DRAWS),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Episodes:
+    """In each of E targets P particles adapt over H steps, an episode each, so each is visited H + 1 times."""
+
+    targets: Array  # (E, p) in units
+    means: Array  # (E, P, H + 1, p) in units
+    contexts: Array  # (E, P, H + 1, T * c) normalised
+    observations: Array  # (E, P, H + 1, T * size) normalised, with camera noise
+    trial_rewards: Array  # (E, P, H + 1, T)
+    rewards: Array  # (E, P, H + 1) expected
+    directions: Array  # (E, P, H, p) in {-1, 0, 1}
+
+    def state(self, task: Task, memory: MemoryName, t: int) -> Array:
+        """(E * P, inputs) what a policy with this memory sees after the visit `t`."""
+        until = slice(0, t + 1)
+        return encode(task, memory, self._seen(until))
+
+    def _seen(self, until: slice) -> Seen:
+        return look_back(
+            self.means[:, :, until],
+            self.observations[:, :, until],
+            self.contexts[:, :, until],
+            self.trial_rewards[:, :, until],
+        )
+
+
+class Running:
+    """Episodes that run, all at the same step: P particles in each of E targets."""
+
+    def __init__(self, simulator: Simulator, targets: Array, particles: int, rng: np.random.Generator) -> None:
+        """Visit random places of all particles; targets (E, p) in units."""
+        self._simulator, self._rng, self._shape = simulator, rng, (len(targets), particles)
+        self._task = simulator.solver.task
+        self._targets = np.repeat(targets, particles, axis=0)
+        self._directions: list[NDArray[np.int_]] = []
+        self._means = [self._task.parameters.sample(rng, len(self._targets))]
+        self._visits = [self._visit()]
+
+    def _visit(self) -> Visit:
+        return visit(self._simulator, self._means[-1], self._targets, self._rng)
+
+    def state(self, memory: MemoryName) -> Array:
+        """(E * P, inputs) what a policy with this memory sees now."""
+        return self.episodes().state(self._task, memory, len(self._directions))
+
+    def step(self, directions: NDArray[np.int_]) -> Array:
+        """Move the means (E * P, p), visit the new ones, and return their expected rewards (E * P,)."""
+        self._directions.append(directions)
+        self._means.append(self._task.parameters.step(self._means[-1], directions, self._task.adaptation.delta))
+        self._visits.append(self._visit())
+        return self._visits[-1].rewards
+
+    def episodes(self) -> Episodes:
+        """All until now."""
+
+        def grouped(rows: Sequence[Array]) -> Array:
+            """n times (E * P, ...) -> (E, P, n, ...)"""
+            return np.stack(rows, axis=1).reshape(*self._shape, len(rows), *np.shape(rows[0])[1:])
+
+        moved = [np.asarray(d, dtype=np.float64) for d in self._directions]
+        return Episodes(
+            targets=self._targets[:: self._shape[1]],
+            means=grouped(self._means),
+            contexts=grouped([v.contexts for v in self._visits]),
+            observations=grouped([v.observations for v in self._visits]),
+            trial_rewards=grouped([v.trial_rewards for v in self._visits]),
+            rewards=grouped([v.rewards for v in self._visits]),
+            directions=grouped(moved) if moved else np.zeros((*self._shape, 0, len(self._task.parameters))),
+        )
+
+
+def join_episodes(parts: Sequence[Episodes]) -> Episodes:
+    """All episodes as one, in the order of the parts."""
+    return Episodes(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Episodes)))
+
+
+def sparse(task: Task, rewards: Array) -> Array:
+    """The rewards that reach the task's threshold; all others become 0 (paper, eq. A1)."""
+    return np.where(rewards >= task.adaptation.threshold, rewards, 0.0)
+
+
+def simulated_trials(
+    task: Task, policy: Callable[[Array], Array], target: Array, roll: Roll, n: int, rng: np.random.Generator
+) -> tuple[Trial, ...]:
+    """`n` trials of a policy in a simulated target (p,), in a session's form."""
+    contexts = task.context.sample(rng, n)
+    actions = np.stack([policy(c) for c in contexts])
+    results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))
+    seen = task.observation.with_noise(results.observation, rng)
+    rewards = results.rewards(task, contexts)
+    ends = results.ends()
+    rows = zip(contexts, actions, seen, rewards, ends, strict=True)
+    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)

@@ -1,0 +1,379 @@
+"""Phase 1: dataset, emulator, prospects, and optionally policies and evaluation. An interrupted stage can be resumed.
+
+A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to store.
+
+The folder holds `plan.toml` (the settings), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/` (of the
+evaluation, and of NAF's episodes, never simulated twice), `policy-iteration.safetensors`, `policy-history.safetensors`
+and `policy-state.safetensors` (adaptation policies, by their memory), each with its learning curve and learning gate in
+a TOML file, `episodes.safetensors` (of the first), `prospects.safetensors` (rewards of E for many possible truths), the
+report of each stage, `timings.toml` (wall times), `logs/` for TensorBoard, and `checkpoint/`. Existing parts are not
+made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from hw.bounded import Unreadable
+from sim.adaptation.card import CARD, Targets
+from sim.adaptation.checkpoint import save_checkpoint
+from sim.adaptation.method import Method
+from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
+from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
+from sim.errors import DatasetError
+from sim.research.methods.memory import MemoryName, restore_policy, tensors_of
+from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.random_search import RandomSearch
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
+from sim.research.pretraining.acting import Acting, Solved, fill_library
+from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.pretraining.episodes import Episodes, Simulator
+from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.research.pretraining.gate import Gate, gate_visits, learning_gate
+from sim.research.pretraining.logs import Log, tensorboard
+from sim.research.pretraining.meta_training import MetaCurve, MetaSettings, train_adaptation
+from sim.research.pretraining.timing import Stopwatch
+from sim.rollouts.cache import CachedRollouts
+from sim.rollouts.dataset import Denser, build_dataset
+from sim.rollouts.run import Roll, run_many
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
+from sim.solvers.solver import Solver
+from sim.storage.files import read_toml, write_toml
+from sim.storage.tensors import load_tensors, save_tensors
+from sim.tasks.fingerprint import fingerprint
+from sim.tasks.task import Task
+
+StageProgress = Callable[[str, int, int], None]
+"""(stage, done, total)"""
+
+MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
+"""Of the adaptation policies; the first is the paper's."""
+
+NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
+BELIEF, RANDOM = "adaptsim-belief", "random"
+"""The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
+COMPARED = len(NETWORKS) + 2
+
+STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
+EXACT = "dataset and emulator: not needed, this task is solved exactly"
+"""The file that replaces the first two stages with NAF."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The optional stages. They can be added to a folder later."""
+
+    policies: bool = True  # the paper's adaptation policy and its variants; NAF's checkpoints always have them
+    evaluation: bool = True  # sessions of the available methods, on unseen targets
+
+
+EVERYTHING = Wanted()
+
+
+@dataclass(frozen=True)
+class PretrainBudget:
+    """The size of each stage: `full` strength, or `small` for a first look."""
+
+    rollouts: int = 10_240  # of the dataset, spread evenly over the space
+    denser: int = 6_144  # further ones where the outcome is uncertain
+    naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
+    emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
+    meta: MetaSettings = field(default_factory=MetaSettings)
+    prospects: ProspectSettings = field(default_factory=ProspectSettings)
+    evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
+
+    @classmethod
+    def full(cls, task: Task) -> PretrainBudget:
+        """The default: about a quarter of an hour of two quiet cores for a contact task.
+
+        Where the mirror image of a rollout counts too, three quarters as many are simulated.
+        """
+        whole = cls()
+        if task.mirror is None:
+            return whole
+        return replace(whole, rollouts=whole.rollouts * 3 // 4, denser=whole.denser * 3 // 4)
+
+    @classmethod
+    def small(cls, task: Task) -> PretrainBudget:
+        """For a first look: a third of the dataset."""
+        full = cls.full(task)
+        return cls(
+            rollouts=full.rollouts // 3,
+            denser=full.denser // 3,
+            meta=MetaSettings(episodes=1000),
+            evaluation=EvaluationSettings(targets=12),
+        )
+
+    def on_targets(self, kind: Targets) -> PretrainBudget:
+        """The same budget, trained and judged on this kind of targets."""
+        return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
+
+    def uncached(self, task: Task, wanted: Wanted = EVERYTHING) -> int:
+        """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
+        repeat.
+        """
+        trials = task.adaptation.trials_per_iteration
+        session = self.evaluation.particles * self.evaluation.iterations * trials
+        judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
+        evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
+        trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
+        return wanted.policies * trained + wanted.evaluation * evaluated
+
+
+@dataclass(frozen=True, eq=False)
+class _Means:
+    """The parts for training and judging the adaptation policy."""
+
+    task: Task
+    new_solver: Callable[[], Solver]
+    """Makes a solver without stored policies, so that a stage does not depend on earlier stages in this process."""
+    emulator: Emulator | None  # for the checkpoint
+    roll: Roll
+    simulated: Callable[[], int]  # number of rollouts so far
+    facts: dict[str, Any]  # for the card
+
+    @property
+    def memories(self) -> tuple[MemoryName, ...]:
+        """Of the adaptation policies: only the paper's where every trial is simulated."""
+        return MEMORIES if self.emulator or self.task.exact else MEMORIES[:1]
+
+
+def pretrain(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seed: int,
+    executor: Executor,
+    progress: StageProgress,
+    solver: str = "emulator",
+    wanted: Wanted = EVERYTHING,
+) -> Path:
+    """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
+
+    Without the `wanted` stages it has only the parts for inference. Raises DatasetError if the folder holds another
+    plan. It may be stopped at any time; the same call continues.
+    """
+    _agree_on_plan(task, folder, budget, seed, solver)
+    draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
+    if task.exact:
+        progress(EXACT, 1, 1)
+        means = _exact(task, task.exact(task), budget, executor, wanted)
+    elif solver == "naf":
+        progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
+        means = _by_naf(task, folder, budget, draws[0], executor)
+    else:
+        means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
+    # None with NAF: without an emulator each entry would cost a simulation.
+    ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
+    networks: dict[MemoryName, QNetwork] = {}
+    facts: dict[str, Any] = {"seed": seed}
+    if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
+        with tensorboard(folder / "logs") as log:
+            networks = _policies(folder, means, budget.meta, draws[2], progress, log)
+        facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
+    if wanted.evaluation or (folder / "evaluation.toml").exists():
+        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
+        facts["evaluation"] = results
+    path = folder / "checkpoint"
+    stored = read_report(path / CARD) if (path / CARD).exists() else {}
+    if any(stored.get(key) != value for key, value in facts.items()):
+        facts["simulations"] = means.simulated()
+        save_checkpoint(task, path, means.emulator, tensors_of(networks), {**means.facts, **facts}, ahead)
+    progress(STAGES[5], 1, 1)
+    return path
+
+
+def stage_seeds(seed: int) -> tuple[int, ...]:
+    """Seeds of dataset, emulator, adaptation policies and evaluation."""
+    return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
+
+
+def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, wanted: Wanted) -> _Means:
+    facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
+    roll = partial(run_many, task, executor=executor)
+    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task, wanted), facts)
+
+
+def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
+    """The paper's solver, on true rollouts only."""
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    rules, path = rules_of(task, budget.naf_scale), folder / "naf.toml"
+
+    def new_solver() -> NafSolver:
+        return NafSolver(task, roll, rules, NafMemory(task), float(read_report(path)["misfit_limit"]))
+
+    if not path.exists():
+        unlimited = NafSolver(task, roll, rules, NafMemory(task))
+        write_toml(path, {"misfit_limit": measure_misfit_limit(unlimited, np.random.default_rng(seed))})
+    facts = {"budget": asdict(budget), **naf_facts(new_solver())}
+    return _Means(task, new_solver, None, roll, roll.count, facts)
+
+
+def _learnt(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seeds: tuple[int, int],
+    executor: Executor,
+    progress: StageProgress,
+) -> _Means:
+    dataset = build_dataset(
+        task,
+        folder / "dataset",
+        budget.rollouts,
+        seeds[0],
+        executor,
+        lambda i, n: progress(STAGES[0], i, n),
+        Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
+    )
+    path, report = folder / "emulator.safetensors", folder / "emulator.toml"
+    if not (path.exists() and report.exists()):
+        emulator, held_out = train_emulator(
+            task, dataset, seeds[1], budget.emulator, lambda i, n: progress(STAGES[1], i, n)
+        )
+        save_tensors(path, emulator.tensors)
+        write_toml(report, asdict(held_out))
+    progress(STAGES[1], 1, 1)
+    emulator = Emulator(task, load_tensors(path))
+    facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
+    roll = CachedRollouts(task, folder / "rollouts", executor)
+    return _Means(task, partial(EmulatorSolver, emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
+
+
+def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
+    drawn = {"seed": seed, "solver": solver, "budget": asdict(budget)}
+    plan = {"task": task.name, "fingerprint": fingerprint(task), **drawn}
+    path = folder / "plan.toml"
+    if not path.exists():
+        write_toml(path, plan)
+        return
+    before = read_report(path)
+    different = [key for key, value in plan.items() if before.get(key) != value]
+    if different:
+        raise DatasetError(
+            f"{folder} was begun with a different {', '.join(different)}: use a new folder, or the settings in {path}"
+        )
+
+
+def read_report(path: Path) -> dict[str, Any]:
+    """Read a TOML file of the folder. Raises DatasetError."""
+    try:
+        return read_toml(path)
+    except (FileNotFoundError, Unreadable) as error:
+        raise DatasetError(f"{path} {error}: remove it, or begin in a new folder") from error
+
+
+def _policies(
+    folder: Path, means: _Means, settings: MetaSettings, seed: int, progress: StageProgress, log: Log
+) -> dict[MemoryName, QNetwork]:
+    """An adaptation policy with each memory."""
+    task, episodes = means.task, folder / "episodes.safetensors"
+    missing = [m for m in means.memories if not all(path.exists() for path in policy_files(folder, m))]
+    if missing:
+        acting = _acting(means, settings, seed)
+        for memory in missing:
+            of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
+            simulator = _simulator(means, acting, int(of_trials))
+            network, curve, seen = train_adaptation(
+                simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
+            )
+            gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
+            weights, report = policy_files(folder, memory)
+            if memory == MEMORIES[0]:
+                save_tensors(episodes, {f.name: getattr(seen, f.name) for f in fields(Episodes)})
+            save_tensors(weights, network.tensors)
+            write_toml(report, _summary(curve, gate))
+    progress(STAGES[3], 1, 1)
+    return {m: restore_policy(task, m, load_tensors(policy_files(folder, m)[0])) for m in means.memories}
+
+
+def _after(
+    memory: MemoryName, means: _Means, settings: MetaSettings, progress: StageProgress
+) -> Callable[[int, int], None]:
+    """The progress of one training, as a part of that of all."""
+    before, total = (settings.episodes * n for n in (means.memories.index(memory), len(means.memories)))
+    return lambda i, _: progress(STAGES[3], before + i, total)
+
+
+def policy_files(folder: Path, memory: MemoryName) -> tuple[Path, Path]:
+    """Weights, and learning curve with gate."""
+    return folder / f"policy-{memory}.safetensors", folder / f"policy-{memory}.toml"
+
+
+def _acting(means: _Means, settings: MetaSettings, seed: int) -> Acting:
+    """NAF reuses its policies by its own rules, and exact ones cost nothing."""
+    solver = means.new_solver()
+    return fill_library(solver, seed, settings.library) if means.emulator else Solved(solver)
+
+
+def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
+    """What episodes run in: the emulator's ensemble where there is one."""
+    roll = EmulatedRolls(means.emulator, np.random.default_rng(seed)) if means.emulator else means.roll
+    return Simulator(means.new_solver(), acting, roll)
+
+
+def _prospects(
+    folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
+) -> Prospects:
+    path = folder / "prospects.safetensors"
+    if not path.exists():
+        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
+        save_tensors(path, ahead.tensors)
+    progress(STAGES[2], 1, 1)
+    return restore_prospects(means.task, load_tensors(path))
+
+
+def _evaluation(
+    folder: Path,
+    means: _Means,
+    networks: Mapping[MemoryName, QNetwork],
+    ahead: Prospects | None,
+    budget: PretrainBudget,
+    seed: int,
+    progress: StageProgress,
+    *,
+    anew: bool,
+) -> dict[str, Any]:
+    """The stored or new evaluation; `anew` repeats it if policies were added after it."""
+    path, task = folder / "evaluation.toml", means.task
+    if not path.exists() or (anew and networks and not _has_policies(read_report(path))):
+        methods: dict[str, Method] = {
+            name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items() if memory in networks
+        }
+        methods[RANDOM] = RandomSearch(task)
+        if ahead is not None:
+            methods[BELIEF] = Belief(means.new_solver(), ahead)
+        results = evaluate(
+            means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
+        )
+        write_toml(path, asdict(results))
+    progress(STAGES[4], 1, 1)
+    return read_report(path)
+
+
+def _has_policies(evaluation: Mapping[str, Any]) -> bool:
+    return bool({score["name"] for score in evaluation["methods"]} & set(NETWORKS.values()))
+
+
+def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:
+    quarter = max(1, len(curve.reward) // 4)
+    return {
+        "gate": asdict(gate),
+        "first_quarter_reward": float(curve.reward[:quarter].mean()),
+        "last_quarter_reward": float(curve.reward[-quarter:].mean()),
+        "reward": np.round(curve.reward, 4).tolist(),
+        "epsilon": np.round(curve.epsilon, 4).tolist(),
+        "loss": np.round(curve.loss, 6).tolist(),
+    }

@@ -1,0 +1,262 @@
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+from toy_learning import SETTINGS, roll, trained
+from toy_task import PARAMETERS, TOY, simulate
+
+from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.method import Method
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
+from sim.adaptation.prospects import ProspectSettings
+from sim.errors import CheckpointError, DatasetError, RolloutError
+from sim.research.methods.memory import networks_of, new_policy
+from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.random_search import RandomSearch
+from sim.research.pretraining.acting import Library, Solved, fill_library
+from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.pretraining.episodes import Simulator, sparse, visit
+from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.research.pretraining.gate import learning_gate
+from sim.research.pretraining.meta_training import MetaSettings, explore, sample_targets, train_adaptation
+from sim.research.pretraining.pipeline import COMPARED, EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
+from sim.rollouts import serial_executor
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.solver import SolverSettings
+from sim.tasks import get_task
+
+TINY = PretrainBudget(
+    rollouts=256,
+    denser=44,
+    emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
+    meta=MetaSettings(episodes=8, parallel=8, library=64),
+    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
+    evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
+)
+calls: list[Any] = []
+
+
+def counting(parameters, context, action, nuisance, unmodelled=None):
+    calls.append(1)
+    return simulate(parameters, context, action, nuisance, unmodelled)
+
+
+def cut_off(parameters, context, action, nuisance, unmodelled=None):
+    if len(calls) >= 340:
+        raise RuntimeError("power cut")
+    return counting(parameters, context, action, nuisance, unmodelled)
+
+
+def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
+    seen = []
+    with serial_executor() as executor:
+        path = pretrain(
+            task,
+            folder,
+            budget,
+            seed,
+            executor,
+            lambda stage, done, total: seen.append((stage, done, total)),
+            wanted=wanted,
+        )
+    return path, seen
+
+
+@functools.cache
+def library() -> Library:
+    return fill_library(EmulatorSolver(trained()[0]), 0, 256)
+
+
+def simulator(acting=None, seed=0) -> Simulator:
+    """The emulator's, as in a training."""
+    emulator = trained()[0]
+    return Simulator(
+        EmulatorSolver(emulator), acting or library(), EmulatedRolls(emulator, np.random.default_rng(seed))
+    )
+
+
+def test_a_visit_earns_more_at_the_right_parameters():
+    solver = EmulatorSolver(trained()[0])
+    true = Simulator(solver, Solved(solver, SolverSettings(candidates=64, scenarios=4)), roll)
+    targets = PARAMETERS.sample(np.random.default_rng(0), 16)
+    right = visit(true, targets, targets, np.random.default_rng(1))
+    wrong = visit(true, targets[::-1], targets, np.random.default_rng(1))
+    assert right.observations.shape == (16, 2 * TOY.observation.size)
+    assert right.rewards.mean() > wrong.rewards.mean() + 0.1
+    again = visit(true, targets, targets, np.random.default_rng(1))
+    assert np.array_equal(again.observations, right.observations)
+    assert np.array_equal(again.rewards, right.rewards)
+
+
+def test_targets_of_the_paper_lie_in_omega_and_wide_ones_beyond():
+    rng = np.random.default_rng(0)
+    assert all(PARAMETERS.contains(t) for t in sample_targets(TOY, "paper", 200, rng))
+    wide = sample_targets(TOY, "wide", 200, rng)
+    assert all(TOY.margin.contains(t) for t in wide)
+    assert not all(PARAMETERS.contains(t) for t in wide)
+
+
+def test_sparse_rewards_and_exploration():
+    assert sparse(TOY, np.array([0.49, 0.5, 0.9])).tolist() == [0.0, 0.5, 0.9]
+    rng = np.random.default_rng(0)
+    directions = np.ones((400, 3), dtype=int)
+    assert (explore(directions, 0.0, rng) == 1).all()
+    mixed = explore(directions, 0.5, rng)
+    assert (mixed != 1).any(axis=1).mean() == pytest.approx(0.5 * 26 / 27, abs=0.07)
+
+
+def test_a_library_lets_every_distribution_act_like_the_nearest_one():
+    shelf, rng = library(), np.random.default_rng(1)
+    contexts, actions = shelf(shelf.means[:8], rng)
+    for i in range(8):  # the same pairs, in another order
+        found = {(*c, *a) for c, a in zip(contexts[i], actions[i], strict=True)}
+        assert found == {(*c, *a) for c, a in zip(shelf.contexts[i], shelf.actions[i], strict=True)}
+    means = PARAMETERS.sample(rng, 64)
+    reused = visit(simulator(), means, means, np.random.default_rng(2)).rewards
+    solver = EmulatorSolver(trained()[0])
+    anew = visit(simulator(Solved(solver)), means, means, np.random.default_rng(2)).rewards
+    assert abs(reused.mean() - anew.mean()) < 0.02
+    assert np.corrcoef(reused, anew)[0, 1] > 0.5
+
+
+@pytest.mark.long
+def test_training_repeats_exactly_and_depends_on_the_seed():
+    settings = MetaSettings(episodes=20, parallel=8)
+    one, curve, episodes = train_adaptation(simulator(), settings, 0)
+    two, same, _ = train_adaptation(simulator(), settings, 0)
+    three, _, _ = train_adaptation(simulator(), settings, 1)
+    states = np.random.default_rng(0).random((50, one.inputs))
+    assert np.array_equal(one.directions(states), two.directions(states))
+    assert np.array_equal(curve.reward, same.reward)
+    assert not np.array_equal(one.directions(states), three.directions(states))
+    assert len(curve.reward) == 3  # 20 episodes are begun 8 at a time
+    assert curve.epsilon.tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to .1
+    horizon = TOY.adaptation.horizon
+    assert episodes.directions.shape == (12, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
+    moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0].astype(int), TOY.adaptation.delta)
+    assert np.allclose(moved, episodes.means[:, :, 1])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_a_policy_with_each_memory_foresees_what_follows_and_learns_to_adapt(memory):
+    network, _, episodes = train_adaptation(simulator(), MetaSettings(episodes=400, parallel=50), 0, memory)
+    returns = _returns(episodes)
+    for t in (0, 2, 4):  # one moment at a time: the values go on after the end of an episode, the returns do not
+        values = network(episodes.state(TOY, memory, t)).max(axis=-1).mean(axis=-1)
+        assert np.corrcoef(values, returns[t])[0, 1] > 0.5
+    gate = learning_gate(simulator(), network, memory, 9, count=128)
+    assert gate.passed
+    assert gate.policy > max(gate.stay, gate.drift) + 0.05
+
+
+def _returns(episodes):
+    """(H, E * P) discounted sparse rewards of the rest of each episode, after each visit."""
+    rewards, total = sparse(TOY, episodes.rewards), np.zeros(episodes.rewards.shape[:2])
+    rows = []
+    for t in range(rewards.shape[2] - 1, 0, -1):
+        total = rewards[:, :, t] + TOY.adaptation.discount * total
+        rows.append(total.reshape(-1))
+    return np.stack(rows[::-1])
+
+
+def test_the_evaluation_orders_oracle_and_udr():
+    emulator, _ = trained()
+    methods: dict[str, Method] = {
+        "adaptsim": QPolicy(TOY, new_policy(TOY, "iteration", 0)),
+        "random": RandomSearch(TOY),
+    }
+    settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
+    report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
+    assert report.oracle > report.udr + 0.1
+    assert report.trials == 8
+    assert report.pairs == 6 * (2 + 2 * 2)
+    assert report.emulator_correlation > 0.8
+    assert abs(report.emulator_bias) < 0.1
+    for score in report.methods:
+        assert len(score.reward) == 2
+        assert all(
+            low <= share <= high for share, (low, high) in zip(score.gap_closed, score.gap_closed_ci95, strict=True)
+        )
+        assert report.udr + score.above_udr_ci95[0] <= score.reward[-1] <= report.udr + score.above_udr_ci95[1]
+
+
+@pytest.mark.long
+def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
+    path, seen = run(tmp_path)
+    checkpoint = load_checkpoint(TOY, str(path))
+    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == list(STAGES)
+    assert all(0 <= done <= total for _, done, total in seen)
+    assert checkpoint.card.emulator is not None and checkpoint.card.emulator.held_out > 0
+    assert checkpoint.card.evaluation is not None and checkpoint.card.evaluation.targets == 2
+    assert checkpoint.card.budget.meta.targets == "paper"
+    dataset = TINY.rollouts + TINY.denser
+    assert dataset < checkpoint.card.simulations <= dataset + TINY.uncached(TOY)
+    particles = make_method("adaptsim", TOY, checkpoint).start(2, np.random.default_rng(0))
+    assert len(particles) == 2
+
+
+@pytest.mark.long
+def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
+    path, seen = run(tmp_path, wanted=Wanted(policies=False, evaluation=False))
+    first = load_checkpoint(TOY, str(path))
+    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
+    assert first.card.simulations == TINY.rollouts + TINY.denser
+    assert not networks_of(first) and first.card.evaluation is None
+    assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2
+    with pytest.raises(CheckpointError, match="--methods"):
+        make_method("adaptsim-iteration", TOY, first)
+
+    run(tmp_path, wanted=Wanted(policies=False))
+    judged = load_checkpoint(TOY, str(path))
+    assert judged.card.evaluation is not None
+    assert {score.name for score in judged.card.evaluation.methods} == {"adaptsim-belief", "random"}
+
+    run(tmp_path, wanted=Wanted(evaluation=False))
+    taught = load_checkpoint(TOY, str(path))
+    assert networks_of(taught).keys() == {"iteration", "history", "state"}
+    assert taught.card.evaluation == judged.card.evaluation
+
+    run(tmp_path)
+    everything = load_checkpoint(TOY, str(path))
+    assert everything.card.evaluation is not None
+    assert "adaptsim-iteration" in {score.name for score in everything.card.evaluation.methods}
+    assert everything.sha256 == taught.sha256
+
+
+@pytest.mark.long
+def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):
+    calls.clear()
+    with pytest.raises(RolloutError, match="power cut"):
+        run(tmp_path / "killed", dataclasses.replace(TOY, simulate=cut_off))
+    before = len(calls)
+    calls.clear()
+    resumed = load_checkpoint(TOY, str(run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))[0]))
+    whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
+    assert resumed.sha256 == whole.sha256
+    assert resumed.card.evaluation == whole.card.evaluation
+    probes, judged = 4, TINY.evaluation  # two times two probes; the largest request judges all policies of a target
+    interrupted = judged.rollouts * (UDR_POLICIES + 1 + COMPARED * judged.iterations)
+    assert before + len(calls) <= whole.card.simulations + probes + interrupted
+    calls.clear()
+    run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))
+    assert len(calls) == 2
+
+
+@pytest.mark.long
+def test_a_folder_of_another_plan_is_refused(tmp_path):
+    run(tmp_path)
+    with pytest.raises(DatasetError, match="a different seed"):
+        run(tmp_path, seed=1)
+    with pytest.raises(DatasetError, match="a different budget"):
+        run(tmp_path, budget=dataclasses.replace(TINY, rollouts=400))
+
+
+def test_fewer_rollouts_are_simulated_where_their_mirror_images_count():
+    pushing = get_task("pushing")
+    full, one_sided = PretrainBudget.full(pushing), PretrainBudget.full(dataclasses.replace(pushing, mirror=None))
+    sizes = [(budget.rollouts, budget.denser) for budget in (full, one_sided)]
+    assert [4 * n for n in sizes[0]] == [3 * n for n in sizes[1]]

@@ -15,6 +15,7 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
 from adaptsim_cli.report.measured import Measured, mean_of, trial_std
 from adaptsim_cli.report.page import both, fill
+from adaptsim_cli.report.posteriors import Believed, disagreements
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -38,8 +39,11 @@ class Compared:
     @property
     def place(self) -> str:
         """The place of its trials, for a person."""
-        world = self.facts.world.split("/")[-1].removesuffix(".toml")
-        return f"world {world}" if self.facts.world else f"real robot {self.facts.hw}"
+        facts = self.facts
+        if facts.recorded:
+            return f"recorded trials {facts.recorded.split('/')[-1]}"
+        world = facts.world.split("/")[-1].removesuffix(".toml")
+        return f"world {world}" if world else f"real robot {facts.hw}"
 
     @property
     def day(self) -> str:
@@ -156,16 +160,16 @@ def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
     return tuple(told)
 
 
-def write(found: Sequence[Compared], folder: Path) -> Path:
+def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[Believed] = ()) -> Path:
     """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
     durable.make_folder(folder)
     durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in found]).encode())
     durable.replace_file(folder / TRIALS, as_csv([row for c in found for row in c.table]).encode())
-    durable.replace_file(folder / PAGE, render(found).encode())
+    durable.replace_file(folder / PAGE, render(found, beliefs).encode())
     return folder / PAGE
 
 
-def render(found: Sequence[Compared]) -> str:
+def render(found: Sequence[Compared], beliefs: Sequence[Believed] = ()) -> str:
     """The page as HTML."""
     methods = by_method(found)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
@@ -182,6 +186,8 @@ def render(found: Sequence[Compared]) -> str:
         days=sorted({c.day for c in found}),
         figure_levels=both(lambda width: figures.levels(bars, width)),
         figure_lines=both(lambda width: figures.lines(lines, width)),
+        beliefs=beliefs,
+        disagreements=disagreements(beliefs),
         sessions_csv=SESSIONS,
         trials_csv=TRIALS,
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures, path_figures
+from adaptsim_cli.report.agreement import agreement
 from adaptsim_cli.report.figures import NARROW, WIDE, Level
 from adaptsim_cli.report.hindsight import Judgement
 from adaptsim_cli.report.measured import Measured, mean_of, trial_std
@@ -133,6 +134,9 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
             )
         ],
         known=known,
+        agreement=agreement(
+            trials, known.predictions if known else None, known is not None and known.is_place, trial_std(facts.task)
+        ),
         measured_udr=reference is not None,
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[

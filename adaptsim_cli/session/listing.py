@@ -32,10 +32,9 @@ def size(count: int) -> str:
 
 
 def _session(s: SessionRow) -> list[RenderableType]:
-    where = f"SIMULATED world {s.world.split('/')[-1]}" if s.world else f"REAL ROBOT {s.hw}"
     facts = (
         s.task,
-        where,
+        views.where(s.hw, s.world),
         s.method,
         f"{_count(s.iterations, 'iteration')}, {_count(s.trials, 'trial')}",
         "no reward yet" if s.mean_reward is None else f"mean reward {s.mean_reward:.2f}",
@@ -53,8 +52,12 @@ def _session(s: SessionRow) -> list[RenderableType]:
 def _rollout(r: RolloutRow | DamagedRollout) -> list[RenderableType]:
     if isinstance(r, DamagedRollout):
         return [Text.assemble((r.rollout, "bold"), f" {r.error}")]
-    where = f"SIMULATED world {r.world.split('/')[-1]}" if r.world else f"REAL ROBOT {r.hw}"
-    facts = (r.task, where, f"{views.words(r.outcome.value)}, reward {r.reward:.2f}", size(r.size_bytes))
+    facts = (
+        r.task,
+        views.where(r.hw, r.world),
+        f"{views.words(r.outcome.value)}, reward {r.reward:.2f}",
+        size(r.size_bytes),
+    )
     return [_name(r.rollout, ()), _joined((*facts, r.when[:16].replace("T", " ")))]
 
 

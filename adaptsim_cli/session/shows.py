@@ -10,7 +10,6 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.config import is_simulated
 from adaptsim_cli.outputs.sessions import SessionShown
 from adaptsim_cli.screen import values, views
 from adaptsim_cli.screen.console import Screen
@@ -33,7 +32,7 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> R
     where = f"iteration {iteration + 1} of session {facts.name}"
     legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if not iteration else ()
     return Group(
-        views.badge(facts.hw, hardware),
+        views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),
         Text(where),
         *legend,
@@ -44,7 +43,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
     """The heading of a trial: number, attempt and particle."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     head = Text.assemble(
-        views.mark(facts.hw),
+        views.mark(views.RECORDED if facts.recorded else facts.hw),
         (f" Trial {stage.key.number}", "bold"),
         f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
     )
@@ -166,8 +165,9 @@ def verified(checked: Sequence[Verified]) -> RenderableType:
 def session(shown: SessionShown) -> RenderableType:
     """The tables of `sessions show`."""
     facts, trials, results = shown.facts, shown.trials, shown.results
-    where = f"world {facts['world']}" if is_simulated(facts["hw"]) else facts["hw"]
-    head = Text.assemble(views.mark(facts["hw"]), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
+    where = views.where(facts["hw"], facts["world"])
+    mark = views.RECORDED if facts["recorded"] else facts["hw"]
+    head = Text.assemble(views.mark(mark), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
     head.append(f"method {facts['method']}, seed {facts['seed']}")
     body = [
         (

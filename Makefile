@@ -1,7 +1,6 @@
 # Everything a newcomer or CI needs; the tools live in .venv and nothing else is touched.
 #
-#   make demo    one scooping iteration in the simulated lab, ending in a report
-#                (make demo-adapting: three, in a world where they are needed, with a policy that never adapts beside them)
+#   make demo    UDR scoops a slice of cucumber, adaptsim adapts to it in two iterations, and both are compared
 #   make test    the default tests (make test-long: those that take seconds each; make test-slow: an hour of them;
 #                make test-lowest: with the oldest packages allowed)
 #
@@ -15,7 +14,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: results results-short setup demo demo-adapting test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
+.PHONY: results results-short setup demo test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -49,12 +48,9 @@ system:
 	fi
 
 demo: $(RUNS)
-	$(BIN)/adaptsim run-iteration --task scooping --world heavy-olive --seed 0 --yes --session demo-$$(date +%Y%m%d-%H%M%S)
-
-demo-adapting: $(RUNS)
-	name=adapting-$$(date +%Y%m%d-%H%M%S); lab="--task pushing --world half-full --seed 0 --yes"; \
+	name=demo-$$(date +%Y%m%d-%H%M%S); lab="--task scooping --world cucumber --seed 0 --yes"; \
 	$(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \
-	$(BIN)/adaptsim run-iteration $$lab --iterations 3 --session $$name && \
+	$(BIN)/adaptsim run-iteration $$lab --iterations 2 --session $$name && \
 	$(BIN)/adaptsim compare $$name-udr $$name
 
 test: $(STAMP)

@@ -23,17 +23,17 @@ import numpy as np
 from adaptsim_cli import config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.outputs.trials import BestRecord
-from adaptsim_cli.session import recording, store, table
+from adaptsim_cli.session import recording, store
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
-from adaptsim_cli.session.table import Row
+from adaptsim_cli.session.store import Row
 
 if TYPE_CHECKING:
+    from adaptsim_cli.wiring.best import TaskPolicy
     from adaptsim_cli.wiring.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
     from sim.adaptation.verdict import Verdict
-    from sim.tasks.solver import SolvedPolicy
 
 __all__ = [
     "BestRecord",
@@ -81,7 +81,7 @@ class Session:
     @property
     def trials(self) -> tuple[TrialRecord, ...]:
         """Every completed trial that counts, in order. Raises SessionError."""
-        return table.trials_of(self._stored)
+        return store.trials_of(self._stored)
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:
@@ -93,7 +93,7 @@ class Session:
 
     def rows(self) -> list[Row]:
         """One flat row per trial, as in `adaptsim sessions export --format csv`. Raises SessionError."""
-        return table.rows(self._stored)
+        return store.rows(self._stored)
 
     def run_iteration(self) -> Iteration:
         """Run the missing steps of the present iteration in the simulated lab and store them.
@@ -134,15 +134,13 @@ class Session:
         """
         return self.hindsight().posterior(self._stored, iterations)
 
-    def best_policy(self) -> SolvedPolicy:
-        """The final task policy of the session if it ended now: context (c,) in units -> action (a,) in units.
-
-        It ignores the limits of an arm. Raises CheckpointError, SessionError.
-        """
-        from adaptsim_cli.wiring.best import policy_of_session
+    def best_policy(self) -> TaskPolicy:
+        """The final task policy of the session if it ended now. Raises CheckpointError, SessionError."""
+        from adaptsim_cli.wiring.best import TaskPolicy, policy_of_session
         from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 
-        return policy_of_session(self._stored, checkpoint_of_session(self._stored))
+        checkpoint = checkpoint_of_session(self._stored)
+        return TaskPolicy(self.name, checkpoint.solver.task, policy_of_session(self._stored, checkpoint))
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""

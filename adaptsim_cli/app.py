@@ -15,24 +15,20 @@ from typing import Annotated
 import typer
 
 from adaptsim_cli.commands import (
-    bundle,
     calibrate,
-    compare,
     config,
     doctor,
     exporting,
     lab,
-    preview,
+    parts,
     report,
-    retrack,
     rollout,
     rollouts,
     run_iteration,
-    schema,
     sessions,
     touch_off,
 )
-from adaptsim_cli.research import benchmark, checkpoints, pretrain, world_tables
+from adaptsim_cli.research import benchmark, checkpoints, pretrain
 from adaptsim_cli.screen import loading
 
 EXIT_CODES = (
@@ -51,16 +47,17 @@ app = typer.Typer(
 app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
 app.command("benchmark")(benchmark.benchmark)
-app.command("world-tables")(world_tables.world_tables)
+app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollout.rollout)
-app.command("preview")(preview.preview)
+app.command("preview")(rollout.preview)
+app.command("parts")(parts.parts)
 app.command("report")(report.report)
-app.command("compare")(compare.compare)
-app.command("bundle")(bundle.bundle)
+app.command("compare")(report.compare)
+app.command("bundle")(exporting.bundle)
 app.command("doctor")(doctor.doctor)
-app.command("retrack")(retrack.retrack)
+app.command("retrack")(exporting.retrack)
 app.command("replay")(exporting.replay)
-app.command("schema")(schema.schema)
+app.command("schema")(config.schema)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(touch_off.app, name="touch-off")
 app.add_typer(sessions.app, name="sessions")

@@ -29,7 +29,7 @@ import numpy as np
 from adaptsim_cli.research.lab_place import Nobody, rig_in_lab
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError

@@ -1,62 +1,79 @@
-"""Make the picture at the head of README.md from the report of a session: verdict, rewards and one trial.
+"""Make the picture at the head of README.md from two stored sessions: the end of every trial, with its reward.
 
-    python docs/session_picture.py SESSION --trial 5
+    make demo && python docs/session_picture.py DEMO-udr DEMO
 
-The report is the one that `adaptsim report` writes; a browser shows it with its other sections hidden. Writes
-docs/figures/session.png. Needs the browser and the packages of `make check-live`.
+The first session is UDR's, one policy for all parameters; the second one's iterations stand below. Writes
+docs/figures/session.jpg.
 """
 
 from __future__ import annotations
 
 import argparse
-import base64
-import json
-import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
-from check_live import adaptsim, tab
+import cv2
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 
-PICTURE = Path(__file__).parent / "figures/session.png"
-WIDTH_PX = 940
-_SHORTEN = """
-(trial => {
-  const chosen = [...document.querySelectorAll("article.trial")].find(
-    one => one.querySelector("h3").textContent.trim().split(/\\s+/)[1] === `${trial}`);
-  if (!chosen) return 0;
-  for (const one of document.querySelectorAll("section, header .figures, header .best")) {
-    const rewards = one.querySelector("h2") && one.querySelector("h2").textContent.trim() === "Reward";
-    if (!rewards && !one.contains(chosen)) one.remove();
-  }
-  for (const one of [...chosen.parentElement.children]) if (one !== chosen) one.remove();
-  for (const one of chosen.querySelectorAll("details")) one.remove();
-  const style = document.createElement("style");
-  style.textContent = "main { padding: 1rem 1.6rem; max-width: none } section { margin-top: 0.5rem; padding-top: 0 }";
-  document.head.append(style);
-  return Math.ceil(document.querySelector("main").getBoundingClientRect().height);
-})"""
+from adaptsim_cli import api
+from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.store import SessionStore
+
+PICTURE = Path(__file__).parent / "figures/session.jpg"
+GOOD = 0.5
+"""Rewards above are written in blue, below in orange; both are also numbers."""
+
+Shown = Sequence[tuple[TrialRecord, Path]]
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("session", help="name of a session with a report")
-    parser.add_argument("--trial", type=int, required=True, help="the trial whose camera pictures are shown")
-    wanted = parser.parse_args()
-    said = subprocess.run(adaptsim("report", wanted.session, "--json"), check=False, stdout=subprocess.PIPE, text=True)
-    if said.returncode:
-        return said.returncode
-    report = Path(json.loads(said.stdout)["report"])
-    with tab(PICTURE.parent) as page:
-        page.ask("Emulation.setDeviceMetricsOverride", width=WIDTH_PX, height=900, deviceScaleFactor=1, mobile=False)
-        page.open(report.as_uri())
-        height = page.script(f"{_SHORTEN}({wanted.trial})")
-        if not height:
-            raise SystemExit(f"{report} has no trial {wanted.trial}")
-        clip = {"x": 0, "y": 0, "width": WIDTH_PX, "height": height, "scale": 1}
-        shot = page.ask("Page.captureScreenshot", captureBeyondViewport=True, format="png", clip=clip)
-    PICTURE.write_bytes(base64.b64decode(shot["data"]))
-    print(f"{PICTURE}: {WIDTH_PX} x {height} px")
-    return 0
+    parser.add_argument("udr", help="name of a session of the method udr")
+    parser.add_argument("session", help="name of a session of adaptsim in the same world")
+    asked = parser.parse_args()
+    rows = {"UDR: one policy\nfor all parameters": trials(asked.udr)}
+    adapted = trials(asked.session)
+    for n in sorted({trial.iteration for trial, _ in adapted}):
+        when = "before any trial" if n == 1 else f"after {sum(t.iteration < n for t, _ in adapted)} trials"
+        rows[f"adaptsim\n{when}"] = [(t, end) for t, end in adapted if t.iteration == n]
+    draw(rows)
+    print(f"Written: {PICTURE}")
+
+
+def trials(session: str) -> Shown:
+    """The trials of a session with the pictures of their ends."""
+    opened = api.open_session(session)
+    stored = SessionStore.open(opened.root, session)
+    return [(trial, stored.trial_folder(*trial.place) / "moment-end.jpg") for trial in opened.trials]
+
+
+def draw(rows: dict[str, Shown]) -> None:
+    """One row of pictures for each entry."""
+    width = max(map(len, rows.values()))
+    figure, axes = plt.subplots(len(rows), width, figsize=(1.55 * width + 1.5, 1.8 * len(rows)), squeeze=False)
+    for (name, shown), line in zip(rows.items(), axes, strict=True):
+        line[0].text(-0.08, 0.5, name, transform=line[0].transAxes, ha="right", va="center", fontsize=9)
+        for axis in line:
+            axis.axis("off")
+        for axis, (trial, end) in zip(line, shown, strict=False):
+            picture(axis, trial, end)
+    figure.subplots_adjust(
+        left=1.5 / figure.get_figwidth(), right=0.995, top=0.94, bottom=0.01, wspace=0.04, hspace=0.2
+    )
+    figure.savefig(PICTURE, dpi=110, pil_kwargs={"quality": 85})
+
+
+def picture(axis: Axes, trial: TrialRecord, end: Path) -> None:
+    """The end of one trial."""
+    image = cv2.imread(str(end))
+    if image is None:
+        raise SystemExit(f"{end} is not a picture")
+    h, w = image.shape[:2]
+    axis.imshow(image[h // 5 :, w // 10 : -w // 10, ::-1])
+    colour = "#0a6ebd" if trial.reward > GOOD else "#b34700"
+    axis.set_title(f"{trial.outcome_words} · {trial.reward:.2f}", fontsize=9, color=colour, pad=3)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

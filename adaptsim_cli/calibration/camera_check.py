@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.views import Readiness
 from hw.types import Array, CameraModel, Frame, Intrinsics
 from perception.board.types import Corners
 

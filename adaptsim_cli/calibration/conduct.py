@@ -20,11 +20,11 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import console, replacing, views
+from adaptsim_cli.screen import console, resting, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.versions import versions
+from adaptsim_cli.storage.sealed import versions
 from calib import residuals
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
@@ -73,7 +73,7 @@ def calibrate(
     config, screen = resolved.config, screen or Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
-    replacing.tell(screen, "the calibration in use", ends(config, resolved.places))
+    resting.tell_resting(screen, "the calibration in use", ends(config, resolved.places))
     board = _board(resolved, screen, request)
     with (
         store.locked(),

@@ -21,8 +21,8 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.calibration.taking import Look, ViewRefused, look
 from adaptsim_cli.calibration.visits import Arrival, Visits
 from adaptsim_cli.errors import PreflightFailed
-from adaptsim_cli.screen.checks import Readiness, failures
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import Readiness, failures
 from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage

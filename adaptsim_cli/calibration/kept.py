@@ -10,8 +10,8 @@ import numpy as np
 
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen import listing
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.resting import Listing, tell_list
 from adaptsim_cli.storage.numbered import remark, restored_from
 from calib.saved import SavedCalibration
 
@@ -91,4 +91,4 @@ def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]
 
 def tell(screen: Screen, store: CalibrationStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
     """Show the list, with the sessions that use the current one."""
-    listing.tell(screen, listing.Listing("calibrations", "calibrate", store.folder, HEAD), found, rows(found), resting)
+    tell_list(screen, Listing("calibrations", "calibrate", store.folder, HEAD), found, rows(found), resting)

@@ -15,7 +15,7 @@ from typing import Any
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 from adaptsim_cli.storage.numbered import Numbered
 from calib import files
 from calib.errors import ViewFolderError

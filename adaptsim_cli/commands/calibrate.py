@@ -262,7 +262,7 @@ def restore_calibration(
     """
     from datetime import UTC, datetime
 
-    from adaptsim_cli.screen import console, replacing
+    from adaptsim_cli.screen import console, resting
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import ground, settings
 
@@ -270,7 +270,7 @@ def restore_calibration(
     store = wiring.calibrations(resolved.config, resolved.places)
     screen = console.Screen(as_json=as_json)
     store.numbered.named(name)
-    replacing.tell(screen, "the calibration in use", ground.open_sessions(resolved.config, resolved.places))
+    resting.tell_resting(screen, "the calibration in use", ground.open_sessions(resolved.config, resolved.places))
     with store.locked():
         path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:

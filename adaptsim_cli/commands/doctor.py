@@ -23,20 +23,20 @@ def doctor(
 
     Example: adaptsim doctor --hw fr3
     """
-    from adaptsim_cli.doctor import examination, shown
+    from adaptsim_cli.doctor import examination
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import settings
 
     resolved = settings.load({"task": task, "world": world, "hw": hw})
     if assessment is not None:
-        from adaptsim_cli.doctor import assessing
+        from adaptsim_cli.doctor.assessment import write
 
-        assessing.write(resolved, assessment, console.Screen(as_json=as_json))
+        write(resolved, assessment, console.Screen(as_json=as_json))
         return
     screen = console.Screen(as_json=as_json)
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
         found = tuple(examination.examine(resolved))
-    shown.show(found, resolved.config, screen)
+    examination.show(found, resolved.config, screen)
     if as_json:
-        screen.data("doctor", shown.as_json(found, resolved.config))
-    shown.require(found)
+        screen.data("doctor", examination.as_json(found, resolved.config))
+    examination.require(found)

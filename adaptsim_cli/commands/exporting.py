@@ -27,7 +27,7 @@ def export(
 
     Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
 
-    Example: adaptsim sessions export scooping-ood-1-adaptsim-seed0 --format mcap
+    Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -56,7 +56,7 @@ def replay(
 ) -> None:
     """Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.
 
-    Example: adaptsim replay scooping-ood-1-adaptsim-seed0 2
+    Example: adaptsim replay scooping-oreo-adaptsim-seed0 2
     """
     import subprocess
     import sys
@@ -64,10 +64,11 @@ def replay(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rerun_file, store, table, video, whole
+    from adaptsim_cli.session import rerun_file, store, video, whole
+    from adaptsim_cli.session.exporting import written
 
     opened = store.SessionStore.open(config.load().places.sessions, session)
-    records = {record.trial: record for record in table.trials_of(opened)}
+    records = {record.trial: record for record in store.trials_of(opened)}
     if trial not in records:
         known = ", ".join(map(str, records)) or "none"
         raise UsageError(f"trial {trial} of {session} is not completed; completed are {known}")
@@ -79,7 +80,7 @@ def replay(
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
         name = f"replay{'.rrd' if rerun else video.SUFFIX}"
         path = out or Path(f"{found.title}-{name}")
-        (rerun_file.write if rerun else video.write)(found, path)
+        written(path, (rerun_file if rerun else video).encode(found))
     if as_json:
         told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
         screen.data("replay", told)
@@ -89,3 +90,75 @@ def replay(
         screen.next((f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"), other)
     if rerun and out is None and sys.stdout.isatty():
         subprocess.run([sys.executable, "-m", "rerun", str(path)], check=False)
+
+
+def bundle(
+    session: Annotated[
+        str | None,
+        typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Archive to write (.zip).")] = None,
+    pictures: Annotated[bool, typer.Option("--with-pictures", help="Pack images, recordings and pages too.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+) -> None:
+    """Pack a session for a bug report: records, versions, settings. Pictures stay out unless asked for.
+
+    The home folder is written as ~. Look into the archive before you send it.
+
+    Example: adaptsim bundle scooping-oreo-adaptsim-seed0
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.errors import SessionError
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session import keeping, shows, store
+
+    resolved = config.load()
+    root = resolved.places.sessions
+    folder = store.folder_of(root, session or store.newest(root))
+    if not folder.is_dir():
+        raise SessionError(f"there is no session {folder.name!r} in {root}; adaptsim sessions list names them")
+    settings = {
+        key: {"value": getattr(resolved.config, key), "from": source} for key, source in resolved.sources.items()
+    }
+    path = out or Path(f"{folder.name}-bundle.zip")
+    made = keeping.bundle(folder, path, settings, pictures=pictures)
+    screen = console.Screen(as_json=as_json)
+    if as_json:
+        screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
+        return
+    screen.plain(f"{made.path} ({shows.size(made.path.stat().st_size)}, {len(made.files)} files)")
+    if made.left_out:
+        screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
+    screen.next((f"unzip -l {made.path}", "its contents; check them before you send it"))
+
+
+def retrack(
+    session: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
+    trial: Annotated[
+        int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
+
+    Example: adaptsim retrack scooping-oreo-adaptsim-seed0 --trial 2
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.devices.trackers import tracker_of
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.session import retracking, store
+    from sim.tasks import get_task
+
+    opened = store.SessionStore.open(config.load().places.sessions, session)
+    task = get_task(opened.facts.task)
+    retracking.require_camera(task)
+    screen = console.Screen(as_json=as_json)
+    with screen.busy("Tracking"):
+        found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
+    if as_json:
+        told = [one.as_json(opened.facts) for one in found]
+        screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": told})
+    else:
+        screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
+        screen.next(*retracking.next_steps(session, found))
+    retracking.require_tracked(found)

@@ -31,7 +31,7 @@ def note(
 ) -> None:
     """Write a note to a session, in place of an earlier one. No record is changed.
 
-    Example: adaptsim sessions note scooping-ood-1-adaptsim-seed0 "before the camera was moved"
+    Example: adaptsim sessions note scooping-oreo-adaptsim-seed0 "before the camera was moved"
     """
     from adaptsim_cli import config
     from adaptsim_cli.session import keeping, store
@@ -48,7 +48,7 @@ def tag(
 ) -> None:
     """Add tags to a session, or remove them. `sessions list --tag` finds them.
 
-    Example: adaptsim sessions tag scooping-ood-1-adaptsim-seed0 paper
+    Example: adaptsim sessions tag scooping-oreo-adaptsim-seed0 paper
     """
     from adaptsim_cli import config
     from adaptsim_cli.session import keeping, store
@@ -61,7 +61,7 @@ def tag(
 def archive(name: _Name, as_json: _Json = False) -> None:
     """Move a session out of the list, as it is. `sessions restore` brings it back.
 
-    Example: adaptsim sessions archive scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions archive scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -78,7 +78,7 @@ def archive(name: _Name, as_json: _Json = False) -> None:
 def restore(name: _Archived, as_json: _Json = False) -> None:
     """Move an archived session back into the list.
 
-    Example: adaptsim sessions restore scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions restore scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -95,19 +95,19 @@ def restore(name: _Archived, as_json: _Json = False) -> None:
 def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
     """Remove a session for good, after you type its name. `sessions archive` keeps it.
 
-    Example: adaptsim sessions delete scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions delete scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, listing, store
+    from adaptsim_cli.session import keeping, shows, store
 
     root = config.load().places.sessions
     folder = store.folder_of(root, name)
     screen = console.Screen(as_json=as_json)
     if folder.is_dir() and not yes:
         console.require_terminal("deleting asks for the name of the session: run in a terminal, or add --yes")
-        screen.plain(f"{folder} takes {listing.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
+        screen.plain(f"{folder} takes {shows.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
         if screen.ask_text("Type the name of the session to delete it, or Enter to keep it:") != name:
             raise StoppedByOperator(f"kept: session {name} is unchanged")
     keeping.delete(root, name)
@@ -128,17 +128,17 @@ def prune(
     Without its recordings a session can still be continued, compared and exported as a table; it cannot be replayed or
     tracked again.
 
-    Example: adaptsim sessions prune scooping-ood-1-adaptsim-seed0 --rejected
+    Example: adaptsim sessions prune scooping-oreo-adaptsim-seed0 --rejected
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, listing, store
+    from adaptsim_cli.session import keeping, shows, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
     screen = console.Screen(as_json=as_json)
     room = keeping.prunable(opened, rejected_only=rejected)
-    what = f"{room.files} recordings of {room.trials} trials, {listing.size(room.bytes)}"
+    what = f"{room.files} recordings of {room.trials} trials, {shows.size(room.bytes)}"
     if room.files and not yes:
         console.require_terminal("pruning asks first: run in a terminal, or add --yes")
         screen.plain(f"This removes {what}. It cannot be undone.")
@@ -162,7 +162,7 @@ def policy(
 
     `adaptsim rollout --session NAME --best` runs it.
 
-    Example: adaptsim sessions policy scooping-ood-1-adaptsim-seed0 --out policy.json
+    Example: adaptsim sessions policy scooping-oreo-adaptsim-seed0 --out policy.json
     """
     import json
 

@@ -27,7 +27,7 @@ def show(
 ) -> None:
     """Show the true parameters of a world. For checks only: learning and tracking never read them.
 
-    Example: adaptsim lab show --task scooping --world ood-1 --json
+    Example: adaptsim lab show --task scooping --world oreo --json
     """
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views

@@ -23,15 +23,15 @@ def list_rollouts(as_json: _Json = False) -> None:
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import RolloutRow
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import listing, rollouts
+    from adaptsim_cli.session import shows, summary
 
-    root = config.load().places.data / rollouts.FOLDER
-    found = [rollouts.overview(root, name) for name in rollouts.names(root)]
+    root = config.load().places.data / summary.ROLLOUTS
+    found = [summary.rollout_overview(root, name) for name in summary.rollout_names(root)]
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("rollouts list", {"rollouts": found})
     elif found:
-        screen.show(listing.rollouts(found))
+        screen.show(shows.rollouts(found))
         for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
             screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
     else:
@@ -55,14 +55,14 @@ def report(
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.report import rollout as page
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rollouts
+    from adaptsim_cli.session import summary
 
-    root = config.load().places.data / rollouts.FOLDER
-    known = rollouts.names(root)
+    root = config.load().places.data / summary.ROLLOUTS
+    known = summary.rollout_names(root)
     if name is None and not known:
         raise SessionError(f"there are no rollouts in {root} yet; make one with adaptsim rollout")
     chosen = known[-1] if name is None else name
-    path = page.write(rollouts.record_of(root, chosen), root / chosen, out)
+    path = page.write(summary.rollout_record(root, chosen), root / chosen, out)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("rollouts report", {"rollout": chosen, "report": str(path)})

@@ -70,14 +70,14 @@ def run_iteration(
     Continues where the session stopped. Without --session, its name follows from task, world, method and seed. With
     --until-done it stops when another iteration is not worth its trials, and runs --iterations at most.
 
-    Example: adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes
+    Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """
     from functools import partial
 
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.session import conduct
-    from adaptsim_cli.wiring import looking, settings
     from adaptsim_cli.wiring import session as wiring
+    from adaptsim_cli.wiring import settings
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
@@ -87,7 +87,7 @@ def run_iteration(
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)
     request = conduct.SessionRequest(session, given, most, yes, as_json, until_done)
-    looking_on = looking.beside(view_port) if view or view_port is not None else conduct.terminal_alone
+    looking_on = wiring.beside(view_port) if view or view_port is not None else conduct.terminal_alone
     begun = conduct.facts_of(resolved, request) if own_calibration else None
     screen = Screen(as_json=as_json)
     opener = partial(wiring.open_parts, own=begun, screen=screen)

@@ -30,7 +30,7 @@ def list_sessions(
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import listing, store, summary
+    from adaptsim_cli.session import shows, store, summary
     from adaptsim_cli.session.keeping import archive_of
 
     root = config.load().places.sessions
@@ -44,7 +44,7 @@ def list_sessions(
     if as_json:
         screen.data("sessions list", {"sessions": found})
     elif found:
-        screen.show(listing.sessions(found))
+        screen.show(shows.sessions(found))
         whole = [one.session for one in found if not isinstance(one, Damaged)]
         for name in whole[-1:]:
             screen.next(
@@ -60,7 +60,7 @@ def list_sessions(
 def show(name: _Name, as_json: _Json = False) -> None:
     """Show every completed trial and iteration of a session.
 
-    Example: adaptsim sessions show scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions show scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -92,19 +92,19 @@ def verify(
 
     Ends with exit code 8 when a file is damaged. Nothing is changed.
 
-    Example: adaptsim sessions verify scooping-ood-1-adaptsim-seed0
+    Example: adaptsim sessions verify scooping-oreo-adaptsim-seed0
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, store, verifying
+    from adaptsim_cli.session import keeping, shows, store
 
     root = config.load().places.sessions
     screen = console.Screen(as_json=as_json)
     checked = []
     for name in names or store.names(root):
         with screen.busy(f"Reading {name}"):
-            checked.append(verifying.verify(root, name))
+            checked.append(keeping.verify(root, name))
     if as_json:
         screen.data("sessions verify", {"sessions": [one.as_json() for one in checked]})
     elif checked:
@@ -128,14 +128,14 @@ def redo(
 ) -> None:
     """Mark a trial as bad: the next run-iteration repeats it and adapts again.
 
-    Example: adaptsim sessions redo scooping-ood-1-adaptsim-seed0 3 --reason "the piece was touched"
+    Example: adaptsim sessions redo scooping-oreo-adaptsim-seed0 3 --reason "the piece was touched"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import redoing, store
+    from adaptsim_cli.session import correcting, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
-    attempt = redoing.redo(opened, trial, reason)
+    attempt = correcting.redo(opened, trial, reason)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("sessions redo", {"session": name, "trial": trial, "next_attempt": attempt})
@@ -160,14 +160,14 @@ def accept(
 ) -> None:
     """Take back a rejection: the attempt counts again. Nothing moves, nothing is deleted.
 
-    Example: adaptsim sessions accept scooping-ood-1-adaptsim-seed0 3
+    Example: adaptsim sessions accept scooping-oreo-adaptsim-seed0 3
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import amending, shows, store
+    from adaptsim_cli.session import correcting, shows, store
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
-    changed = amending.restore(opened, trial, None if attempt is None else attempt - 1, reason)
+    changed = correcting.restore(opened, trial, None if attempt is None else attempt - 1, reason)
     shows.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed, as_json=as_json)
 
 
@@ -185,23 +185,23 @@ def amend(
 
     Later trials stay as they are; the next adaptation takes the new outcome into account and says so.
 
-    Example: adaptsim sessions amend scooping-ood-1-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
+    Example: adaptsim sessions amend scooping-oreo-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import amending, shows, store
-    from adaptsim_cli.session.attended import choose_amendment
-    from adaptsim_cli.wiring.amending import seen_by_camera
+    from adaptsim_cli.session import correcting, shows, store
+    from adaptsim_cli.session.operator import choose_amendment
+    from adaptsim_cli.wiring.session import seen_by_camera
 
     if outcome is None:
         console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")
     resolved = config.load()
     opened = store.SessionStore.open(resolved.places.sessions, name)
     task, outcomes = seen_by_camera(resolved.config, opened.facts)
-    record, choices = amending.amendable(opened, task, outcomes, trial)
+    record, choices = correcting.amendable(opened, task, outcomes, trial)
     screen = console.Screen(as_json=as_json)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
-    changed = amending.amend(opened, task, trial, chosen, choices[chosen], reason)
+    changed = correcting.amend(opened, task, trial, chosen, choices[chosen], reason)
     shows.tell_amended(screen, "sessions amend", name, changed, as_json=as_json)
 
 

@@ -124,7 +124,7 @@ def restore_touch_off(
     """
     from datetime import UTC, datetime
 
-    from adaptsim_cli.screen import console, replacing
+    from adaptsim_cli.screen import console, resting
     from adaptsim_cli.wiring import ground, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
@@ -132,7 +132,7 @@ def restore_touch_off(
     store = wiring.touch_offs(resolved.config, resolved.places)
     screen = console.Screen(as_json=as_json)
     source = store.numbered.named(name)
-    replacing.tell(screen, "the touch-off in use", ground.open_sessions(resolved.config, resolved.places))
+    resting.tell_resting(screen, "the touch-off in use", ground.open_sessions(resolved.config, resolved.places))
     path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:
         screen.data("touch-off restore", {"in_use": path.name, "restored_from": source.name, "folder": str(path)})

@@ -23,8 +23,8 @@ from adaptsim_cli.devices.slowed import SlowedArm, SlowedGuardedArm
 from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.log import SessionLog
 from adaptsim_cli.session.target import Rig
+from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box

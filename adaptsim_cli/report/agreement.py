@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adaptsim_cli.report.hindsight import Prediction
-from adaptsim_cli.report.measured import Z95
+from adaptsim_cli.report.figures import Prediction
 from adaptsim_cli.session.records import TrialRecord
 from hw.types import Array
+
+Z95 = 1.96
+"""Half width of the central 95 % of a normal distribution, in standard deviations."""
 
 BELIEVED = 0.05
 """A bias of the predicted reward below this is not worth mentioning."""

@@ -13,13 +13,11 @@ from scipy import stats
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
-from adaptsim_cli.report.measured import Measured, mean_of, trial_std
-from adaptsim_cli.report.page import both, fill
+from adaptsim_cli.report.page import Measured, both, fill, mean_of, trial_std
 from adaptsim_cli.report.posteriors import Believed, disagreements
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.table import Row, as_csv, rows, trials_of
+from adaptsim_cli.session.store import Row, SessionStore, as_csv, rows, trials_of
 from adaptsim_cli.storage import durable
 
 UDR = "udr"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
@@ -11,11 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.outputs.trials import OutlookRecord
-from adaptsim_cli.report import figures, path_figures
-from adaptsim_cli.report.agreement import agreement
-from adaptsim_cli.report.figures import NARROW, WIDE, Level
-from adaptsim_cli.report.hindsight import Judgement
-from adaptsim_cli.report.measured import Measured, mean_of, trial_std
+from adaptsim_cli.report import figures
+from adaptsim_cli.report.agreement import Z95, agreement
+from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import (
@@ -149,7 +148,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
             if (space := _described(facts, records))
         ],
         goals=any(trial.goal_m is not None for trial in trials),
-        figure_table=both(lambda w: path_figures.table_view(trials, facts.context, newest, w))
+        figure_table=both(lambda w: figures.table_view(trials, facts.context, newest, w))
         if trials and not facts.curves
         else "",
         figure_curves=[(label, both(_curve(trials, label, column, newest))) for label, column in curves],
@@ -210,7 +209,7 @@ def _measured(label: str, found: Measured, detail: str, colour: str) -> Level:
 
 
 def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> Callable[[float], str]:
-    return lambda width: path_figures.curve_view(trials, label, column, newest, width)
+    return lambda width: figures.curve_view(trials, label, column, newest, width)
 
 
 def _iteration(store: SessionStore, iteration: int, known: Judgement | None) -> IterationView:
@@ -232,7 +231,7 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     facts = store.facts
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
-    drawn = path_figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
+    drawn = figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
     return TrialView(record, strip, overlay, context, action, drawn)
 
 
@@ -306,3 +305,31 @@ def _named(facts: Facts, params: Mapping[str, float]) -> str:
 def picture(path: Path) -> str:
     """A JPEG as a data URL."""
     return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
+
+    mean: float
+    low: float
+    high: float
+    trials: int
+
+
+UNKNOWN_STD = 0.4
+"""Standard deviation of single rewards for a task that this version does not know: almost that of a coin."""
+
+
+def trial_std(task: str) -> float:
+    """Standard deviation of the rewards of single trials of a task."""
+    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
+
+
+def mean_of(rewards: Sequence[float], std: float) -> Measured:
+    """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
+    if not rewards:
+        raise ValueError("no trial, so no mean")
+    mean = float(np.mean(rewards))
+    half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
+    return Measured(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))

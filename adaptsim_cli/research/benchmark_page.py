@@ -5,18 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from adaptsim_cli.research import benchmark_figures as figures
-from adaptsim_cli.research.benchmark_tables import cells, title
+from rich.table import Table
+
+from adaptsim_cli.report.svg import Canvas, Scale
 from adaptsim_cli.storage import durable
 from sim.research.benchmark.jobs import LIMITS, UDR, Row
 from sim.research.benchmark.sessions import UDR_POLICIES
-from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, MethodSummary, SetSummary
+from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, MethodSummary, SetSummary
 
 PAGE, TABLE, DATA = "report.html", "rows.csv", "benchmark.json"
 COLUMNS = ("task", "set", "target", "method", "seed", "reward", "ci95_low", "ci95_high", "real_trials", "simulations")
@@ -108,7 +109,99 @@ def _view(summary: SetSummary) -> SetView:
     return SetView(
         title=title(summary),
         rows=tuple(cells(method) for method in summary.methods),
-        differences=figures.differences(compared) if compared else "",
-        curves=tuple((method.method, figures.curve(method, levels)) for method in sessions),
+        differences=differences(compared) if compared else "",
+        curves=tuple((method.method, curve(method, levels)) for method in sessions),
         with_gap=", ".join(summary.with_gap or ()),
     )
+
+
+def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
+    """Mean reward against real trials, with its interval; `levels` are lines at references that need no trials."""
+    canvas = Canvas(360, 200, f"Reward of {method.method} against real trials")
+    left, right, top, bottom = 38.0, 350.0, 12.0, 166.0
+    x, y = Scale(0.0, float(method.trials[-1]), left, right), Scale(0.0, 1.0, bottom, top)
+    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+        canvas.line(left, y(tick), right, y(tick), "grid")
+        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    for name, reward in levels.items():
+        canvas.line(left, y(reward), right, y(reward), "area")
+        canvas.text(right, y(reward) - 4, name, anchor="end")
+    points = [(x(float(n)), y(reward)) for n, reward in zip(method.trials, method.curve, strict=True)]
+    for (at, _), (low, high) in zip(points, method.curve_ci95, strict=True):
+        canvas.rect(at - 4, y(high), 8, max(y(low) - y(high), 1.0), "expected c0", 2)
+    canvas.curve(points, "curve c0", method.method)
+    for (at, height), n, reward in zip(points, method.trials, method.curve, strict=True):
+        canvas.dot(at, height, 4, "dot c0", f"{n} trials: {reward:.3f}")
+        canvas.text(at, bottom + 16, str(n), anchor="middle")
+    return canvas.svg()
+
+
+def differences(methods: Sequence[MethodSummary]) -> str:
+    """Mean paired difference of each method to UDR, with its interval."""
+    told = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
+    known = [(m, mean, ci) for m, mean, ci in told if mean is not None and ci is not None]
+    height = 26.0 * len(known)
+    canvas = Canvas(760, height + 40.0, "Difference of every method to UDR, paired by world, seed and contexts")
+    ends = [end for _, _, ci in known for end in ci]
+    x = Scale(min(-0.05, *ends), max(0.05, *ends), 170.0, 740.0)
+    for tick in x.ticks(7):
+        canvas.line(x(tick), 4.0, x(tick), height + 8.0, "mean" if abs(tick) < 1e-9 else "grid")
+        canvas.text(x(tick), height + 26.0, f"{tick:+.2f}" if tick else "0", anchor="middle")
+    for i, (method, mean, (low, high)) in enumerate(known):
+        middle = 20.0 + 26.0 * i
+        canvas.text(160.0, middle + 4.0, method.method, anchor="end")
+        canvas.rect(x(low), middle - 5.0, max(x(high) - x(low), 1.5), 10.0, "expected c0", 3)
+        canvas.dot(x(mean), middle, 4.5, "dot c0", f"{mean:+.3f} ({low:+.3f} to {high:+.3f})")
+    return canvas.svg()
+
+
+MINUS = "\N{MINUS SIGN}"
+
+
+def tables(summaries: Sequence[SetSummary]) -> Iterator[Table]:
+    """One for each set of worlds."""
+    for summary in summaries:
+        table = Table(title=title(summary), title_justify="left", box=None)
+        table.add_column("method", no_wrap=True)
+        for heading in ("reward", "above udr", "95 %", "gap closed", "worse"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        for method in summary.methods:
+            name, reward, _, above, interval, closed, worse, _ = cells(method)
+            table.add_row(name, reward, above, interval, closed, worse)
+        yield table
+
+
+def title(summary: SetSummary) -> str:
+    """The heading of a set: the basis of its numbers."""
+    gap = "" if summary.with_gap is None else f", {len(summary.with_gap)} with a gap between oracle and udr"
+    worlds, seeds = _count(summary.worlds, "world"), _count(summary.seeds, "seed")
+    return f"{summary.set}: {worlds}, {seeds}{gap}"
+
+
+def cells(method: MethodSummary) -> tuple[str, ...]:
+    """A row as text; unknown values stay empty."""
+    worst = "" if method.worst_world is None else f"{method.worst_world} {signed(method.worst_difference)}"
+    return (
+        method.method,
+        f"{method.reward:.3f}",
+        between(method.ci95),
+        signed(method.above_udr),
+        between(method.above_udr_ci95),
+        "" if method.gap_closed is None else f"{method.gap_closed:.2f}".replace("-", MINUS),
+        "" if method.worse_worlds is None else str(method.worse_worlds),
+        worst,
+    )
+
+
+def signed(value: float | None) -> str:
+    """A number with its sign; empty if unknown."""
+    return "" if value is None else f"{value:+.3f}".replace("-", MINUS)
+
+
+def between(interval: Interval | None) -> str:
+    """Both ends of an interval; empty if unknown."""
+    return "" if interval is None else f"{interval[0]:.3f} to {interval[1]:.3f}".replace("-", MINUS)
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' if n != 1 else ''}"

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.continuing import how_to_continue
-from adaptsim_cli.storage.durable import make_folder
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked, make_folder
 
 if TYPE_CHECKING:
     from adaptsim_cli.research.benchmark_page import Comparison

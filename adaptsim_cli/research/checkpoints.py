@@ -55,7 +55,7 @@ def verify(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import checkpoint_figures
-    from adaptsim_cli.screen import console, values, views
+    from adaptsim_cli.screen import console, views
     from sim.errors import CheckpointError
 
     if quick and rollouts is not None:
@@ -74,7 +74,7 @@ def verify(
     if found["figures"]:
         columns = ("", "figure", "card", "now", "may be worse by")
         body = [
-            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(values.number, _numbers(f)))
+            ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
             for f in found["figures"]
         ]
         screen.show(views.rows(columns, body))
@@ -107,7 +107,7 @@ def parameters(
     """
     from adaptsim_cli import config
     from adaptsim_cli.research import checkpoint_figures
-    from adaptsim_cli.screen import console, values, views
+    from adaptsim_cli.screen import console, views
 
     settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
     screen = console.Screen(as_json=as_json)
@@ -116,7 +116,7 @@ def parameters(
     if as_json:
         screen.data("checkpoints parameters", found)
         return
-    body = [(p["title"], values.number(p["left"]), p["words"]) for p in found["parameters"]]
+    body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
     screen.plain(
         f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials say nothing about it."

@@ -17,7 +17,7 @@ from adaptsim_cli.devices.simulated import nominal_hand_eye
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.target import Rig
 from adaptsim_cli.wiring.session import executable_on
 from hw.errors import MotionRefused

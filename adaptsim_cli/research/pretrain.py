@@ -68,7 +68,7 @@ def pretrain(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.research import checkpoint_figures, pretraining, verification
+    from adaptsim_cli.research import checkpoint_figures, phase1_page, pretraining
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import checkpoints
     from sim.research.pretraining.pipeline import Wanted
@@ -82,7 +82,7 @@ def pretrain(
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
-        if report and out is not None and verification.is_finished(out):
+        if report and out is not None and phase1_page.is_finished(out):
             folder = out / "checkpoint"
         else:
             sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
@@ -91,7 +91,7 @@ def pretrain(
         document = None
         if report:
             of = checkpoints.task_of(resolved.config)
-            document = verification.write_report(of, folder.parent, docs, crew, progress)
+            document = phase1_page.write_report(of, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""

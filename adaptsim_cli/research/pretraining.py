@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.continuing import how_to_continue
-from adaptsim_cli.storage.durable import make_folder
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked, make_folder
 from adaptsim_cli.wiring.checkpoints import task_of
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def pretrain(
 
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
-    from adaptsim_cli.wiring.solvers import SOLVERS
+    from adaptsim_cli.wiring.checkpoints import SOLVERS
     from sim.research.pretraining.meta_training import TARGETS
     from sim.research.pretraining.pipeline import PretrainBudget, pretrain
 

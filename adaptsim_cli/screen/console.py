@@ -21,10 +21,9 @@ from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
-from adaptsim_cli.screen.checks import Readiness
-from adaptsim_cli.screen.keyboard import read_line
-from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, stop, unknown
+from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
+from adaptsim_cli.screen.views import Readiness
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -16,22 +16,19 @@ from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.checks import failures
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.flow import Session, run_iteration, tell
-from adaptsim_cli.session.in_terminal import InTerminal
-from adaptsim_cli.session.log import logged
-from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Facts, SessionStart, as_records
-from adaptsim_cli.session.stages import Draw, generator, next_stage
+from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
+from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher, logged
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import whole
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.table import trials_of
+from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.storage import durable
 
 VERSION = "v2.1"

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import table
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, as_csv, rows, trials_of, units
 from adaptsim_cli.storage import durable
 
 Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun"]
@@ -30,12 +29,12 @@ def export(
     """
     if kind not in FORMATS:
         raise UsageError(f"--format {kind}: choose one of {', '.join(FORMATS)}")
-    if not (records := table.trials_of(store)):
+    if not (records := trials_of(store)):
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
     if kind == "csv":
-        return [_written(out, table.as_csv(table.rows(store)).encode())]
+        return [written(out, as_csv(rows(store)).encode())]
     if kind == "parquet":
-        return [_written(out, _parquet(store))]
+        return [written(out, _parquet(store))]
     if kind == "lerobot":
         from adaptsim_cli.session import episodes
 
@@ -45,18 +44,18 @@ def export(
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
     from adaptsim_cli.session import rerun_file, whole
 
-    written = []
+    made = []
     for done, record in enumerate(records):
         if progress is not None:
             progress("trials", done + 1, len(records))
         trial = whole.open_trial(store, record)
         if kind == "rerun":
-            written.append(rerun_file.write(trial, out / f"{trial.title}.rrd"))
+            made.append(written(out / f"{trial.title}.rrd", rerun_file.encode(trial)))
         else:
-            written.append(_written(out / f"{trial.title}.mcap", whole.encode(trial)))
+            made.append(written(out / f"{trial.title}.mcap", whole.encode(trial)))
     if kind == "mcap":
-        written.append(_written(out / LAYOUT, layout()))
-    return written
+        made.append(written(out / LAYOUT, layout()))
+    return made
 
 
 def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
@@ -88,12 +87,13 @@ def default_name(store: SessionStore, kind: str) -> str:
 def _parquet(store: SessionStore) -> bytes:
     from adaptsim_cli.session.episodes import as_parquet
 
-    rows = table.rows(store)
-    units = {f"unit of {name}": unit for name, unit in table.units(store).items()}
-    return as_parquet({name: [row[name] for row in rows] for name in rows[0]}, units)
+    table = rows(store)
+    told = {f"unit of {name}": unit for name, unit in units(store).items()}
+    return as_parquet({name: [row[name] for row in table] for name in table[0]}, told)
 
 
-def _written(path: Path, content: bytes) -> Path:
+def written(path: Path, content: bytes) -> Path:
+    """Write or replace one file, in a folder that may be new, and return its path."""
     durable.make_folder(path.absolute().parent)
     durable.replace_file(path.absolute(), content)
     return path

@@ -18,17 +18,27 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
-from adaptsim_cli.session import amending, shows
-from adaptsim_cli.session.amending import choices_of, overruled
-from adaptsim_cli.session.drift import drift
-from adaptsim_cli.session.history import history_of, particles_of
+from adaptsim_cli.session import correcting, shows
+from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
-from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.records import MotionRecord, ProposedTrial, ResultRecord, Samples, TrialRecord
-from adaptsim_cli.session.stages import Adapt, Draw, RunTrial, Show, changes_until, generator, next_stage
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.preflight import drift
+from adaptsim_cli.session.records import (
+    Adapt,
+    Draw,
+    MotionRecord,
+    ProposedTrial,
+    ResultRecord,
+    RunTrial,
+    Samples,
+    Show,
+    TrialRecord,
+    changes_until,
+    generator,
+    next_stage,
+)
+from adaptsim_cli.session.store import SessionStore, history_of, particles_of
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Executed, Placed, Planned, TrackedTrial
+from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
 from adaptsim_cli.session.watching import Unwatched, Watcher
 from hw.errors import HardwareError
 from hw.types import Array
@@ -206,7 +216,7 @@ def adapt(session: Session, stage: Adapt) -> None:
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
         proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
         changes=changes,
-        amended=amending.sentences(store, stage.iteration, known),
+        amended=correcting.sentences(store, stage.iteration, known),
     )
     shown = _summary(session, records, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())

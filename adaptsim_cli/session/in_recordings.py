@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from adaptsim_cli.outputs.trials import TrackRecord
-from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.in_simulation import FILE
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import read, to_json
-from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.records import RunTrial, TrialKey, read, to_json
 from adaptsim_cli.session.target import Executed, Placed, Planned, Progress, TrackedTrial, silently
 from hw.types import Array
 from perception.types import Outcome

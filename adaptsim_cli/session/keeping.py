@@ -6,22 +6,153 @@ a record of its absence.
 
 from __future__ import annotations
 
+import json
+import platform
 import re
 import shutil
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib import metadata
+from io import BytesIO
 from pathlib import Path
+from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.base import Record
-from adaptsim_cli.session import records
-from adaptsim_cli.session.records import Pruned
-from adaptsim_cli.session.store import MOTION, PRUNED, TRIAL, SessionStore, entries, folder_of
+from adaptsim_cli.outputs.base import AnyRecord, Record
+from adaptsim_cli.session import recording, records
+from adaptsim_cli.session.records import (
+    Amendment,
+    MotionRecord,
+    Note,
+    Pruned,
+    ResultRecord,
+    TrialRecord,
+)
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
-from sim.storage.files import flush_folder, publish_new
+from adaptsim_cli.storage.durable import locked
+from sim.errors import did_you_mean
+from sim.storage.files import flush_folder, publish_new, sha256
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Verified:
+    """One session, file by file."""
+
+    session: str
+    files: int  # number of files read
+    damage: tuple[str, ...]  # one message per file
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `sessions verify --json` prints for a session."""
+        return {
+            "session": self.session,
+            "files": self.files,
+            "damage": list(self.damage),
+        }
+
+
+def verify(root: Path, name: str) -> Verified:
+    """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
+    folder_of(root, name)
+    try:
+        store = SessionStore.open(root, name)
+    except SessionError as error:
+        return Verified(name, 1, (str(error),))
+    examination = _Examination()
+    examination.session(store)
+    return Verified(name, examination.files, tuple(examination.damage))
+
+
+class _Examination:
+    """The files read so far, and the damage found."""
+
+    def __init__(self) -> None:
+        self.files = 0
+        self.damage: list[str] = []
+
+    def session(self, store: SessionStore) -> None:
+        self.files += 2  # session.toml and start.json, read on opening
+        if (store.folder / ABOUT).exists():
+            self._record(About, store.folder / ABOUT)
+        for folder in store.entries():
+            for entry in entries(folder):
+                if entry.is_file():
+                    self._record(Amendment if ".amended" in entry.name else Note, entry)
+                elif (entry / RESULT).exists():
+                    self._result(entry)
+                else:
+                    self._trial(store, entry)
+        self._look(_require_trials, store)
+
+    def _result(self, folder: Path) -> None:
+        result = self._record(ResultRecord, folder / RESULT)
+        if result is not None:
+            self._files(folder, {SUMMARY: result.summary_sha256})
+
+    def _trial(self, store: SessionStore, folder: Path) -> None:
+        motion = self._record(MotionRecord, folder / MOTION)
+        pruned = self._look(store.pruned, folder) or {}
+        if (folder / PRUNED).exists():
+            self.files += 1
+        recorded = {} if motion is None else motion.checksums
+        checksums = {name: checksum for name, checksum in recorded.items() if name not in pruned}
+        if not (folder / TRIAL).exists():  # derived files can be made again, the recording has to be whole
+            self._files(folder, checksums, is_complete=False)
+        elif (trial := self._record(TrialRecord, folder / TRIAL)) is not None:
+            for name, size in trial.files.items():
+                if name not in pruned:
+                    self._look(records.require_size, folder / name, size)
+            derived = {name: checksum for name, checksum in trial.checksums.items() if name not in pruned}
+            self._files(folder, checksums | derived)
+
+    def _files(self, folder: Path, checksums: Mapping[str, str], *, is_complete: bool = True) -> None:
+        there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT, PRUNED}
+        for name in sorted(there | set(checksums)):
+            if name in checksums or is_complete:
+                self.files += 1
+                self._look(self._require_same, folder / name, checksums.get(name))
+
+    def _require_same(self, path: Path, checksum: str | None) -> None:
+        if checksum is None:
+            raise records.corrupt(path, "it is in no record")
+        if _sha256(path) != checksum:
+            raise records.corrupt(path, "it was changed after it had been written: its SHA-256 is another")
+        recording.require_whole(path)
+
+    def _record(self, kind: type[AnyRecord], path: Path) -> AnyRecord | None:
+        self.files += 1
+        return self._look(records.read, kind, path)
+
+    def _look(self, read: Callable[..., T], *arguments: Any) -> T | None:
+        """The result of `read`; None if it found damage, which is noted."""
+        try:
+            return read(*arguments)
+        except SessionError as error:
+            self.damage.append(str(error))
+            return None
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return sha256(path)
+    except OSError as error:
+        raise records.corrupt(path, error.strerror or str(error)) from error
+
+
+def _require_trials(store: SessionStore) -> None:
+    """Raises SessionError if a trial of a result is missing."""
+    existing = store.existing()
+    for iteration, keys in existing.results.items():
+        for key in keys:
+            if key not in existing.completed:
+                raise records.corrupt(store.trial_folder(iteration, key), "it is missing, and a result rests on it")
+
 
 ABOUT = "about.json"
 ARCHIVE = "archived-sessions"
@@ -154,9 +285,78 @@ def _existing(root: Path, name: str) -> Path:
     folder = folder_of(root, name)
     if not folder.is_dir():
         known = ", ".join(entry.name for entry in entries(root)) or "none"
-        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
+        near = did_you_mean(name, [entry.name for entry in entries(root)])
+        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
     return folder
 
 
 def _held(folder: Path) -> AbstractContextManager[None]:
     return locked(folder, f"session {folder.name!r} is being run by another process; wait until that one ends")
+
+
+TEXT = (".json", ".toml", ".jsonl")
+PICTURES = (".jpg", ".mcap", ".html")
+"""Files that show a lab: images, recordings, and pages with images."""
+
+
+@dataclass(frozen=True)
+class Bundled:
+    """A written archive."""
+
+    path: Path
+    files: tuple[str, ...]
+    left_out: int  # number of files with pictures
+
+
+def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False) -> Bundled:
+    """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises SessionError, DiskFull.
+
+    Folder names above the session are left out, because they may name a person.
+    """
+    chosen, left_out = list[Path](), 0
+    for path in _files(folder):
+        if path.suffix in TEXT or pictures:
+            chosen.append(path)
+        elif path.suffix in PICTURES:
+            left_out += 1
+    about = {
+        "session": folder.name,
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "packages": dict(sorted(_packages())),
+        "settings": settings,
+        "left_out_pictures": left_out,
+    }
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("about.json", _anonymous(json.dumps(about, indent=1, default=str)))
+        for path in chosen:
+            name = f"{folder.name}/{path.relative_to(folder)}"
+            with durable.explained(path):
+                content = path.read_bytes()
+            archive.writestr(name, _anonymous(content.decode()).encode() if path.suffix in TEXT else content)
+        names = tuple(archive.namelist())
+    durable.make_folder(out.absolute().parent)
+    durable.replace_file(out.absolute(), stream.getvalue())
+    return Bundled(out.absolute(), names, left_out)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Every file in `folder`, without leftovers and the files of solvers."""
+    found = []
+    for entry in entries(folder):
+        if entry.is_dir():
+            found += _files(entry) if entry.name != "naf" else []
+        else:
+            found.append(entry)
+    return found
+
+
+def _anonymous(text: str) -> str:
+    """Replace the user's home folder by ~."""
+    return text.replace(str(Path.home()), "~") if len(str(Path.home())) > 1 else text
+
+
+def _packages() -> set[tuple[str, str]]:
+    return {(dist.metadata["Name"], dist.version) for dist in metadata.distributions() if dist.metadata["Name"]}

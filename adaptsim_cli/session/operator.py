@@ -6,8 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from adaptsim_cli.session.records import ProposedTrial, TrialRecord
-from adaptsim_cli.session.stages import RunTrial
+from rich.text import Text
+
+from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen import views
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.session.records import ProposedTrial, RunTrial, TrialRecord
+from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
 
@@ -70,3 +76,148 @@ class Operator(Protocol):
     def try_again(self, stage: RunTrial) -> bool:
         """Whether to set up the trial again after the object was not found, was misplaced, or was lost in tracking."""
         ...
+
+
+_ACCEPT = enter("to accept", "The trial counts as it was tracked. Later: adaptsim sessions amend.")
+_OVERRULE = Key(
+    "o", "to overrule the outcome", "The trial counts with the outcome that you saw; you choose it from a list."
+)
+_REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions accept.")
+_LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
+_BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
+_REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."
+
+
+@dataclass(frozen=True)
+class Attended:
+    """An operator: a person at the terminal."""
+
+    screen: Screen
+
+    def repeat_interrupted(self, stage: RunTrial) -> None:
+        """See `Operator`; the person looks at the arm first."""
+        self.screen.note(
+            f"Trial {stage.key.number} was interrupted after its motion had started: "
+            "the arm and the object may have moved."
+        )
+        then = "The trial begins again; the program asks again before the arm moves."
+        self.screen.go_on("Is the arm at rest and its path clear?", "to repeat this trial", then=then)
+
+    def placed(self, what: str, wanted_m: Array, real: bool) -> None:
+        """See `Operator`."""
+        if real:
+            then = f"The camera finds the {what}, and the motion is planned for its place. Nothing moves yet."
+            self.screen.go_on(f"Put the {what} at {_spot(wanted_m)}.", "when it lies there", then=then)
+        else:
+            then = f"The lab places the {what}, the camera finds it, and the motion is planned. Nothing moves yet."
+            self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
+
+    def approve(self, proposal: Proposal, real: bool) -> None:
+        """See `Operator`."""
+        if proposal.overlay is not None:
+            self.screen.plain(f"  Detection: {proposal.overlay}")
+        then = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
+        self.screen.go_on(f"{proposal.announcement}.", "to start", then=then)
+
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
+        """See `Operator`; Enter accepts."""
+        self.screen.show(f"  Tracked: {tracked.outcome_words}, reward {tracked.reward:.2f}")
+        for flag in tracked.track.flags:
+            self.screen.note(f"  note: {flag}")
+        keys = (_ACCEPT, *((_OVERRULE,) if choices else ()), _REDO, _LATER)
+        while (answer := self.screen.choose("Is this what you saw?", *keys, explain=_REVIEW)) != "":
+            if answer == "q":
+                raise StoppedByOperator(
+                    "stopped by the operator; this trial is recorded; the same command asks for its review again"
+                )
+            if answer == "r" and (reason := self._reason()) is not None:
+                return Redo(reason)
+            if answer == "o" and (outcome := which_outcome(self.screen, choices)) is not None:
+                return Overrule(outcome)
+        return Accept()
+
+    def try_again(self, stage: RunTrial) -> bool:
+        """See `Operator`; the person decides."""
+        then = "The object is placed again, and the trial begins from there."
+        self.screen.go_on("This attempt does not count.", "to repeat this trial", then=then)
+        return True
+
+    def _reason(self) -> str | None:
+        """Why the trial does not count; None if the operator goes back."""
+        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
+        return None if reason is None else reason or "the operator had it redone"
+
+
+def which_outcome(screen: Screen, choices: Choices) -> Outcome | None:
+    """Ask for one of the possible outcomes, shown with their rewards; None: keep the tracked one."""
+    numbered = {str(n): outcome for n, outcome in enumerate(choices, start=1)}
+    keys = [
+        Key(number, "to choose it", f"{views.words(outcome.value)} (reward {reward:.2f})")
+        for number, (outcome, reward) in zip(numbered, choices.items(), strict=True)
+    ]
+    for key in keys:
+        screen.show(f"  {key.typed}  {key.meaning}")
+    every = Key(f"1 to {len(keys)}", "to choose one", "")
+    return numbered.get(screen.choose("Which outcome did you see?", *keys, _BACK, listed=(every, _BACK)))
+
+
+def choose_amendment(
+    screen: Screen, store: SessionStore, record: TrialRecord, choices: Choices, named: str | None
+) -> Outcome:
+    """The amended outcome of a trial: the one `named`, or one that a person chooses from its pictures.
+
+    Raises UsageError for a name that is not a choice, StoppedByOperator if nothing should change.
+    """
+    if named is not None:
+        known = {outcome.value: outcome for outcome in choices}
+        if (outcome := known.get(named.replace(" ", "_"))) is None:
+            raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(known)}")
+        return outcome
+    folder = store.trial_folder(*record.place)
+    screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")
+    for moment in record.moments:
+        screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")
+    if (outcome := which_outcome(screen, choices)) is None:
+        raise StoppedByOperator("nothing was amended")
+    return outcome
+
+
+@dataclass(frozen=True)
+class Unattended:
+    """`--yes`: nobody answers.
+
+    It never confirms the motion of a real arm, because `wiring` uses `Attended` for real arms.
+    """
+
+    screen: Screen
+    most_attempts: int = 5
+
+    def repeat_interrupted(self, stage: RunTrial) -> None:
+        """See `Operator`; the simulated lab starts from the same state."""
+        self.screen.note(
+            f"Trial {stage.key.number} was interrupted after its motion had started. "
+            "The simulated lab starts over, so the trial is repeated from the same start."
+        )
+
+    def placed(self, what: str, wanted_m: Array, real: bool) -> None:
+        """See `Operator`; only shows it."""
+        self.screen.show(Text(f"  The simulated lab puts the {what} at {_spot(wanted_m)}", style="dim"))
+
+    def approve(self, proposal: Proposal, real: bool) -> None:
+        """See `Operator`. Raises UsageError for a real arm."""
+        if real:
+            raise UsageError(
+                "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
+            )
+
+    def review(self, tracked: TrialRecord, choices: Choices) -> Review:
+        """See `Operator`; accepts every outcome."""
+        return Accept()
+
+    def try_again(self, stage: RunTrial) -> bool:
+        """See `Operator`; a fixed number of attempts."""
+        return stage.key.attempt + 1 < self.most_attempts
+
+
+def _spot(xy_m: Array) -> str:
+    return f"x = {xy_m[0]:.3f} m, y = {xy_m[1]:+.3f} m"

@@ -20,7 +20,7 @@ from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import cdr, topics
+from adaptsim_cli.session import topics
 from adaptsim_cli.session.records import corrupt
 from hw.bounded import decode_image
 from hw.types import Array, CameraModel, Execution, Frame, Intrinsics
@@ -105,7 +105,7 @@ def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
 def track_messages(track: ObjectTrack, t_start_s: float) -> list[Message]:
     """The tracked centre at every time of the track."""
     return [
-        (_ns(t_s), topics.OBJECT, cdr.point(_ns(t_s), "base", state[:3]))
+        (_ns(t_s), topics.OBJECT, topics.point(_ns(t_s), "base", state[:3]))
         for t_s, state in zip(track.t_s + t_start_s, track.state, strict=True)
     ]
 
@@ -114,7 +114,7 @@ def depths(stored: Recording) -> list[Message]:
     """Every depth image, unchanged."""
     after = [] if stored.after is None else [stored.after]
     return [
-        (_ns(frame.t_s), topic, cdr.image(_ns(frame.t_s), "camera_depth", frame.depth_mm))
+        (_ns(frame.t_s), topic, topics.image(_ns(frame.t_s), "camera_depth", frame.depth_mm))
         for topic, frames in ((_DEPTH, stored.frames), (_BEFORE_DEPTH, [stored.before]), (_AFTER_DEPTH, after))
         for frame in frames
     ]
@@ -133,7 +133,7 @@ def as_mcap(
     stream = io.BytesIO()
     writer = McapWriter(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="adaptsim")
-    schemas = {n: writer.register_schema(n, "ros2msg", cdr.SCHEMAS[n].encode()) for n in sorted(set(types.values()))}
+    schemas = {n: writer.register_schema(n, "ros2msg", topics.SCHEMAS[n].encode()) for n in sorted(set(types.values()))}
     channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in types.items()}
     for name, content in attached.items():
         writer.add_attachment(0, 0, name, "application/json", content)
@@ -186,7 +186,7 @@ def _read(reader: object) -> Recording:
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
     with _threads() as pool:
         for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
-            fields, topic = cdr.Reader(message.data), channel.topic
+            fields, topic = topics.Reader(message.data), channel.topic
             if topic in images:
                 t_ns, _ = fields.header()
                 decoded = _decode_colour if topic in COLOURS else _decode_depth
@@ -227,10 +227,10 @@ def _images(
     as_colour: Callable[[Bytes], tuple[str, bytes]],
 ) -> Iterator[Message]:
     def coloured(frame: Frame) -> bytes:
-        return cdr.compressed_image(_ns(frame.t_s), "camera_colour", *as_colour(frame.colour))
+        return topics.compressed_image(_ns(frame.t_s), "camera_colour", *as_colour(frame.colour))
 
     def deep(frame: Frame) -> bytes:
-        return cdr.image(_ns(frame.t_s), "camera_depth", frame.depth_mm)
+        return topics.image(_ns(frame.t_s), "camera_depth", frame.depth_mm)
 
     for frame in frames:
         yield _ns(frame.t_s), colour_topic, pool.submit(coloured, frame)
@@ -261,11 +261,11 @@ def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     return bytes(content.tobytes())
 
 
-def _decode_colour(fields: cdr.Reader) -> Bytes:
+def _decode_colour(fields: topics.Reader) -> Bytes:
     return np.ascontiguousarray(decode_image(_compressed(fields), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def _decode_depth(fields: cdr.Reader) -> Depth:
+def _decode_depth(fields: topics.Reader) -> Depth:
     """The depth image of a message. Raises ValueError for another encoding, or another length than stated."""
     height, width, encoding = fields.count(), fields.count(), fields.string()
     fields.byte(), fields.count()
@@ -274,7 +274,7 @@ def _decode_depth(fields: cdr.Reader) -> Depth:
     return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
 
 
-def _compressed(fields: cdr.Reader) -> bytes:
+def _compressed(fields: topics.Reader) -> bytes:
     fields.string()
     return bytes(fields.blob())
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from adaptsim_cli.session import whole
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.topics import FRAMES, X_FH
 from adaptsim_cli.session.whole import Trial
-from adaptsim_cli.storage import durable
 from hw.kinematics import FLANGE, link_poses
 from hw.types import Array
 from sim.errors import ExtraMissing
@@ -19,13 +17,6 @@ from sim.panda.shapes import PRIMITIVES, mesh
 
 TIMELINE = "arm_clock"
 CAMERA, DEPTH = "base/camera", "base/camera/depth_camera"
-
-
-def write(trial: Trial, path: Path) -> Path:
-    """Write or replace `path` (.rrd) and return it. Raises ExtraMissing, SessionError."""
-    durable.make_folder(path.parent)
-    durable.replace_file(path, encode(trial))
-    return path
 
 
 def encode(trial: Trial) -> bytes:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.outputs.trials import named
-from adaptsim_cli.session import cdr, recording
+from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.on_rig import joints
 from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
 from adaptsim_cli.session.store import SessionStore
@@ -206,9 +206,9 @@ def tool_poses(path: Path) -> Callable[[float], Array]:
 
 
 def _tool_messages(reader: Any) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
-    """(time in ns, position in m, quaternion xyzw) of every transform to the tool; `cdr.transform` wrote them."""
+    """(time in ns, position in m, quaternion xyzw) of every transform to the tool; `topics.transform` wrote them."""
     for _, _, message in reader.iter_messages(topics=["/tf"]):
-        body = cdr.Reader(message.data)
+        body = topics.Reader(message.data)
         for _ in range(body.count()):
             t_ns, _ = body.header()
             child, xyz, xyzw = body.string(), body.doubles(3), body.doubles(4)

@@ -10,15 +10,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.outputs.sessions import SessionShown
-from adaptsim_cli.screen import values, views
+from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown
+from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.advice import in_words
-from adaptsim_cli.session.amending import Amended
+from adaptsim_cli.session.advice import HEADLINES, in_words
+from adaptsim_cli.session.correcting import Amended
+from adaptsim_cli.session.keeping import Verified
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, TrialRecord
-from adaptsim_cli.session.stages import RunTrial
-from adaptsim_cli.session.verifying import Verified
+from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, RunTrial, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.tasks.task import Task
@@ -106,7 +105,7 @@ def adapted(
         "Best so far: ",
         (f"reward {best.mean_reward:.2f}", "bold"),
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
-        ", ".join(f"{name}={values.number(value)}" for name, value in best.params.items()),
+        ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
     verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
@@ -122,7 +121,7 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
     if result.outlook is None:
         return []
     told = [
-        f"{d.plain_name} {'+' if off > 0 else '−'}{values.quantity(abs(off), d.unit)}"
+        f"{d.plain_name} {'+' if off > 0 else '−'}{views.quantity(abs(off), d.unit)}"
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not told:
@@ -150,9 +149,9 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(values.number(now), style="dim"), Text("=", style="dim")
+        return Text(views.number(now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(values.number(now)), Text(f"{'↑' if then > now else '↓'} {values.number(then)}", style=style)
+    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:
@@ -198,3 +197,68 @@ def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, a
     screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
     screen.plain(changed.consequence)
     screen.next((f"adaptsim run-iteration --session {name}", "adapts from it, and shows the change"))
+
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def sessions(found: Sequence[SessionRow | Damaged]) -> RenderableType:
+    """Sessions with task, progress and result; damaged sessions come last."""
+    whole = [part for s in found if isinstance(s, SessionRow) for part in _session(s)]
+    damaged = [Text.assemble((s.session, "bold"), f" {s.error}") for s in found if isinstance(s, Damaged)]
+    return Group(*whole, *damaged)
+
+
+def rollouts(found: Sequence[RolloutRow | DamagedRollout]) -> RenderableType:
+    """Rollouts with outcome and reward, one per line."""
+    return Group(*(part for r in found for part in _rollout(r)))
+
+
+def size(count: int) -> str:
+    """A size in bytes, in B, kB, MB or GB."""
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB" if count >= 1e6 else "under 1 MB"
+
+
+def _session(s: SessionRow) -> list[RenderableType]:
+    facts = (
+        s.task,
+        views.where(s.hw, s.world),
+        s.method,
+        f"{_count(s.iterations, 'iteration')}, {_count(s.trials, 'trial')}",
+        "no reward yet" if s.mean_reward is None else f"mean reward {s.mean_reward:.2f}",
+        size(s.size_bytes),
+        s.created[:16].replace("T", " "),
+    )
+    lines: list[RenderableType] = [_name(s.session, s.tags), _joined(facts)]
+    if s.verdict:
+        lines.append(views.indent(Text(HEADLINES[s.verdict.kind])))
+    if s.note:
+        lines.append(views.indent(Text(s.note, style="italic")))
+    return lines
+
+
+def _rollout(r: RolloutRow | DamagedRollout) -> list[RenderableType]:
+    if isinstance(r, DamagedRollout):
+        return [Text.assemble((r.rollout, "bold"), f" {r.error}")]
+    facts = (
+        r.task,
+        views.where(r.hw, r.world),
+        f"{views.words(r.outcome.value)}, reward {r.reward:.2f}",
+        size(r.size_bytes),
+    )
+    return [_name(r.rollout, ()), _joined((*facts, r.when[:16].replace("T", " ")))]
+
+
+def _name(name: str, tags: Sequence[str]) -> Text:
+    text = Text(name, style="bold", no_wrap=True, overflow="ignore")
+    for tag in tags:
+        text.append(f"  #{tag}", style="magenta")
+    return text
+
+
+def _joined(facts: Sequence[str]) -> RenderableType:
+    return views.indent(Text(" · ".join(fact.replace(" ", NO_BREAK) for fact in facts), style="dim"))
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"

@@ -14,19 +14,15 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.outputs.trials import Rollout
-from adaptsim_cli.screen import console, values
-from adaptsim_cli.screen.checks import failures
+from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import shows
-from adaptsim_cli.session.attended import Attended, Unattended
 from adaptsim_cli.session.flow import motion_record, propose, trial_record
-from adaptsim_cli.session.in_terminal import InTerminal
-from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.parts import Parts
-from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.stages import RunTrial, TrialKey
-from adaptsim_cli.session.target import Placed, Planned, Target
-from adaptsim_cli.session.watching import AllOf, Unwatched, Watcher
+from adaptsim_cli.session.operator import Attended, Operator, Unattended
+from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord
+from adaptsim_cli.session.target import Parts, Placed, Planned, Target
+from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -53,10 +49,10 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
 
     Raises UsageError for a wrong name or value.
     """
-    drawn = values.point(task.context, chosen.context, task.reference_context, "--context")
+    drawn = views.point(task.context, chosen.context, task.reference_context, "--context")
     middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
-    mean = values.point(task.parameters, chosen.parameters, middle, "--param")
-    values.point(task.action, chosen.action, task.action.low, "--action")
+    mean = views.point(task.parameters, chosen.parameters, middle, "--param")
+    views.point(task.action, chosen.action, task.action.low, "--action")
     return drawn, mean
 
 
@@ -94,7 +90,7 @@ def rollout(
     placed = _place(target, drawn, operator, screen)
     with screen.busy("Choosing the action: the best that the arm can do", "choosing"):
         proposed = policy(placed.context)
-    action = values.point(task.action, chosen.action, proposed, "--action")
+    action = views.point(task.action, chosen.action, proposed, "--action")
     planned = _plan(task, target, placed, action, screen)
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:

@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
+    Existing,
     Facts,
     MotionRecord,
     Note,
     Pruned,
     ResultRecord,
+    Samples,
     SessionStart,
+    TrialKey,
     TrialRecord,
+    current_key,
+    trial_numbers,
 )
-from adaptsim_cli.session.stages import Existing, TrialKey, current_key, trial_numbers
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
+from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.errors import did_you_mean
+from sim.tasks.task import Task
 
 _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(?:\.(started|rejected|restored|amended)(?:-(\d+))?\.json)?")
@@ -79,7 +90,8 @@ class SessionStore:
         folder = folder_of(root, name)
         if not folder.is_dir():
             known = ", ".join(names(root)) or "none yet"
-            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
+            near = did_you_mean(name, names(root))
+            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
         return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
 
     def existing(self) -> Existing:
@@ -358,3 +370,96 @@ def entries(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+
+
+def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
+    """The particles that an iteration's trials were (or will be) made with."""
+    stored: tuple[Samples, ...] = store.start.particles
+    if iteration > 0:
+        result = store.result(iteration - 1)
+        if result is None:
+            raise ValueError(f"iteration {iteration - 1} has no result yet")
+        stored = result.next_particles
+    return tuple(Particle(np.array(samples)) for samples in stored)
+
+
+def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
+    """The counting trials of iterations 0 to `last`, as learning methods take them. Raises SessionError."""
+
+    def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
+        return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle + 1)
+
+    return tuple(
+        tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))
+        for i in range(last + 1)
+    )
+
+
+def _learnt_from(task: Task, record: TrialRecord) -> Trial:
+    return Trial(
+        context=record.context_array,
+        action=record.action_array,
+        observation=np.array(record.observation),
+        reward=record.reward,
+        end_state=task.end_of(record.track.track()),
+    )
+
+
+Cell = str | int | float
+Row = dict[str, Cell]
+
+
+def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
+    """Every completed trial that counts, in order. Raises SessionError."""
+    return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
+
+
+def rows(store: SessionStore) -> list[Row]:
+    """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
+
+    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
+    SessionError.
+    """
+    return [_row(store.facts, trial) for trial in trials_of(store)]
+
+
+def units(store: SessionStore) -> dict[str, str]:
+    """The unit of every column that has one. Rewards (0 to 1) have none."""
+    facts = store.facts
+    found = {
+        f"{kind}_{d.name}": d.unit
+        for kind, space in (("parameter", facts.parameters), ("context", facts.context), ("action", facts.action))
+        for d in space
+    }
+    return {name: unit for name, unit in found.items() if unit} | {"duration_s": "s"}
+
+
+def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
+    """Rows as CSV, with the first row's columns and further ones of other rows."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _columns(table), lineterminator="\n", restval="")
+    writer.writeheader()
+    writer.writerows(table)
+    return text.getvalue()
+
+
+def _columns(table: Iterable[Mapping[str, Cell]]) -> list[str]:
+    return list(dict.fromkeys(name for row in table for name in row))
+
+
+def _row(facts: Facts, trial: TrialRecord) -> Row:
+    quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
+    return {
+        **facts.named(),
+        "started": trial.started,
+        "iteration": trial.iteration,
+        "trial": trial.trial,
+        "attempt": trial.attempt,
+        "particle": trial.particle,
+        "outcome": trial.outcome.value,
+        "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
+        "reward": trial.reward,
+        "predicted_reward": trial.predicted_reward,
+        "duration_s": trial.track.t_s[-1],
+        **{f"{kind}_{name}": value for kind, point in quantities.items() for name, value in point.items()},
+    }

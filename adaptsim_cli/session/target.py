@@ -10,21 +10,25 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
-from adaptsim_cli.screen.checks import Readiness
+from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import KeyMoment, RigFacts
-from adaptsim_cli.session.stages import RunTrial, TrialKey
+from adaptsim_cli.session.records import KeyMoment, RigFacts, RunTrial, TrialKey
 from calib.types import HandEye
 from hw.errors import HardwareError
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, CameraModel, Frame, JointPath
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.method import Best, Iteration, Outlook, Particle
+from sim.adaptation.posterior import Posterior
+from sim.adaptation.verdict import Verdict
+from sim.tasks.solver import SolvedPolicy
+from sim.tasks.task import Task
 from sim.types import ToolMotion
 
 
@@ -254,3 +258,63 @@ class Rig:
     def is_real(self) -> bool:
         """Whether a real arm moves, which can hurt somebody."""
         return not is_simulated(self.name)
+
+
+class Assessment(NamedTuple):
+    """The judgement of a session by its trials."""
+
+    best: Best
+    verdict: Verdict
+    outlook: Outlook | None  # None: the method makes no forecast
+
+
+class SessionLearner(Protocol):
+    """An adaptation method together with the training of its task policies."""
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The first `n` particles."""
+        ...
+
+    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
+        """The particle's task policy after the iterations of `history`. Deterministic."""
+        ...
+
+    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
+        """The next particles, from all iterations so far."""
+        ...
+
+    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
+        """The final task policy of a session that ended now."""
+        ...
+
+    def judge(self, history: Sequence[Iteration]) -> Assessment:
+        """Best particle, verdict and outlook by the trials so far."""
+        ...
+
+    def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
+        """The belief about the true parameters after `history`; None if there is none."""
+        ...
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the parts come from, for the record; never the hidden parameters of a world."""
+
+    checkpoint: str
+    checkpoint_sha256: str
+    world_sha256: str  # "": real hardware
+    calibration: str  # "": no camera
+    calibration_sha256: str
+    versions: dict[str, str]
+    camera_late_s: float = 0.0  # subtracted from the camera's time stamps
+    start_from_sha256: str = ""  # of the posterior that the session begins with
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Task, target and learner of one session, with their provenance."""
+
+    task: Task
+    target: Target
+    learner: SessionLearner
+    provenance: Provenance

@@ -11,18 +11,10 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session.whole import Trial, centre_px
-from adaptsim_cli.storage import durable
 
 SUFFIX = ".webm"
 _HEIGHT_PX, _FPS = 540, 30.0
 _RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
-
-
-def write(trial: Trial, path: Path) -> Path:
-    """Write or replace `path` (WebM, VP8) and return it. Raises SessionError."""
-    durable.make_folder(path.absolute().parent)
-    durable.replace_file(path.absolute(), encode(trial))
-    return path
 
 
 def encode(trial: Trial) -> bytes:

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+import os
+import platform
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Literal, Protocol
 
+import cv2
+import numpy as np
+from pydantic import Field
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.base import Record
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
+from adaptsim_cli.storage import durable
+from hw.bounded import JSON_BYTES, decode_image, read_bytes
 from sim.adaptation.posterior import Posterior
 
 PosteriorSource = Callable[[], Posterior | None]
@@ -93,3 +107,159 @@ class AllOf:
         """See `Watcher`."""
         for watcher in self._watchers:
             watcher.reported(path)
+
+
+class InTerminal:
+    """Shows the camera's picture before the motion, and the key frames in a row before the review."""
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+
+    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+        """See `Watcher`."""
+        if preview is not None:
+            self._screen.picture(preview.picture)
+
+    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+        """See `Watcher`."""
+        if seen.moments:
+            self._screen.picture(strip([seen.files[moment.file] for moment in seen.moments]))
+
+    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
+        """See `Watcher`; does nothing, because the numbers are shown as text."""
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`; does nothing, because the path is shown as text."""
+
+
+def strip(jpegs: list[bytes]) -> bytes:
+    """One JPEG with the pictures side by side, at the same height."""
+    images = [decode_image(jpeg, cv2.IMREAD_COLOR) for jpeg in jpegs]
+    return bytes(cv2.imencode(".jpg", np.hstack(images))[1].tobytes())
+
+
+FILE = "log.jsonl"
+
+Kind = Literal["begun", "asked", "answered", "done", "noted", "planned", "tracked", "stored", "reported", "ended"]
+
+
+class LogLine(Record):
+    """One line of log.jsonl."""
+
+    at: str  # ISO 8601, to the millisecond
+    event: Kind  # kind of event
+    text: str = ""  # the sentence on the screen: question, step, warning, error
+    took_s: float | None = None  # duration of the step or of the answer
+    data: dict[str, Any] = Field(default_factory=dict)  # further values, by name, in units
+
+
+class SessionLog:
+    """`Listener` and `Watcher` that write each call as a line of the log in the session's folder."""
+
+    def __init__(self, folder: Path, screen: Screen) -> None:
+        self._path, self._screen, self._is_failing = folder / FILE, screen, False
+        self._is_torn = _is_torn(self._path)
+
+    def doing(self, what: str) -> None:
+        """See `Listener`; the step becomes a line once it is over."""
+
+    def did(self, what: str, stage: str, took_s: float) -> None:
+        """See `Listener`."""
+        self.write("done", what, took_s, stage=stage)
+
+    def asking(self, question: str) -> None:
+        """See `Listener`."""
+        self.write("asked", question)
+
+    def answered(self, question: str, answer: str, took_s: float) -> None:
+        """See `Listener`."""
+        self.write("answered", question, took_s, answer="Esc" if answer == "\x1b" else answer)
+
+    def noted(self, text: str) -> None:
+        """See `Listener`."""
+        self.write("noted", text)
+
+    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+        """See `Watcher`."""
+        self.write("planned", made.summary, **made.trial.model_dump(mode="json"))
+
+    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+        """See `Watcher`."""
+        self.write("tracked", outcome=record.outcome.value, reward=record.reward, flags=list(record.track.flags))
+
+    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
+        """See `Watcher`."""
+        existing = store.existing()
+        self.write("stored", trials=len(existing.completed), iterations=len(existing.results))
+
+    def reported(self, path: Path) -> None:
+        """See `Watcher`."""
+        self.write("reported", path.name)
+
+    def write(self, event: Kind, text: str = "", took_s: float | None = None, **data: Any) -> None:
+        """Append one line. If that fails, the screen says so, once until a line succeeds, and the session goes on."""
+        at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        took_s = None if took_s is None else round(took_s, 3)
+        line = LogLine(at=at, event=event, text=text, took_s=took_s, data=data)
+        try:
+            with durable.explained(self._path):
+                _append(self._path, ("\n" if self._is_torn else "") + _as_line(line))
+            self._is_torn = self._is_failing = False
+        except SessionError as error:
+            self._is_torn, was_failing, self._is_failing = _is_torn(self._path), self._is_failing, True
+            if not was_failing:
+                self._screen.note(f"The session goes on without this line of its log: {error}")
+
+
+@contextmanager
+def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> Iterator[SessionLog]:
+    """Log one command of a session from here to its end, however it ends."""
+    log = SessionLog(store.folder, screen)
+    screen.tell(log)
+    log.write("begun", versions=dict(versions), python=platform.python_version(), process=os.getpid())
+    try:
+        yield log
+    except (Exception, KeyboardInterrupt) as error:
+        log.write("ended", str(error) or "interrupted", error=type(error).__name__)
+        raise
+    log.write("ended")
+
+
+def read(folder: Path) -> tuple[LogLine, ...]:
+    """The log of the session in `folder`, oldest line first; empty without a log.
+
+    Truncated lines are skipped. Raises Unreadable for a file larger than any log can be, OSError.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        return ()
+    found = []
+    for line in read_bytes(path, JSON_BYTES).splitlines():
+        try:
+            found.append(LogLine.model_validate_json(line))
+        except ValueError:
+            continue
+    return tuple(found)
+
+
+def _as_line(line: LogLine) -> str:
+    return json.dumps(line.model_dump(mode="json", exclude_defaults=True)) + "\n"
+
+
+def _append(path: Path, text: str) -> None:
+    """Append a line whole or not at all."""
+    fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(fd, text.encode())
+    finally:
+        os.close(fd)
+
+
+def _is_torn(path: Path) -> bool:
+    """Whether the last line is truncated."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-1, os.SEEK_END)
+            return file.read(1) != b"\n"
+    except OSError:  # missing, or empty
+        return False

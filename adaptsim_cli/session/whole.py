@@ -15,7 +15,7 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from adaptsim_cli.session import cdr, recording, topics
+from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
 from adaptsim_cli.session.retracking import tool_poses
@@ -136,7 +136,7 @@ def jpegs(trial: Trial) -> list[tuple[float, bytes]]:
     found = []
     for t_ns, topic, message in _colours(trial.file):
         if topic == recording.COLOURS[0]:
-            fields = cdr.Reader(message)
+            fields = topics.Reader(message)
             fields.header(), fields.string()
             found.append((1e-9 * t_ns, bytes(fields.blob())))
     return found
@@ -148,7 +148,7 @@ def _colours(file: Path) -> list[topics.Message]:
         with file.open("rb") as stream:
             found = make_reader(stream).iter_messages(topics=list(recording.COLOURS))
             return [
-                (cdr.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found
+                (topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found
             ]
     except (McapError, OSError, ValueError, IndexError, struct.error) as error:
         raise corrupt(file, str(error)) from error

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.metadata
+import platform
 
 _JSON = (b',\n "sealed": "', b'"\n}\n')
 _TOML = (b"# sha256 ", b"\n")
@@ -39,3 +41,12 @@ def require_seal(content: bytes, suffix: str) -> None:
 def _sealed(body: bytes, frame: tuple[bytes, bytes]) -> bytes:
     before, after = frame
     return body + before + hashlib.sha256(body).hexdigest().encode() + after
+
+
+_VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
+
+
+def versions() -> dict[str, str]:
+    """The versions of Python and of the packages that results depend on."""
+    found = {name: importlib.metadata.version(name) for name in _VERSIONED}
+    return {"python": platform.python_version(), **found}

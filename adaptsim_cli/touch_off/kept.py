@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen import listing
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.resting import Listing, tell_list
 from adaptsim_cli.storage.numbered import remark, restored_from
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
 
@@ -92,7 +92,7 @@ def values(known: SavedTouchOff) -> list[tuple[str, str, str]]:
 
 def tell(screen: Screen, store: TouchOffStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
     """Show the list, with the sessions that use the current one."""
-    listing.tell(screen, listing.Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
+    tell_list(screen, Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
 
 
 def _one(store: TouchOffStore, path: Path, *, in_use: bool) -> dict[str, Any]:

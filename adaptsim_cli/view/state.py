@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.screen.values import number
+from adaptsim_cli.screen.views import number
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord

@@ -1,17 +1,20 @@
-"""Finds the checkpoint of the settings or of a stored session, and lists checkpoints."""
+"""Finds the checkpoint of the settings or of a stored session, lists checkpoints, and chooses the solver for one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, load, places
+from adaptsim_cli.errors import UsageError
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.checkpoint import Checkpoint
+    from sim.solvers.solver import Expectations, Policies
 
 
 def task_of(config: Config) -> Task:
@@ -108,3 +111,33 @@ def _folders(task: str) -> Iterator[Path]:
         yield Path(named)
     yield from sorted(files_of(task, "checkpoints").glob("*"))
     yield from own_checkpoints()
+
+
+SOLVERS = ("emulator", "naf")
+
+
+@contextmanager
+def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> Iterator[tuple[Policies, Expectations]]:
+    """The solver `name` (empty: the checkpoint's own), on `workers` processes (0: one per core).
+
+    Only NAF simulates: it stores rollouts and policies in `folder`, which belongs to this session. Its settings are the
+    checkpoint's, if that was made with NAF, else the paper's. Expectations come from the checkpoint.
+
+    Raises UsageError for an unknown name and for a solver that the checkpoint does not contain, UnknownName for a task
+    without NAF, CheckpointError if `folder` holds other data.
+    """
+    if name not in ("", *SOLVERS):
+        raise UsageError(f"--solver {name}: choose one of {', '.join(SOLVERS)}")
+    if name == "emulator" and checkpoint.naf:
+        raise UsageError(
+            f"--solver emulator: the checkpoint {checkpoint.path} was made with --solver naf and holds no emulator. "
+            "Leave --solver out, or choose another checkpoint"
+        )
+    own = checkpoint.solver
+    if name != "naf" and not checkpoint.naf:
+        yield own, own
+        return
+    from sim.solvers.simulating import simulating
+
+    with simulating("naf").in_session(own.task, checkpoint.naf, workers, folder) as solver:
+        yield solver, solver if checkpoint.naf else own

@@ -55,8 +55,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     """
     import hashlib
 
-    from adaptsim_cli.session.history import history_of
-    from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.session.store import SessionStore, history_of
     from sim.adaptation.methods.belief import create
     from sim.adaptation.prospects import weighed
 

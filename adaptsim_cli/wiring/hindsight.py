@@ -13,11 +13,9 @@ import numpy as np
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error
-from adaptsim_cli.report.hindsight import HeldOut, Judgement, Prediction
-from adaptsim_cli.report.measured import Measured, mean_of
-from adaptsim_cli.session.history import history_of, particles_of
+from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.store import SessionStore, history_of, names, particles_of
 from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from adaptsim_cli.wiring.earlier import recordings_of
@@ -97,9 +95,10 @@ class Hindsight:
         history = history_of(task, store, store.iterations() - 1)
         final = final_policy(make_method(facts.method, task, known), solver, task, history)
 
-        def earned(policies: Sequence[SolvedPolicy]) -> Measured:
+        def earned(policies: Sequence[SolvedPolicy]) -> tuple[float, float, float]:
             rewards = [held.rewards(held.at(actions), contexts) for p in policies for actions in [p.actions(contexts)]]
-            return mean_of(list(np.mean(rewards, axis=0)), 0.0)
+            of_all = page.mean_of(list(np.mean(rewards, axis=0)), 0.0)
+            return of_all.mean, of_all.low, of_all.high
 
         every = range(len(held))
         best = [held.rewards(every, np.tile(context, (len(held), 1))).max() for context in contexts]

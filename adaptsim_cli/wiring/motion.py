@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast, get_args
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import values
+from adaptsim_cli.screen import views
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,7 +43,7 @@ class PlannedMotion:
         """The command that makes this motion, and what it does."""
         where = "" if config.is_simulated else f" --hw {config.hw}"
         named = dict(zip(self.task.action.names, self.action.tolist(), strict=True))
-        action = values.typed("--action", named)
+        action = views.typed("--action", named)
         return f"adaptsim rollout --task {self.task.name}{where} {action}", "makes it once, and adapts nothing"
 
     def as_json(self) -> dict[str, Any]:
@@ -135,9 +135,9 @@ def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -
     import numpy as np
 
     task = there.task
-    where = values.point(task.context, context, task.reference_context, "--context")
+    where = views.point(task.context, context, task.reference_context, "--context")
     middle = task.action.denormalise(np.full(len(task.action), 0.5))
-    how = values.point(task.action, action, middle, "--action")
+    how = views.point(task.action, action, middle, "--action")
     paths = there.paths(there.hardware.plan(where, how))
     approach, motion, back = (there.cell.require(path) for path in paths)
     return PlannedMotion(task, there.cell.arm.name, where, how, paths, (approach, motion, back))

@@ -15,15 +15,18 @@ from adaptsim_cli.config import Config, Places, places
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.conduct import OpenView
 from adaptsim_cli.session.in_recordings import InRecordings
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Assessment, Parts, Provenance
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.store import FACTS, SessionStore
-from adaptsim_cli.session.target import Planner, Target
-from adaptsim_cli.storage.versions import versions
-from adaptsim_cli.wiring.checkpoints import checkpoint_of
+from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
+from adaptsim_cli.session.watching import RunHeader, Watcher
+from adaptsim_cli.storage.sealed import versions
+from adaptsim_cli.view.live import live_view
+from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.touch_off import origin
@@ -31,7 +34,7 @@ from calib.types import HandEye
 from hw.errors import MotionRefused
 from hw.pacing import FULL
 from hw.types import Array
-from perception.types import ObjectTrack
+from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Method, Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
@@ -62,7 +65,7 @@ def open_parts(
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from adaptsim_cli.wiring.solvers import solver_of
+    from adaptsim_cli.wiring.checkpoints import solver_of
     from sim.adaptation.methods import make_method
     from sim.adaptation.methods.belief import Belief
 
@@ -265,3 +268,29 @@ def executable_on(hardware: Hardware, planner: Planner) -> Executable:
         return True
 
     return executable
+
+
+def beside(port: int | None) -> OpenView:
+    """A page at `port`, or at any free port. Opening it raises UsageError if the port is in use."""
+
+    @contextmanager
+    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+        with live_view(screen, parts.task, RunHeader.session(store.facts), parts.target.title, port) as view:
+            yield view
+
+    return open_view
+
+
+@contextmanager
+def beside_one(screen: Screen, name: str, hw: str, parts: Parts, port: int | None) -> Iterator[Watcher]:
+    """The same for the one trial of the rollout `name`."""
+    with live_view(screen, parts.task, RunHeader(name, f"rollout {name}", hw), parts.target.title, port) as view:
+        yield view
+
+
+def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
+    """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
+    task = task_of(config.model_copy(update={"task": facts.task, "object": facts.object}))
+    if task.hardware is None or not facts.calibration:
+        raise UsageError(f"session {facts.name} was simulated without a camera: its outcomes are exact")
+    return task, tracker_of(task).outcomes

@@ -17,9 +17,6 @@ from sim.storage.files import read_toml
 CARD = "card.toml"
 FORMAT = 1
 
-Default = Literal["adaptsim-iteration", "adaptsim-belief", "adaptsim-history", "adaptsim-state"]
-"""The methods that "adaptsim" may mean."""
-
 Targets = Literal["paper", "wide"]
 """Where targets are drawn: in the paper's ranges, or beyond them too."""
 
@@ -94,9 +91,8 @@ class Card(_Table):
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
     simulations: int = 0
-    method: Default = "adaptsim-iteration"  # what "adaptsim" means; the paper's unless stated
     solver: Literal["emulator", "naf"] = "emulator"
-    naf: dict[str, Any] | None = None  # read by `sim.solvers.naf.solver.restore_naf`
+    naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
     budget: Budget = Budget()
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for

@@ -11,9 +11,8 @@ import datetime
 import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -22,16 +21,13 @@ from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.simulating import simulating
 from sim.solvers.solver import Solver
 from sim.storage.files import sha256, write_toml
 from sim.storage.tensors import Tensors, load_tensors, save_tensors
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
-
-if TYPE_CHECKING:
-    from sim.adaptation.memory import MemoryName
-    from sim.adaptation.q_network import QNetwork
 
 __all__ = [
     "MODEL",
@@ -44,8 +40,6 @@ __all__ = [
 ]
 
 MODEL = "model.safetensors"
-PREFIXES: dict[MemoryName, str] = {"iteration": "q_network.", "state": "q_state.", "history": "q_history."}
-"""Prefix of the adaptation policies' tensors, by memory."""
 PROSPECTS = "prospects."
 
 
@@ -60,21 +54,13 @@ class Checkpoint:
     prospects: Prospects | None  # None with NAF, which cannot answer without simulating
     tensors: Tensors  # everything in the checkpoint's weights file
 
-    @cached_property
-    def networks(self) -> Mapping[MemoryName, QNetwork]:
-        """The paper's adaptation policies, by their memory of a session. Raises CheckpointError if one does not fit."""
-        found = {memory: self._network(memory, prefix) for memory, prefix in PREFIXES.items()}
-        return {memory: network for memory, network in found.items() if network is not None}
-
-    def _network(self, memory: MemoryName, prefix: str) -> QNetwork | None:
-        from sim.adaptation.memory import restore_policy  # noqa: PLC0415 - torch is slow to load, and few methods need it
-
-        part = _part(self.tensors, prefix)
-        return restore_policy(self.solver.task, memory, part) if part else None
+    def part(self, prefix: str) -> dict[str, NDArray[Any]]:
+        """The tensors whose names begin with `prefix`, without it: what one reader of the checkpoint finds there."""
+        return _part(self.tensors, prefix)
 
     @property
     def naf(self) -> Mapping[str, Any] | None:
-        """The facts from which `restore_naf` builds the solver; None unless the policies are NAF's."""
+        """The facts from which NAF's solver is built; None unless the policies are NAF's."""
         return self.card.naf if self.card.solver == "naf" and not self.solver.task.exact else None
 
     @property
@@ -82,28 +68,21 @@ class Checkpoint:
         """SHA-256 of the weights, which a session records."""
         return self.card.sha256
 
-    @property
-    def method(self) -> str:
-        """The method that "adaptsim" meant."""
-        return self.card.method
-
 
 def save_checkpoint(
     task: Task,
     folder: Path,
     emulator: Emulator | None,
-    networks: Mapping[MemoryName, QNetwork],
+    further: Tensors,
     facts: Mapping[str, Any],
     prospects: Prospects | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
-    `emulator` is None for a task with an exact solver, and with NAF: then the facts contain
-    `sim.solvers.naf.solver.naf_facts`.
+    `emulator` is None for a task with an exact solver, and with NAF: then the facts contain its own. `further` tensors
+    are those of methods (`Checkpoint.part` reads them).
     """
-    tensors = {f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}
-    for memory, network in networks.items():
-        tensors |= {f"{PREFIXES[memory]}{name}": t for name, t in network.tensors.items()}
+    tensors = {**({f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}), **further}
     if prospects is not None:
         tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
     save_tensors(folder / MODEL, tensors)
@@ -184,10 +163,8 @@ def _solver(task: Task, path: Path, card: Card) -> Solver:
     """The solver without an emulator: exact, or NAF's."""
     if task.exact:
         return task.exact(task)
-    from sim.solvers.naf.solver import restore_naf  # noqa: PLC0415 - torch is slow to load, and few checkpoints need it
-
     try:
-        return restore_naf(task, card.naf or {})
+        return simulating("naf").restore(task, card.naf or {})
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
 

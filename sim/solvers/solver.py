@@ -1,6 +1,6 @@
 """The contract of solvers: task policies, and expectations of their trials.
 
-Three siblings: `sim.solvers.emulator.solver`, `sim.solvers.naf.solver`, and a task's own exact one (`Task.exact`).
+Siblings: `sim.solvers.emulator.solver`, a task's own exact one (`Task.exact`), and those of `sim.solvers.simulating`.
 """
 
 from __future__ import annotations

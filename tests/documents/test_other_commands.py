@@ -50,7 +50,7 @@ def test_every_other_command_names_what_exists(page: Path) -> None:
         ("make tea", "no such target: tea"),
         ("pytest -q tests/nowhere.py", "no such file: tests/nowhere.py"),
         ("python benchmarks/nothing.py", "no such file"),
-        ("python benchmarks/rolling.py --scops 3", "no such option: --scops"),
+        ("python benchmarks/stopping.py --scops 3", "no such option: --scops"),
     ],
 )
 def test_a_wrong_line_is_noticed(line: str, why: str) -> None:

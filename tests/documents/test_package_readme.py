@@ -35,10 +35,10 @@ def test_every_link_is_absolute_and_leads_to_a_file(setup: ModuleType) -> None:
 
 
 def test_pictures_are_raw_files_and_pages_are_not(setup: ModuleType) -> None:
-    text = setup.readme("![a](docs/figures/session.png) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
+    text = setup.readme("![a](docs/figures/session.jpg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
     assert (
         text
-        == f"![a]({URL}/raw/main/docs/figures/session.png) [b]({URL}/blob/main/docs/README.md#start) [c](https://arxiv.org/x)"
+        == f"![a]({URL}/raw/main/docs/figures/session.jpg) [b]({URL}/blob/main/docs/README.md#start) [c](https://arxiv.org/x)"
     )
 
 
@@ -53,7 +53,7 @@ def test_without_a_repository_links_keep_their_words(setup: ModuleType) -> None:
 
 def test_the_readme_has_a_picture_that_is_small() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    first = re.search(r"!\[[^\]]+\]\((\S+\.png)\)", text)
+    first = re.search(r"!\[[^\]]+\]\((\S+\.(?:png|jpg))\)", text)
     assert first is not None
     assert (ROOT / first[1]).stat().st_size < 400_000
     assert text.index(first[0]) < 100

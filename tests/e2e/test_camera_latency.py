@@ -12,7 +12,7 @@ from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.target import Rig
 from adaptsim_cli.storage.durable import write_folder
 from calib.types import HandEye

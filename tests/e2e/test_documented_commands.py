@@ -24,7 +24,7 @@ from documents import PAGES, ROOT, commands, read
 from adaptsim_cli import app
 
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
-SESSION = "scooping-ood-1-adaptsim-seed0"
+SESSION = "scooping-oreo-adaptsim-seed0"
 OTHER = "scooping-ood-1-udr-seed0"
 STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
 STANDS_FOR |= {"VIEWS": "my-views", "COMMAND": "run-iteration"}
@@ -169,7 +169,7 @@ def test_whatever_is_not_executed_is_documented_and_has_a_reason() -> None:
 
 def test_a_session_is_begun_before_it_is_read_and_deleted_last() -> None:
     lines = [line for line in documented() if not elsewhere(line)]
-    begun = lines.index("adaptsim run-iteration --task scooping --world ood-1 --seed 0 --yes")
+    begun = lines.index("adaptsim run-iteration --task scooping --world oreo --seed 0 --yes")
     reading = [i for i, line in enumerate(lines) if SESSION in line and "run-iteration" not in line]
     assert begun < min(reading)
     assert lines.index(f"adaptsim sessions redo {SESSION} 1") < lines.index(f"adaptsim sessions accept {SESSION} 1")

@@ -20,7 +20,7 @@ from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app
 from adaptsim_cli.config import Config
-from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.wiring import session as wiring
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 

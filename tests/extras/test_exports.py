@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, rerun_file, table, whole
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session import episodes, exporting, rerun_file, whole
+from adaptsim_cli.session.store import SessionStore, rows, trials_of
 
 pytestmark = pytest.mark.extra
 
@@ -71,7 +71,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
     played = trial.stored.execution  # the toy's arm rests: here it turns about its base
     turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
     moving = replace(trial, stored=replace(trial.stored, execution=replace(played, q_measured_rad=turned)))
-    file = rerun_file.write(moving, tmp_path / "moving.rrd")
+    file = exporting.written(tmp_path / "moving.rrd", rerun_file.encode(moving))
     depth = "/base/camera/depth_camera/image"
     assert "DepthImage:buffer" in components(file, depth)
     assert {meter for row in values(file, depth, "DepthImage:meter") for meter in row} == {1000.0}
@@ -95,7 +95,7 @@ def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tm
 
     (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet")
     found = pq.read_table(file)
-    assert found.to_pylist() == table.rows(store)
+    assert found.to_pylist() == rows(store)
     assert found.schema.metadata[b"unit of duration_s"] == b"s"
 
 
@@ -108,7 +108,7 @@ def test_lerobot_loads_the_data_set(store: SessionStore, tmp_path: Path) -> None
     said = subprocess.run(program, env=env, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr[-2000:]
     found = json.loads(said.stdout.splitlines()[-1])
-    trials = table.trials_of(store)
+    trials = trials_of(store)
     assert found["episodes"] == count == len(trials)
     assert found["fps"] == episodes.CAMERA_FPS
     assert found["shapes"]["observation.state"] == found["shapes"]["action"] == [7]

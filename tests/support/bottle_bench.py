@@ -15,8 +15,7 @@ import numpy as np
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Assessment, Parts, Provenance
-from adaptsim_cli.session.target import Planner, Rig
+from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Rig
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeBench, FakeClock

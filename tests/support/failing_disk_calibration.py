@@ -24,7 +24,7 @@ import perception.board
 from adaptsim_cli.calibration import arm_picture, flow, page
 from adaptsim_cli.calibration.solving import Solved, solve_folder
 from adaptsim_cli.calibration.store import RESULT, VIEWS
-from adaptsim_cli.storage.locking import LOCK
+from adaptsim_cli.storage.durable import LOCK
 from calib import files
 from hw.types import Execution, JointPath
 

@@ -14,8 +14,8 @@ from adaptsim_cli import config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.session import conduct
+from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
-from adaptsim_cli.session.verifying import verify
 
 NAME = "toy-wd-adaptsim-seed0"
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}

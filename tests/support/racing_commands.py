@@ -30,9 +30,8 @@ from failing_disk_session import digest_of
 from toy_command import RUN, call
 from toy_rig import ToyLab
 
-from adaptsim_cli.session.keeping import archive_of
+from adaptsim_cli.session.keeping import archive_of, verify
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.verifying import verify
 from sim.storage.files import TEMPORARY
 
 NOTE = ("sessions", "note", "s", "the lamp was moved")

@@ -13,7 +13,7 @@ from toy_rig import ToyLab, toy_parts
 
 from adaptsim_cli import app
 from adaptsim_cli.config import Config
-from adaptsim_cli.session.parts import Parts
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.wiring import session as wiring
 
 RUN = ("run-iteration", "--task", "toy", "--session", "s", "--yes", "--json")

@@ -10,13 +10,13 @@ import numpy as np
 from toy_task import TOY
 
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
 from sim.rollouts.run import Roll
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorPolicy, train_many
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
-from sim.solvers.naf.policy import NafPolicy, naf_training, train_together
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 

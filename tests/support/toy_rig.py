@@ -16,8 +16,7 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Assessment, Parts, Provenance
-from adaptsim_cli.session.target import Paths, Planner, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.target import Assessment, Parts, Paths, Planner, Provenance, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath

@@ -16,11 +16,9 @@ from adaptsim_cli import config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
-from adaptsim_cli.session.attended import Unattended
 from adaptsim_cli.session.flow import Session
-from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review
-from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.stages import RunTrial
+from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review, Unattended
+from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
 NAME = "toy-wd-adaptsim-seed0"

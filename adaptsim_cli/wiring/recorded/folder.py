@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.session import table
-from adaptsim_cli.session.store import FACTS, SessionStore
+from adaptsim_cli.session.store import FACTS, SessionStore, trials_of
 from adaptsim_cli.wiring.recorded import mcap, tables
 from adaptsim_cli.wiring.recorded.manifest import MANIFEST, Manifest, read_manifest
 from adaptsim_cli.wiring.recorded.raw import OUTCOME, RawTrial, checked
@@ -64,7 +63,7 @@ def _of_session(task: Task, folder: Path) -> list[RawTrial]:
     if store.facts.task != task.name:
         raise RecordingsRefused(f"{folder} is a session of {store.facts.task}, not of {task.name}")
     raw, seen = list[RawTrial](), set[tuple[float, ...]]()
-    for trial in table.trials_of(store):
+    for trial in trials_of(store):
         if (action := tuple(trial.action.values())) in seen:
             continue
         seen.add(action)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hw.types import Array
@@ -32,13 +33,14 @@ class Tosses:
     tracks: tuple[ObjectTrack, ...]
     rotations: tuple[Array, ...]  # (N, 4) quaternions x, y, z, w of each
 
-    def some(self, rows: Array) -> Tosses:
+    def some(self, rows: NDArray[np.int_]) -> Tosses:
         """Only these tosses."""
-        chosen = [int(row) for row in rows]
-        numbers, tracks, rotations = (
-            tuple(column[i] for i in chosen) for column in (self.numbers, self.tracks, self.rotations)
+        return Tosses(
+            tuple(self.numbers[i] for i in rows),
+            self.actions[rows],
+            tuple(self.tracks[i] for i in rows),
+            tuple(self.rotations[i] for i in rows),
         )
-        return Tosses(numbers, self.actions[chosen], tracks, rotations)
 
 
 def read_tosses(path: Path) -> Tosses:

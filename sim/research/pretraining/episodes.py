@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.memory import MemoryName, Seen, encode, look_back
 from sim.adaptation.method import Trial
+from sim.research.methods.memory import MemoryName, Seen, encode, look_back
 from sim.research.pretraining.acting import Acting
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Roll

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.card import Targets
-from sim.adaptation.memory import MemoryName, new_policy
-from sim.adaptation.q_network import QNetwork
+from sim.research.methods.memory import MemoryName, new_policy
+from sim.research.methods.q_network import QNetwork
 from sim.research.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse
 from sim.research.pretraining.logs import Log, silent
 from sim.research.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions

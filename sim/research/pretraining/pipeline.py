@@ -24,15 +24,17 @@ import numpy as np
 from hw.bounded import Unreadable
 from sim.adaptation.card import CARD, Targets
 from sim.adaptation.checkpoint import save_checkpoint
-from sim.adaptation.memory import MemoryName, restore_policy
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
-from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
-from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
+from sim.research.methods.memory import MemoryName, restore_policy, tensors_of
+from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import QPolicy
 from sim.research.methods.random_search import RandomSearch
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.acting import Acting, Solved, fill_library
 from sim.research.pretraining.emulated import EmulatedRolls
 from sim.research.pretraining.episodes import Episodes, Simulator
@@ -47,8 +49,6 @@ from sim.rollouts.run import Roll, run_many
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.solvers.solver import Solver
 from sim.storage.files import read_toml, write_toml
 from sim.storage.tensors import load_tensors, save_tensors
@@ -96,7 +96,7 @@ class PretrainBudget:
 
     @classmethod
     def full(cls, task: Task) -> PretrainBudget:
-        """The default: about a quarter of an hour of two quiet cores for a contact task (docs/results/learning.md).
+        """The default: about a quarter of an hour of two quiet cores for a contact task.
 
         Where the mirror image of a rollout counts too, three quarters as many are simulated.
         """
@@ -162,8 +162,8 @@ def pretrain(
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
-    Without the `wanted` stages it has only the parts for inference, and its `adaptsim` is `adaptsim-belief`. Raises
-    DatasetError if the folder holds another plan. It may be stopped at any time; the same call continues.
+    Without the `wanted` stages it has only the parts for inference. Raises DatasetError if the folder holds another
+    plan. It may be stopped at any time; the same call continues.
     """
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
@@ -178,19 +178,19 @@ def pretrain(
     # None with NAF: without an emulator each entry would cost a simulation.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     networks: dict[MemoryName, QNetwork] = {}
-    facts: dict[str, Any] = {"seed": seed, "method": BELIEF if ahead else NETWORKS["iteration"]}
+    facts: dict[str, Any] = {"seed": seed}
     if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         with tensorboard(folder / "logs") as log:
             networks = _policies(folder, means, budget.meta, draws[2], progress, log)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if wanted.evaluation or (folder / "evaluation.toml").exists():
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
-        facts |= {"evaluation": results, "method": best_method(results)}
+        facts["evaluation"] = results
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
         facts["simulations"] = means.simulated()
-        save_checkpoint(task, path, means.emulator, networks, {**means.facts, **facts}, ahead)
+        save_checkpoint(task, path, means.emulator, tensors_of(networks), {**means.facts, **facts}, ahead)
     progress(STAGES[5], 1, 1)
     return path
 
@@ -365,13 +365,6 @@ def _evaluation(
 
 def _has_policies(evaluation: Mapping[str, Any]) -> bool:
     return bool({score["name"] for score in evaluation["methods"]} & set(NETWORKS.values()))
-
-
-def best_method(evaluation: Mapping[str, Any]) -> str:
-    """The AdaptSim variant with the highest final reward in the evaluation; the first of equal ones."""
-    scores = [score for score in evaluation["methods"] if score["name"] != RANDOM]
-    last: dict[str, float] = {score["name"]: float(score["reward"][-1]) for score in scores}
-    return max(last, key=lambda name: last[name])
 
 
 def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.q_network import QNetwork, Weights, new_network
+from sim.research.methods.q_network import QNetwork, Weights, new_network
 from sim.solvers.blas import one_blas_thread
 
 FIRST_MOMENT, SECOND_MOMENT, TINY = 0.9, 0.999, 1e-8

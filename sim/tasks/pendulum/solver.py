@@ -82,7 +82,7 @@ class LqrSolver:
 
     @property
     def misfit_limit(self) -> float:
-        """The misfit limit, measured on targets in Omega under the gain of another E (`benchmarks/pendulum.py`)."""
+        """The misfit limit, measured on targets in Omega under the gain of another E."""
         return _MISFIT_LIMIT
 
 

@@ -12,7 +12,7 @@ from adaptsim_cli import app, config
 from adaptsim_cli.wiring.checkpoints import task_of
 from sim.adaptation.card import CARD
 from sim.adaptation.checkpoint import save_checkpoint
-from sim.adaptation.memory import new_policy
+from sim.research.methods.memory import new_policy, tensors_of
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import TASKS, files_of
 
@@ -80,7 +80,7 @@ def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(
     own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
     task = task_of(config.load({"task": "pendulum", "object": str(own)}).config)
     made = config.places().pretraining / "pendulum-heavy-seed0" / "checkpoint"
-    save_checkpoint(task, made, None, {"iteration": new_policy(task, "iteration", 0)}, {})
+    save_checkpoint(task, made, None, tensors_of({"iteration": new_policy(task, "iteration", 0)}), {})
     shutil.copytree(copied, made.parents[1] / "pendulum-seed0" / "checkpoint")
     asked = ["checkpoints", "verify", "--task", "pendulum", "--rollouts", "0", "--json"]
     assert app.run([*asked, "--object", str(own)]) == 0

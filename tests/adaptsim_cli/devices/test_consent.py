@@ -20,12 +20,12 @@ from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.devices.rig_file.required import gaps
-from adaptsim_cli.doctor import lab
-from adaptsim_cli.doctor.finding import Severity
+from adaptsim_cli.doctor import checks
+from adaptsim_cli.doctor.checks import Severity
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.log import SessionLog
-from adaptsim_cli.session.log import read as read_log
+from adaptsim_cli.session.watching import SessionLog
+from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
 from hw.collision import LEVEL
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
@@ -175,7 +175,7 @@ def test_the_doctor_says_when_the_check_is_older_than_a_day(
     if age is not None:
         at = (NOW - timedelta(hours=age)).isoformat(timespec="seconds")
         (tmp_path / "known.json").write_text(json.dumps({"stop_button": at, "stop_button_by": "Kim", "setups": {}}))
-    assert lab.stop_button(known.read(), False, NOW).verdict is verdict
+    assert checks.stop_button(known.read(), False, NOW).verdict is verdict
 
 
 def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
@@ -243,9 +243,9 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(
         open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers()),
     ):
         pass
-    found = lab.required(rig, "scooping")
+    found = checks.required(rig, "scooping")
     assert [(one.name, one.verdict) for one in found] == [
         (what, Severity.MISSING) for what in ("pedal", "person", "payload", "keep_out")
     ]
     waived = 'waived = ["pedal", "person", "payload", "keep_out"]\n' + bare
-    assert [one.verdict for one in lab.required(read(write_rig(place, waived)), "scooping")] == [Severity.ADVICE]
+    assert [one.verdict for one in checks.required(read(write_rig(place, waived)), "scooping")] == [Severity.ADVICE]

@@ -35,10 +35,9 @@ from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.attended import Attended
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.operator import Attended
+from adaptsim_cli.session.records import RigFacts, TrialKey
 from adaptsim_cli.session.target import Executed
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring

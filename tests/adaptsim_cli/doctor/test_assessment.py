@@ -12,7 +12,7 @@ from adaptsim_cli import config
 from adaptsim_cli.devices.known_arm import Known
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import assessing
+from adaptsim_cli.doctor import assessment
 from adaptsim_cli.doctor.assessment import Motions, hazards, page
 from adaptsim_cli.errors import UsageError
 from hw.braking import STOP_S
@@ -41,7 +41,7 @@ def test_the_page_has_the_rigs_own_numbers(tmp_path: Path) -> None:
     for words in (
         "lab-1, panda at 172.16.0.2, scooping",
         "0.80 m/s",
-        "at most 72 cm of travel",
+        "at most 32 cm of travel",
         "stops by itself at 80 N",
         "payload in the hand: 0.12 kg",
         "2026-03-01T08:00:00+00:00 Kim",
@@ -58,10 +58,10 @@ def test_the_command_plans_a_motion_and_writes_a_new_file(tmp_path: Path, monkey
     write_rig(place)
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
-    assessing.write(there, place / "risk.md", screen)
+    assessment.write(there, place / "risk.md", screen)
     assert "Written" in said(screen)
     assert "largest speed of the tool" in (place / "risk.md").read_text()
     with pytest.raises(UsageError, match="exists already"):
-        assessing.write(there, place / "risk.md", screen)
+        assessment.write(there, place / "risk.md", screen)
     with pytest.raises(UsageError, match="hurts nobody"):
-        assessing.write(config.load({"hw": "fake"}), place / "other.md", screen)
+        assessment.write(config.load({"hw": "fake"}), place / "other.md", screen)

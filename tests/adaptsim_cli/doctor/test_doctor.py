@@ -1,4 +1,4 @@
-"""Every check of the doctor, over readings that are made up; and the checklist as it is shown."""
+"""Every check of the doctor, over readings that are made up; and the checklist as it is examination."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from rich.console import Console
 from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import BalancePart, PedalPart, RigDescription
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import examination, lab, machine, program, readings, shown
-from adaptsim_cli.doctor.finding import Finding, Severity, ok
+from adaptsim_cli.doctor import checks, examination, readings
+from adaptsim_cli.doctor.checks import Finding, Severity, ok
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
@@ -58,57 +58,57 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
 @pytest.mark.parametrize(
     ("finding", "verdict", "says"),
     [
-        (program.python("3.11.7", "<3.13,>=3.11"), OK, "3.11.7"),
-        (program.python("3.10.2", "<3.13,>=3.11"), MISSING, "3.10.2, needed <3.13,>=3.11"),
-        (program.packages(["numpy<2.5,>=2.2", "dask; extra == 'cluster'"], HAVE.get), OK, "with the required versions"),
-        (program.packages(["numpy<2.3", "mcap>=1.3"], HAVE.get), MISSING, "numpy 2.4.0, needed <2.3; mcap is not inst"),
-        (program.libraries(lambda _: True), OK, "find theirs"),
-        (program.libraries(lambda name: "usb" not in name), MISSING, "libusb-1.0-0"),
-        (program.driver("fr3", HAVE.get), OK, "speaks interface 10: arm system 5.9.0"),
-        (program.driver("panda", HAVE.get), MISSING, "panda-python 1.0.0 is installed, tested is 1.1.1"),
-        (program.driver("fr3", absent), MISSING, "pylibfranka is not installed; it speaks interface 10"),
-        (machine.disk("/data", 900, 500), OK, "0.9 GB free"),
-        (machine.disk("/data", 100, 500), MISSING, "100 MB free in /data, 500 MB needed (min_free_mb)"),
-        (machine.disk_speed("/data", WriteSpeed(300.0, 0.004)), OK, "300 MB/s, a record is safe after 4 ms"),
-        (machine.disk_speed("/data", WriteSpeed(9.0, 0.004)), ADVICE, "recommended: 20 MB/s"),
-        (machine.disk_speed("/data", WriteSpeed(300.0, 0.5)), ADVICE, "safe after 500 ms"),
-        (machine.disk_speed("/data", WriteSpeed(None, problem="Read-only")), MISSING, "written to: Read-only"),
-        (machine.realtime_kernel("6.1-rt", True), OK, "6.1-rt"),
-        (machine.realtime_kernel("6.1", False), MISSING, "communication_constraints_violation"),
-        (machine.priorities(Limits(99, float("inf"), False)), OK, "may ask"),
-        (machine.priorities(Limits(0, 8e6, True)), OK, "may ask"),
-        (machine.priorities(Limits(0, 8e6, False)), MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 needed"),
-        (machine.priorities(Limits(99, 8e6, False)), MISSING, "memlock 8 MB"),
-        (machine.governor(()), OK, "no frequency governor"),
-        (machine.governor(("performance",) * 2), OK, "every core"),
-        (machine.governor(("performance", "powersave")), ADVICE, "powersave on 1 of 2 cores"),
-        (machine.network("arm", RoundTrips((0.2, 0.3, 0.2), 0)), OK, "answers in 0.20 ms, 0.30 ms at worst"),
-        (machine.network("arm", RoundTrips((0.2, 3.0), 0)), ADVICE, "3.00 ms at worst, 0 of 2 lost"),
-        (machine.network("arm", RoundTrips((0.2,), 1)), ADVICE, "1 of 2 lost"),
-        (machine.network("arm", RoundTrips((), 2, "timed out")), MISSING, "arm does not answer: timed out"),
-        (machine.serial_port("pedal", "/dev/a", Port(True, True, "dialout"), ()), OK, "may be used"),
-        (machine.serial_port("pedal", "/dev/a", Port(True, False, "uucp"), ()), MISSING, "belongs to the group uucp"),
-        (machine.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), MISSING, "/dev/a is not there"),
-        (lab.calibration(None, 30, NOW, "fr3"), MISSING, "this rig has no calibration: the camera pose is unknown"),
-        (lab.calibration(calibration("2026-02-28T00:00:00+00:00"), 30, NOW, "fr3"), OK, "± 0.5 mm, ± 0.05°, 1 day old"),
-        (lab.calibration(calibration("2026-01-01T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "59 days old"),
-        (lab.calibration(calibration("2026-03-05T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "made 4 days in"),
-        (lab.camera(kinect("12"), ""), OK, "12, Microsoft library 1.4.1"),
-        (lab.camera(kinect("12", "34"), "34"), OK, "34"),
-        (lab.camera(kinect("12", "34"), ""), MISSING, "several cameras are plugged in: 12, 34"),
-        (lab.camera(kinect("12"), "34"), MISSING, "34 is not plugged in; found: 12"),
-        (lab.camera(kinect("12", engine=False), "12"), MISSING, "no depth engine"),
-        (lab.camera(kinect(error="no camera is seen"), ""), MISSING, "no camera is seen"),
-        (lab.arm(seen(), "panda"), OK, "panda answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
-        (lab.arm(seen(missed=3), "panda"), OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
-        (lab.arm(seen(missed=80), "panda"), ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
-        (lab.arm(seen(gap_s=0.03), "panda"), ADVICE, "longest gap 30.0 ms (at most"),
-        (lab.arm(seen(notes=("memory is not locked",)), "panda"), ADVICE, "0 missed"),
-        (lab.arm(seen(mode="UserStopped"), "panda"), MISSING, "it would not move: the stop button is pressed"),
-        (lab.stream({"recording": {"frames": 15, "dropped": 0}}, 0.5), OK, "15 synchronised frames in 0.5 s, 0"),
-        (lab.stream({"recording": {"frames": 12, "dropped": 3}}, 0.5), ADVICE, "3 dropped"),
-        (lab.stream({"recording": {"frames": 4, "dropped": 0}}, 0.5), MISSING, "at least 10 are needed"),
-        (lab.stream({"recording": None}, 0.5), MISSING, "0 synchronised frames"),
+        (checks.python("3.11.7", "<3.13,>=3.11"), OK, "3.11.7"),
+        (checks.python("3.10.2", "<3.13,>=3.11"), MISSING, "3.10.2, needed <3.13,>=3.11"),
+        (checks.packages(["numpy<2.5,>=2.2", "dask; extra == 'cluster'"], HAVE.get), OK, "with the required versions"),
+        (checks.packages(["numpy<2.3", "mcap>=1.3"], HAVE.get), MISSING, "numpy 2.4.0, needed <2.3; mcap is not inst"),
+        (checks.libraries(lambda _: True), OK, "find theirs"),
+        (checks.libraries(lambda name: "usb" not in name), MISSING, "libusb-1.0-0"),
+        (checks.driver("fr3", HAVE.get), OK, "speaks interface 10: arm system 5.9.0"),
+        (checks.driver("panda", HAVE.get), MISSING, "panda-python 1.0.0 is installed, tested is 1.1.1"),
+        (checks.driver("fr3", absent), MISSING, "pylibfranka is not installed; it speaks interface 10"),
+        (checks.disk("/data", 900, 500), OK, "0.9 GB free"),
+        (checks.disk("/data", 100, 500), MISSING, "100 MB free in /data, 500 MB needed (min_free_mb)"),
+        (checks.disk_speed("/data", WriteSpeed(300.0, 0.004)), OK, "300 MB/s, a record is safe after 4 ms"),
+        (checks.disk_speed("/data", WriteSpeed(9.0, 0.004)), ADVICE, "recommended: 20 MB/s"),
+        (checks.disk_speed("/data", WriteSpeed(300.0, 0.5)), ADVICE, "safe after 500 ms"),
+        (checks.disk_speed("/data", WriteSpeed(None, problem="Read-only")), MISSING, "written to: Read-only"),
+        (checks.realtime_kernel("6.1-rt", True), OK, "6.1-rt"),
+        (checks.realtime_kernel("6.1", False), MISSING, "communication_constraints_violation"),
+        (checks.priorities(Limits(99, float("inf"), False)), OK, "may ask"),
+        (checks.priorities(Limits(0, 8e6, True)), OK, "may ask"),
+        (checks.priorities(Limits(0, 8e6, False)), MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 needed"),
+        (checks.priorities(Limits(99, 8e6, False)), MISSING, "memlock 8 MB"),
+        (checks.governor(()), OK, "no frequency governor"),
+        (checks.governor(("performance",) * 2), OK, "every core"),
+        (checks.governor(("performance", "powersave")), ADVICE, "powersave on 1 of 2 cores"),
+        (checks.network("arm", RoundTrips((0.2, 0.3, 0.2), 0)), OK, "answers in 0.20 ms, 0.30 ms at worst"),
+        (checks.network("arm", RoundTrips((0.2, 3.0), 0)), ADVICE, "3.00 ms at worst, 0 of 2 lost"),
+        (checks.network("arm", RoundTrips((0.2,), 1)), ADVICE, "1 of 2 lost"),
+        (checks.network("arm", RoundTrips((), 2, "timed out")), MISSING, "arm does not answer: timed out"),
+        (checks.serial_port("pedal", "/dev/a", Port(True, True, "dialout"), ()), OK, "may be used"),
+        (checks.serial_port("pedal", "/dev/a", Port(True, False, "uucp"), ()), MISSING, "belongs to the group uucp"),
+        (checks.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), MISSING, "/dev/a is not there"),
+        (checks.calibration(None, 30, NOW, "fr3"), MISSING, "this rig has no calibration: the camera pose is unknown"),
+        (checks.calibration(calibration("2026-02-28T00:00:00+00:00"), 30, NOW, "fr3"), OK, "± 0.5 mm, ± 0.05°, 1 day"),
+        (checks.calibration(calibration("2026-01-01T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "59 days old"),
+        (checks.calibration(calibration("2026-03-05T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "made 4 days in"),
+        (checks.camera(kinect("12"), ""), OK, "12, Microsoft library 1.4.1"),
+        (checks.camera(kinect("12", "34"), "34"), OK, "34"),
+        (checks.camera(kinect("12", "34"), ""), MISSING, "several cameras are plugged in: 12, 34"),
+        (checks.camera(kinect("12"), "34"), MISSING, "34 is not plugged in; found: 12"),
+        (checks.camera(kinect("12", engine=False), "12"), MISSING, "no depth engine"),
+        (checks.camera(kinect(error="no camera is seen"), ""), MISSING, "no camera is seen"),
+        (checks.arm(seen(), "panda"), OK, "panda answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
+        (checks.arm(seen(missed=3), "panda"), OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
+        (checks.arm(seen(missed=80), "panda"), ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
+        (checks.arm(seen(gap_s=0.03), "panda"), ADVICE, "longest gap 30.0 ms (at most"),
+        (checks.arm(seen(notes=("memory is not locked",)), "panda"), ADVICE, "0 missed"),
+        (checks.arm(seen(mode="UserStopped"), "panda"), MISSING, "it would not move: the stop button is pressed"),
+        (checks.stream({"recording": {"frames": 15, "dropped": 0}}, 0.5), OK, "15 synchronised frames in 0.5 s, 0"),
+        (checks.stream({"recording": {"frames": 12, "dropped": 3}}, 0.5), ADVICE, "3 dropped"),
+        (checks.stream({"recording": {"frames": 4, "dropped": 0}}, 0.5), MISSING, "at least 10 are needed"),
+        (checks.stream({"recording": None}, 0.5), MISSING, "0 synchronised frames"),
     ],
 )  # fmt: skip
 def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says: str) -> None:
@@ -120,11 +120,11 @@ def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says:
 @pytest.mark.parametrize(
     ("finding", "fix"),
     [
-        (program.driver("panda", absent), "pip install panda-python==1.1.1"),
-        (program.libraries(lambda _: False), "sudo apt-get install -y libegl1 libgl1 libusb-1.0-0 libglib2.0-0"),
-        (machine.serial_port("pedal", "/dev/a", Port(True, False, "dialout"), ()), "sudo usermod -aG dialout $USER"),
-        (lab.calibration(None, 30, NOW, "fr3"), "adaptsim calibrate --hw fr3"),
-        (machine.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), "there now: /dev/b"),
+        (checks.driver("panda", absent), "pip install panda-python==1.1.1"),
+        (checks.libraries(lambda _: False), "sudo apt-get install -y libegl1 libgl1 libusb-1.0-0 libglib2.0-0"),
+        (checks.serial_port("pedal", "/dev/a", Port(True, False, "dialout"), ()), "sudo usermod -aG dialout $USER"),
+        (checks.calibration(None, 30, NOW, "fr3"), "adaptsim calibrate --hw fr3"),
+        (checks.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), "there now: /dev/b"),
     ],
 )
 def test_a_fix_is_a_line_to_run(finding: Finding, fix: str) -> None:
@@ -156,10 +156,10 @@ def test_a_device_that_does_not_answer_is_named_with_its_own_words() -> None:
     def silent() -> str:
         raise DeviceUnavailable("the pedal has not sent anything")
 
-    found = lab.answers("pedal", silent, (DeviceUnavailable,), "docs/guide/enable-pedal.md")
+    found = checks.answers("pedal", silent, (DeviceUnavailable,), "docs/guide/enable-pedal.md")
     assert (found.verdict, found.detail) == (MISSING, "the pedal has not sent anything")
     with pytest.raises(ZeroDivisionError):  # a defect of the program is not taken for a device
-        lab.answers("pedal", lambda: str(1 / 0), (DeviceUnavailable,), "")
+        checks.answers("pedal", lambda: str(1 / 0), (DeviceUnavailable,), "")
 
 
 def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
@@ -309,22 +309,22 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (
         ok("program", "python", "3.11"),
-        program.driver("panda", absent),
-        machine.governor(("powersave",)),
-        *lab.not_needed(("pedal",)),
+        checks.driver("panda", absent),
+        checks.governor(("powersave",)),
+        *checks.not_needed(("pedal",)),
     )
     settings = config.load({}).config
-    shown.show(found, settings, screen)
+    examination.show(found, settings, screen)
     table, _, rest = file.getvalue().partition("Missing:")
     assert max(len(line.rstrip()) for line in table.splitlines()) <= 80
     assert [line[0] for line in table.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
     assert "  driver: pip install panda-python==1.1.1\n" in rest
     assert "  clock frequency: sudo cpupower frequency-set -g performance\n" in rest
     assert "Ready:" not in rest
-    assert not shown.as_json(found, settings)["ready"]
+    assert not examination.as_json(found, settings)["ready"]
     with pytest.raises(PreflightFailed, match="not ready: driver"):
-        shown.require(found)
-    shown.require(found[:1])
+        examination.require(found)
+    examination.require(found[:1])
 
 
 def test_the_rig_file_of_these_tests_is_one(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ import pytest
 
 from adaptsim_cli import app
 from adaptsim_cli.research import phase1_page as phase1
-from adaptsim_cli.research import verification as wiring_verification
 from sim.adaptation.prospects import ProspectSettings
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.meta_training import MetaSettings
@@ -107,16 +106,16 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
 def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification: Verification) -> None:
     made = verification.pretrained
     learnt = dataclasses.replace(made, emulator=object())  # type: ignore[arg-type]
-    assert wiring_verification.command(made) == "adaptsim pretrain --task pendulum --episodes 8 --judged 3"
+    assert phase1.command(made) == "adaptsim pretrain --task pendulum --episodes 8 --judged 3"
     usual = dataclasses.asdict(PretrainBudget.full(made.task))
-    assert wiring_verification.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
+    assert phase1.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
         "adaptsim pretrain --task pendulum"
     )
     planned = {**made.plan, "budget": {**usual, "rollouts": 512, "denser": 0}}
-    told = wiring_verification.command(dataclasses.replace(learnt, plan=planned))
+    told = phase1.command(dataclasses.replace(learnt, plan=planned))
     assert told == "adaptsim pretrain --task pendulum --rollouts 512 --denser 0"
     small = dataclasses.asdict(PretrainBudget.small(made.task))
-    told = wiring_verification.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
+    told = phase1.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
     assert told == "adaptsim pretrain --task pendulum --budget small"
 
 

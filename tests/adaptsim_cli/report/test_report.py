@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from toy_session import ScriptedOperator, attended, run
 
-from adaptsim_cli.report import page, path_figures
+from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Accept, Overrule, Redo
@@ -114,9 +114,9 @@ def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store: SessionStore) -> 
     aimed = record.model_copy(update={"goal_m": (x + 0.03, y - 0.04)})
     assert aimed.off_goal_mm == pytest.approx(50.0)
     assert record.off_goal_mm is None
-    drawn = path_figures.table_view([aimed], store.facts.context, 1)
+    drawn = figures.table_view([aimed], store.facts.context, 1)
     assert drawn.count('class="miss c0"') == 1
-    assert "miss" not in path_figures.table_view([record], store.facts.context, 1)
+    assert "miss" not in figures.table_view([record], store.facts.context, 1)
 
 
 def test_the_times_of_an_iteration_add_up(store: SessionStore) -> None:

@@ -15,8 +15,8 @@ from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import conduct
-from adaptsim_cli.session.attended import Attended
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.operator import Attended
 from perception.types import Outcome
 
 

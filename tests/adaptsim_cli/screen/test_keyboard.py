@@ -15,8 +15,7 @@ import pytest
 from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.keyboard import read_line
-from adaptsim_cli.screen.keys import ESCAPE, enter, stop
+from adaptsim_cli.screen.keys import ESCAPE, enter, read_line, stop
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import conduct, recording
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.parts import Parts
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Parts
 from calib.saved import CheckRecord
 
 LATE_S = 0.025

@@ -13,8 +13,8 @@ from toy_rig import ToyLab, on_rig
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.drift import brightness, drift
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.preflight import brightness, drift
 from adaptsim_cli.session.records import RigFacts
 
 

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from toy_session import NAME, run
 
 from adaptsim_cli import app
-from adaptsim_cli.session import cdr, exporting, recording, topics, whole
+from adaptsim_cli.session import exporting, recording, topics, whole
 from adaptsim_cli.session.store import SessionStore
 
 
@@ -43,7 +43,7 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
     found, record = messages(files[0]), store.trials(0)[0]
     assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
     assert len(found["/object"]) == len(record.track.t_s)
-    assert json.loads(cdr.Reader(found["/outcome"][0]).string())["reward"] == record.reward
+    assert json.loads(topics.Reader(found["/outcome"][0]).string())["reward"] == record.reward
     assert any(b"outcome: " in line for line in found["/events"])
     assert b"<robot" in found["/robot_description"][0]
     with files[0].open("rb") as stream:
@@ -51,7 +51,7 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
     assert (about.metadata["session"], about.metadata["trial"]) == (NAME, "1")
     stored = whole.open_trial(store, record).stored
     assert json.loads(layout.read_text())["layout"]["direction"] == "row"
-    depth = cdr.Reader(found["/camera/depth"][0])
+    depth = topics.Reader(found["/camera/depth"][0])
     depth.header()
     height, width, encoding = depth.count(), depth.count(), depth.string()
     depth.byte(), depth.count()
@@ -88,7 +88,7 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
     for frame in ("base", "tool", "camera_colour", "camera_depth", *topics.FRAMES):
         assert frame.encode() + b"\0" in transforms, frame
     for topic, holds in (("/joints/measured", (7, 7, 7)), ("/joints/commanded", (7, 7, 0))):
-        reader = cdr.Reader(found[topic][0])
+        reader = topics.Reader(found[topic][0])
         reader.header()
         assert reader.strings()[0] == "panda_joint1"
         assert tuple(len(reader.doubles()) for _ in range(3)) == holds, "positions, velocities, efforts"

@@ -11,10 +11,10 @@ from adaptsim_cli import app
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.operator import Redo
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, names
-from adaptsim_cli.session.verifying import verify
 
 
 @pytest.fixture(scope="module")

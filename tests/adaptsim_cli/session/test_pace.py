@@ -16,8 +16,7 @@ from adaptsim_cli import app
 from adaptsim_cli.session import conduct
 from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
-from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import RigFacts, TrialKey
 from hw.errors import Rehearsed
 
 KEY, CONTEXT, ACTION = TrialKey(1, 0), np.array([0.68, 0.0]), np.array([0.5])

@@ -14,12 +14,11 @@ from toy_session import NAME, ScriptedOperator, attended, run, unattended
 
 from adaptsim_cli.errors import SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
+from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import Session, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Choices, Redo, Review
-from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.redoing import redo
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError

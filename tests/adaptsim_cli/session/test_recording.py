@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from toy_rig import MODEL, X_BC
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session import cdr, recording
+from adaptsim_cli.session import recording, topics
 from hw.types import Execution, Frame
 from perception.types import ObjectTrack, Outcome
 
@@ -112,7 +112,7 @@ def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path: Path) -> Non
     with path.open("rb") as stream:
         found = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
     assert [(topic, t_ns) for topic, t_ns, _ in found] == [("/object", 12_000_000_000), ("/object", 12_100_000_000)]
-    fields = cdr.Reader(found[1][2])
+    fields = topics.Reader(found[1][2])
     assert (fields.header(), fields.doubles(3)) == ((12_100_000_000, "base"), (0.0, 1.0, 0.0))
 
 
@@ -131,6 +131,6 @@ def test_the_same_trial_gives_the_same_bytes() -> None:
 def test_messages_are_laid_out_as_cdr_wants_them() -> None:
     # Header (stamp 1.000000002 s, frame "ab"), then x = 1.5 aligned to eight bytes behind the four-byte header.
     expected = bytes.fromhex("00010000 01000000 02000000 03000000 616200 00 000000000000f83f".replace(" ", ""))
-    assert cdr.point(1_000_000_002, "ab", (1.5,)) == expected
-    back = cdr.Reader(expected)
+    assert topics.point(1_000_000_002, "ab", (1.5,)) == expected
+    back = topics.Reader(expected)
     assert (back.header(), back.doubles(1)) == ((1_000_000_002, "ab"), (1.5,))

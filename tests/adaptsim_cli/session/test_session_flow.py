@@ -12,10 +12,10 @@ from toy_rig import PARAMETERS, ToyLab, on_rig
 from toy_session import NAME, ScriptedOperator, attended, no_space, run, unattended
 
 from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
+from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Overrule, Proposal, Redo
-from adaptsim_cli.session.redoing import redo
-from adaptsim_cli.session.stages import TrialKey
+from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import ArmFault, CameraError, MotionRefused
 from perception.errors import ObjectNotFound

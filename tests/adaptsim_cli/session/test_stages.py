@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adaptsim_cli.session.stages import Adapt, Draw, Existing, RunTrial, Show, TrialKey, generator, next_stage
+from adaptsim_cli.session.records import Adapt, Draw, Existing, RunTrial, Show, TrialKey, generator, next_stage
 
 NOTHING = Existing(frozenset(), frozenset(), frozenset(), frozenset(), {}, frozenset())
 

@@ -12,12 +12,10 @@ from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import Damaged, SessionRow
-from adaptsim_cli.session.amending import amend, amendable
-from adaptsim_cli.session.keeping import annotate, prune
-from adaptsim_cli.session.redoing import redo
+from adaptsim_cli.session.correcting import amend, amendable, redo
+from adaptsim_cli.session.keeping import annotate, prune, verify
 from adaptsim_cli.session.store import SessionStore, names
 from adaptsim_cli.session.summary import overview_or_damage
-from adaptsim_cli.session.verifying import verify
 from perception.types import Outcome
 
 

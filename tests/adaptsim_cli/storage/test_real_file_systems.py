@@ -17,9 +17,9 @@ from toy_command import RUN, call
 from toy_rig import ToyLab
 
 from adaptsim_cli.errors import DiskFull, SessionError
-from adaptsim_cli.session import conduct, flow, log
+from adaptsim_cli.session import conduct, flow, watching
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 
 Mount = Callable[[str], Path]
 NOBODY = 65534
@@ -116,7 +116,7 @@ import os, sys
 from pathlib import Path
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.locking import locked
+from adaptsim_cli.storage.durable import locked
 os.setresuid(65534, 65534, 65534)
 folder = Path(sys.argv[1])
 for attempt in (
@@ -217,7 +217,7 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
         if trial == 2:
             raise KeyboardInterrupt
 
-    for module in (conduct, flow, log):
+    for module in (conduct, flow, watching):
         monkeypatch.setattr(module, "datetime", Backwards)
     assert call(home, RUN, ToyLab(7, hooks={"stop_recording": interrupt}))[0] == 130
     assert call(home, RUN)[0] == 0

@@ -11,7 +11,7 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import values
+from adaptsim_cli.screen import views
 from adaptsim_cli.wiring.motion import planned
 from sim.tasks import get_task
 
@@ -57,6 +57,6 @@ def test_bad_values_are_named(arguments: list[str], message: str, capfd: pytest.
 
 def test_what_is_not_given_stays() -> None:
     otherwise = np.array([0.1, 0.06, 0.01])
-    np.testing.assert_array_equal(values.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01])
+    np.testing.assert_array_equal(views.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01])
     with pytest.raises(UsageError, match="--action"):
-        values.point(TASK.action, ["distance=nan"], otherwise, "--action")
+        views.point(TASK.action, ["distance=nan"], otherwise, "--action")

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.wiring.solvers import solver_of
+from adaptsim_cli.wiring.checkpoints import solver_of
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from sim.adaptation.memory import new_policy
 from sim.errors import UnknownName
+from sim.research.methods.memory import new_policy, tensors_of
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.rollouts import Requests, Rollouts
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
 from sim.tasks import get_task
 
 
@@ -26,7 +26,9 @@ def by_naf(tmp_path: Path) -> Checkpoint:
     """A checkpoint of scooping that was made without an emulator."""
     task = get_task("scooping")
     facts = naf_facts(NafSolver(task, not_asked, rules_of(task, 0.1), NafMemory(task), 1.5))
-    folder = save_checkpoint(task, tmp_path / "naf", None, {"iteration": new_policy(task, "iteration", 0)}, facts)
+    folder = save_checkpoint(
+        task, tmp_path / "naf", None, tensors_of({"iteration": new_policy(task, "iteration", 0)}), facts
+    )
     return load_checkpoint(task, str(folder))
 
 

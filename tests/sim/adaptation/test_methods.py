@@ -8,12 +8,12 @@ from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.best import choose_best
 from sim.adaptation.judging import judge
-from sim.adaptation.memory import encode, inputs, look_back, new_policy, seen_in_session
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
-from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.verdict import Kind
 from sim.errors import CheckpointError, UnknownName
+from sim.research.methods.memory import encode, inputs, look_back, new_policy, seen_in_session
+from sim.research.methods.q_policy import QPolicy
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 

@@ -34,7 +34,13 @@ TASK: Task = replace(
     action=Space((Dimension("speed", "m/s", 0.0, 1.0),)),
     action_noise=frozen_array([0.0]),
     observation=Observation(
-        frozen_array([0.0, 1.0]), (0,), *(frozen_array([v]) for v in (0.0, 1.0, 0.0, 0.001)), ("x [m]",)
+        times_s=frozen_array([0.0, 1.0]),
+        columns=(0,),
+        low=frozen_array([0.0]),
+        high=frozen_array([1.0]),
+        noise_mean=frozen_array([0.0]),
+        noise_std=frozen_array([0.001]),
+        curves=("x [m]",),
     ),
     simulate=slide,
     simulate_many=None,

@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.memory import MemoryName
-from sim.adaptation.q_network import QNetwork
+from sim.research.methods.memory import MemoryName
+from sim.research.methods.q_network import QNetwork
 from sim.research.pretraining.acting import LIBRARY
 from sim.research.pretraining.emulated import EmulatedRolls
 from sim.research.pretraining.episodes import Episodes, sparse

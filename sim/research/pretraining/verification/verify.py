@@ -16,9 +16,9 @@ import numpy as np
 
 from sim.adaptation.card import CARD, Card, EvaluationReport
 from sim.adaptation.checkpoint import read_card
-from sim.adaptation.memory import MemoryName, restore_policy
-from sim.adaptation.q_network import QNetwork
 from sim.errors import DatasetError
+from sim.research.methods.memory import MemoryName, restore_policy
+from sim.research.methods.q_network import QNetwork
 from sim.research.pretraining.episodes import Episodes
 from sim.research.pretraining.gate import gate_visits
 from sim.research.pretraining.meta_training import MetaSettings

@@ -7,7 +7,7 @@ import pytest
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation.q_network import QNetwork
+from sim.research.methods.q_network import QNetwork
 from sim.research.pretraining.acting import Solved
 from sim.research.pretraining.emulated import EmulatedRolls
 from sim.research.pretraining.episodes import Simulator

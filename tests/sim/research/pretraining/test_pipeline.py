@@ -8,13 +8,13 @@ from toy_learning import SETTINGS, roll, trained
 from toy_task import PARAMETERS, TOY, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.memory import new_policy
 from sim.adaptation.method import Method
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.q_policy import QPolicy
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
+from sim.research.methods.memory import networks_of, new_policy
+from sim.research.methods.q_policy import QPolicy
 from sim.research.methods.random_search import RandomSearch
 from sim.research.pretraining.acting import Library, Solved, fill_library
 from sim.research.pretraining.emulated import EmulatedRolls
@@ -205,7 +205,7 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     first = load_checkpoint(TOY, str(path))
     assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
     assert first.card.simulations == TINY.rollouts + TINY.denser
-    assert first.method == "adaptsim-belief" and not first.networks and first.card.evaluation is None
+    assert not networks_of(first) and first.card.evaluation is None
     assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2
     with pytest.raises(CheckpointError, match="--methods"):
         make_method("adaptsim-iteration", TOY, first)
@@ -217,7 +217,7 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
 
     run(tmp_path, wanted=Wanted(evaluation=False))
     taught = load_checkpoint(TOY, str(path))
-    assert taught.networks.keys() == {"iteration", "history", "state"}
+    assert networks_of(taught).keys() == {"iteration", "history", "state"}
     assert taught.card.evaluation == judged.card.evaluation
 
     run(tmp_path)

@@ -8,13 +8,13 @@ from toy_task import TOY, Unmodelled, simulate
 
 from sim.adaptation.card import Budget, EvaluationReport, Judging
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.memory import MemoryName, new_policy
-from sim.adaptation.q_network import QNetwork
+from sim.research.methods.memory import MemoryName, new_policy, tensors_of
+from sim.research.methods.q_network import QNetwork
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.verification.figures import Figure, verify_figures
 from sim.rollouts import run_many, serial_executor
-from sim.solvers.naf.memory import NafMemory
-from sim.solvers.naf.solver import NafSolver, naf_facts, rules_of
 
 EVALUATION = EvaluationReport(
     kind="paper",
@@ -36,7 +36,7 @@ def checkpoint_of(folder, evaluation=EVALUATION, **emulated):
     networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     facts = {"emulator": dataclasses.asdict(report) | emulated}
     facts |= {"evaluation": dataclasses.asdict(evaluation)} if evaluation else {}
-    save_checkpoint(TOY, folder, emulator, networks, facts)
+    save_checkpoint(TOY, folder, emulator, tensors_of(networks), facts)
     return load_checkpoint(TOY, str(folder))
 
 
@@ -88,7 +88,7 @@ def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
     solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY), 1.0)
     networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
     facts = naf_facts(solver) | {"evaluation": dataclasses.asdict(dataclasses.replace(EVALUATION, udr=0.99))}
-    save_checkpoint(TOY, tmp_path, None, networks, facts)
+    save_checkpoint(TOY, tmp_path, None, tensors_of(networks), facts)
     figures, _ = judge(load_checkpoint(TOY, str(tmp_path)))
     assert figures == {}
 

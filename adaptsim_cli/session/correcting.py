@@ -1,0 +1,194 @@
+"""Corrections of a stored session: amended outcomes, restored attempts, redone trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.outputs.trials import as_row
+from adaptsim_cli.session.operator import Choices
+from adaptsim_cli.session.records import Amendment, Existing, TrialKey, TrialRecord, current_key, trial_numbers
+from adaptsim_cli.session.store import SessionStore
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.tasks.task import Task
+
+_STEP = timedelta(seconds=1)
+
+
+@dataclass(frozen=True)
+class Amended:
+    """The change by one command."""
+
+    iteration: int
+    key: TrialKey
+    later: int  # number of later iterations that have begun
+    what: str  # one sentence
+
+    @property
+    def consequence(self) -> str:
+        """The effect on the rest of the session, in one sentence."""
+        if not self.later:
+            return "The next run-iteration adapts again from the trials that now count."
+        last = self.iteration + 1 + self.later
+        which = f"Iteration {last} was" if self.later == 1 else f"Iterations {self.iteration + 2} to {last} were"
+        return f"{which} made with policies from before. They stay; the next adaptation takes the change into account."
+
+
+def restore(store: SessionStore, number: int, attempt: int | None, reason: str) -> Amended:
+    """Let a rejected attempt of trial `number` count again: `attempt` (from 0), or the newest one with a recording.
+
+    An attempt that was never accepted is tracked and reviewed by the next run-iteration. Raises UsageError,
+    SessionError.
+    """
+    with store.locked():
+        existing, iteration = store.existing(), _iteration(store, number)
+        able = sorted(
+            key
+            for key in existing.rejected & (existing.completed | existing.recorded)
+            if key.number == number and store.motion(iteration, key).stopped is None
+        )
+        if not able:
+            raise UsageError(
+                f"trial {number} of {store.facts.name} has no rejected attempt with a complete recording, so there is "
+                "nothing to restore"
+            )
+        key = able[-1] if attempt is None else TrialKey(number, attempt)
+        if key not in able:
+            known = ", ".join(str(k.attempt + 1) for k in able)
+            raise UsageError(f"--attempt {key.attempt + 1}: attempts of trial {number} that can be restored: {known}")
+        now = _now(store)
+        for earlier in range(key.attempt):
+            if (other := TrialKey(number, earlier)) not in existing.rejected:
+                store.reject(iteration, other, now, f"attempt {key.attempt + 1} counts instead")
+        store.restore(iteration, key, now, reason)
+        waits = "" if key in existing.completed else "; the next run-iteration asks for its review, and nothing moves"
+        what = f"attempt {key.attempt + 1} of trial {number} counts again{waits}"
+        return Amended(iteration, key, _later(store, existing, iteration), what)
+
+
+def amendable(
+    store: SessionStore, task: Task, outcomes: tuple[Outcome, ...], number: int
+) -> tuple[TrialRecord, Choices]:
+    """The completed trial `number` that counts, and its reward under each possible outcome.
+
+    Raises UsageError, SessionError.
+    """
+    iteration, key = _accepted(store, number)
+    record = store.trial(iteration, key)
+    choices = choices_of(task, outcomes, record.track.track(), record.context_array)
+    if not choices:
+        raise UsageError(f"trial {number} of {store.facts.name} was simulated without a camera: its outcome is exact")
+    return record, choices
+
+
+def choices_of(task: Task, outcomes: tuple[Outcome, ...], track: ObjectTrack, context: Array) -> Choices:
+    """Every outcome that the track can support in this context (c,), with its reward."""
+    rewards = {outcome: task.score(replace(track, outcome=outcome), context) for outcome in outcomes}
+    return {outcome: reward for outcome, reward in rewards.items() if np.isfinite(reward)}
+
+
+def overruled(task: Task, record: TrialRecord, outcome: Outcome) -> TrialRecord:
+    """The trial with the outcome that the operator saw, scored again."""
+    track = replace(record.track.track(), outcome=outcome)
+    return record.counting_as(outcome, task.score(track, record.context_array), as_row(task.observation(track)))
+
+
+def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str) -> Amended:
+    """Let the completed trial `number` count with `outcome` and `reward`. Raises UsageError, SessionError."""
+    with store.locked():
+        iteration, key = _accepted(store, number)
+        record = store.trial(iteration, key)
+        if record.outcome == outcome:
+            raise UsageError(f"trial {number} of {store.facts.name} counts as {_words(outcome)} already")
+        seen = replace(record.track.track(), outcome=outcome)
+        amendment = Amendment(
+            at=_now(store),
+            text=reason,
+            outcome=outcome,
+            outcome_before=record.outcome,
+            reward=reward,
+            reward_before=record.reward,
+            observation=as_row(task.observation(seen)),
+        )
+        store.amend(iteration, key, amendment)
+        return Amended(iteration, key, _later(store, store.existing(), iteration), amended_words(number, amendment))
+
+
+def amended_words(number: int, by: Amendment) -> str:
+    """One amendment in words."""
+    return (
+        f"trial {number} counts as {_words(by.outcome)} instead of {_words(by.outcome_before)}, reward "
+        f"{by.reward:.2f} instead of {by.reward_before:.2f}: {by.text}"
+    )
+
+
+def sentences(store: SessionStore, until: int, known: int) -> tuple[str, ...]:
+    """The amendments and restorations in the iterations up to `until`, without the first `known`, in words."""
+    found = sorted(
+        (change for iteration in range(until + 1) for change in store.changes(iteration)), key=lambda c: c.note.at
+    )
+    return tuple(
+        amended_words(change.key.number, change.note)
+        if isinstance(change.note, Amendment)
+        else f"attempt {change.key.attempt + 1} of trial {change.key.number} counts again: {change.note.text}"
+        for change in found[known:]
+    )
+
+
+def _accepted(store: SessionStore, number: int) -> tuple[int, TrialKey]:
+    existing, iteration = store.existing(), _iteration(store, number)
+    key = current_key(existing, number)
+    if key not in existing.completed:
+        done = ", ".join(str(n) for n in sorted({k.number for k in existing.completed})) or "none"
+        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {done}")
+    return iteration, key
+
+
+def _iteration(store: SessionStore, number: int) -> int:
+    return (number - 1) // (store.facts.particles * store.facts.trials)
+
+
+def _later(store: SessionStore, existing: Existing, iteration: int) -> int:
+    begun = existing.started | existing.completed | existing.recorded
+    return max([0, *(_iteration(store, key.number) - iteration for key in begun)])
+
+
+def _words(outcome: Outcome) -> str:
+    return outcome.value.replace("_", " ")
+
+
+def _now(store: SessionStore) -> str:
+    """The time of a change: later than every earlier change, even if the clock went backwards."""
+    made = [change.note.at for iteration in range(store.iterations()) for change in store.changes(iteration)]
+    now = datetime.now(UTC).replace(microsecond=0)
+    earliest = max((datetime.fromisoformat(at) for at in made), default=now - _STEP) + _STEP
+    return max(now, earliest).isoformat(timespec="seconds")
+
+
+def redo(store: SessionStore, number: int, reason: str) -> int:
+    """Mark trial `number` as not counting; returns the number of its next attempt (from 1).
+
+    The trial has to be completed, or recorded and not yet reviewed, and no later iteration may depend on it.
+    Raises UsageError, SessionError.
+    """
+    facts = store.facts
+    with store.locked():
+        existing = store.existing()
+        iteration = (number - 1) // (facts.particles * facts.trials)
+        key = current_key(existing, number)
+        if key not in existing.completed | existing.recorded:
+            done = sorted({k.number for k in existing.completed})
+            raise UsageError(f"trial {number} of {facts.name} is not completed; completed are {done or 'none'}")
+        later = trial_numbers(iteration + 1, facts.particles, facts.trials).start
+        if any(k.number >= later for k in existing.started | existing.completed):
+            raise UsageError(
+                f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "
+                "that iteration; only trials of the newest iteration can be redone. To change its outcome: adaptsim "
+                f"sessions amend {facts.name} {number}"
+            )
+        store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
+    return key.attempt + 2

@@ -1,0 +1,191 @@
+"""The paper's solver: NAF task policies, trained only on true rollouts, with the budgets and reuse rules of A2.2.
+
+It has only the simulator, so every expectation of `sim.solvers.solver.Solver` needs rollouts. Expected rewards are
+means of `REWARD_ROLLOUTS` (unbiased, but noisy); trial rewards and trajectories are the simulator's own. A policy's own
+prediction is its value head.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from sim.errors import UnknownName
+from sim.research.naf.memory import NafMemory, policy_key
+from sim.research.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
+from sim.research.naf.reuse import TrainingPlan, features, plan_training
+from sim.rollouts.cache import CachedRollouts
+from sim.rollouts.draws import Disturbances, at_reference, trial_requests
+from sim.rollouts.executors import process_pool, serial_executor
+from sim.rollouts.run import Requests, Roll, run_many
+from sim.solvers.misfit import misfit
+from sim.solvers.solver import Executable, SolverSettings
+from sim.tasks.task import ReuseRules, Task
+
+REWARD_ROLLOUTS = 8
+"""Rollouts behind one expected reward.
+
+A mean of eight has an error of about 0.15; Phase 1 averages over ten thousand steps.
+"""
+
+MISFIT_TRIALS = 32
+"""Simulated trials that measure the distance of one to the nearest of `sim.solvers.misfit.DRAWS` others."""
+
+
+@dataclass(frozen=True, eq=False)
+class NafSolver:
+    """A `sim.solvers.solver.Solver`. Its policies depend on those trained before (paper, remark 1)."""
+
+    task: Task
+    roll: Roll
+    rules: ReuseRules
+    memory: NafMemory
+    misfit_limit: float = math.inf
+    settings: NafSettings = field(default_factory=NafSettings)
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[NafPolicy, ...]:
+        """One policy for each of B distributions, samples (B, m, p), in order: an earlier one may donate to a later
+        one.
+        """
+        seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
+        keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]
+        known = {key: policy for key in keys if (policy := self.memory.find(key)) is not None}
+        new = [i for i, key in enumerate(keys) if key not in known]
+        known |= self._train([(keys[i], samples[i], seeds[i]) for i in new])
+        attempts = (settings or SolverSettings()).attempts
+        return tuple(replace(known[key], executable=executable, attempts=attempts) for key in keys)
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c).
+
+        `draws` rollouts per context, or at least `REWARD_ROLLOUTS` per target, spread evenly over contexts; the same
+        action errors and nuisance for all targets.
+        """
+        count, g = actions.shape[:2]
+        repeats = min(draws, -(-REWARD_ROLLOUTS // g))
+        drawn, a = Disturbances.evenly(self.task, g * repeats, rng), len(self.task.action)
+        everywhere = np.broadcast_to(contexts, (count, g, contexts.shape[-1]))
+        where = np.repeat(everywhere, repeats, axis=1).reshape(count * g * repeats, -1)
+        requests = Requests(
+            parameters=np.repeat(targets, g * repeats, axis=0),
+            context=where,
+            action=(actions[:, :, None] + drawn.error.reshape(g, repeats, a)).reshape(len(where), a),
+            nuisance=np.tile(drawn.nuisance, (count, 1)),
+        )
+        return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) rewards of the same trials in the simulator; exact, not estimated."""
+        return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size) of the same trials in the simulator."""
+        return self.roll(Requests(parameters, at_reference(self.task, len(parameters)), action, nuisance)).observation
+
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
+        lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
+        where, executed, varied = (
+            np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (parameters, action, nuisance)
+        )
+        done = self.roll(Requests(where, at_reference(self.task, len(where)), executed, varied))
+        ends = np.where(done.succeeded[:, None], done.end_state, 0.0)
+        return done.succeeded.astype(np.float64).reshape(1, *lead), ends.reshape(1, *lead, -1)
+
+    @property
+    def residual_std(self) -> Array:
+        """(size,) zero: the trajectories are the simulator's own."""
+        return np.zeros(self.task.observation.size)
+
+    def _train(self, wanted: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
+        """(key, samples, seed) of each -> its policy.
+
+        Plans first, then trains in rounds every policy whose donor is ready.
+        """
+        plans: list[TrainingPlan] = []
+        record = self.memory.record
+        first = len(record)
+        for _, samples, _ in wanted:
+            plans.append(plan_training(record, features(self.task.parameters.normalise(samples)), self.rules))
+            record = plans[-1].record
+        policies: dict[int, NafPolicy] = {}
+        while len(policies) < len(wanted):
+            ready = [i for i, p in enumerate(plans) if i not in policies and _has_donor(p, first, policies)]
+            trained = train_together([self._training(wanted[i], plans[i], first, policies) for i in ready], self.roll)
+            policies |= dict(zip(ready, trained, strict=True))
+        for i, (key, _, _) in enumerate(wanted):
+            self.memory.add(plans[i].record, key, policies[i])
+        return {key: policies[i] for i, (key, _, _) in enumerate(wanted)}
+
+    def _training(
+        self, wanted: tuple[str, Array, int], plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]
+    ) -> Training:
+        donor = None
+        if plan.donor is not None:
+            donor = policies[plan.donor - first] if plan.donor >= first else self.memory.policy(plan.donor)
+        return naf_training(self.task, wanted[1], plan.budget, wanted[2], donor, self.settings)
+
+
+def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -> bool:
+    return plan.donor is None or plan.donor < first or plan.donor - first in policies
+
+
+def rules_of(task: Task, scale: float = 1.0) -> ReuseRules:
+    """The reuse rules of the task, with all budgets times `scale`. Raises UnknownName for a task without rules."""
+    if task.reuse is None:
+        why = "its task policies are exact" if task.exact else "it does not define how NAF's policies are reused"
+        raise UnknownName(f"{task.name} has no solver naf: {why}. Leave --solver out")
+    return task.reuse.scaled(scale)
+
+
+def naf_facts(solver: NafSolver) -> dict[str, Any]:
+    """The facts about the solver for a checkpoint's card, read by `restore` and `in_session`."""
+    return {"solver": "naf", "naf": {**asdict(solver.rules), "misfit_limit": solver.misfit_limit}}
+
+
+def restore(task: Task, facts: Mapping[str, Any]) -> NafSolver:
+    """`sim.solvers.simulating.Simulating.restore`."""
+    return _restored(task, facts, partial(run_many, task, executor=serial_executor()), None)
+
+
+@contextmanager
+def in_session(task: Task, facts: Mapping[str, Any] | None, workers: int, folder: Path) -> Iterator[NafSolver]:
+    """`sim.solvers.simulating.Simulating.in_session`. Rollouts and policies are stored."""
+    with process_pool(workers or None) as crew:
+        roll, kept = CachedRollouts(task, folder / "rollouts", crew), folder / "policies"
+        if facts is None:
+            yield NafSolver(task, roll, rules_of(task), NafMemory(task, kept))
+        else:
+            yield _restored(task, facts, roll, kept)
+
+
+def _restored(task: Task, facts: Mapping[str, Any], roll: Roll, folder: Path | None) -> NafSolver:
+    rules = ReuseRules(**{name: value for name, value in facts.items() if name != "misfit_limit"})
+    return NafSolver(task, roll, rules, NafMemory(task, folder), float(facts["misfit_limit"]))
+
+
+def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: int = MISFIT_TRIALS) -> float:
+    """The misfit that 95 % of simulated trials inside the ranges do not exceed. Needs about `trials` x 500 rollouts."""
+    task = solver.task
+    parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
+    contexts = at_reference(task, trials)
+    requests = trial_requests(task, parameters, contexts, actions, rng)
+    seen = task.observation.with_noise(solver.roll(requests).observation, rng)
+    values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, seen, strict=True)]
+    return float(np.quantile(values, 0.95))

@@ -1,0 +1,151 @@
+"""Second thoughts about a trial: a rejection taken back, an outcome set anew, and what later iterations say of it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta, tzinfo
+from pathlib import Path
+
+import pytest
+from toy_rig import OUTCOMES, TASK, ToyLab
+from toy_session import NAME, ScriptedOperator, attended, run
+
+from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.session import correcting
+from adaptsim_cli.session.correcting import amend, amendable, redo, restore
+from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.keeping import verify
+from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
+from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.store import SessionStore
+from perception.types import Outcome
+
+
+def opened(home: Path) -> SessionStore:
+    return SessionStore.open(home / "data" / "sessions", NAME)
+
+
+def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
+    _, choices = amendable(store, TASK, OUTCOMES, number)
+    return amend(store, TASK, number, outcome, choices[outcome], "seen on the recording").consequence
+
+
+def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    operator = ScriptedOperator(reviews=[Redo("slip of the finger")])
+    operator.before_motion = lambda made: stop_at_second(made.trial.attempt - 1)
+
+    def stop_at_second(attempt: int) -> None:
+        if attempt == 1:
+            raise StoppedByOperator("not again")
+
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, operator, lab))
+    assert restore(opened(tmp_path), 1, None, "it was good").what.startswith("attempt 1 of trial 1 counts again")
+    again = ToyLab(0)
+    run_iteration(attended(tmp_path, ScriptedOperator(), again))
+    assert again.executions == [(2, 0), (3, 0), (4, 0)], "the motion of the restored trial is not made again"
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 1, 1, 1]
+    assert verify(tmp_path / "data" / "sessions", NAME).damage == ()
+
+
+def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    redo(store, 2, "the piece was touched")
+    run(tmp_path)
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
+    restore(opened(tmp_path), 2, None, "it was not")
+    run(tmp_path)
+    store = opened(tmp_path)
+    assert [t.attempt for t in store.trials(0)] == [1, 1, 1, 1]
+    result = store.result(0)
+    assert result is not None
+    assert result.amended == ("attempt 1 of trial 2 counts again: it was not",)
+    redo(store, 2, "it was after all")
+    run(tmp_path)
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
+
+
+def test_an_amended_outcome_counts_and_the_new_result_says_so(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    before = store.trials(0)[2]
+    assert before.outcome is Outcome.ON_BLADE
+    assert "adapts again" in changed(store, 3, Outcome.ON_TABLE)
+    after = opened(tmp_path).trials(0)[2]
+    assert (after.outcome, after.reward, after.overruled_from) == (Outcome.ON_TABLE, 0.0, Outcome.ON_BLADE)
+    lab = ToyLab(0)
+    run(tmp_path, lab)
+    assert lab.executions == [], "nothing moves"
+    result = opened(tmp_path).result(0)
+    assert result is not None and result.changes == 1
+    assert result.amended[0].startswith("trial 3 counts as on table instead of on blade, reward 0.00 instead of ")
+    changed(opened(tmp_path), 3, Outcome.ON_BLADE)
+    assert opened(tmp_path).trials(0)[2] == before, "back to what tracking had said"
+
+
+@pytest.mark.long
+def test_later_iterations_keep_what_they_were_made_with_and_the_next_result_says_what_changed(tmp_path: Path) -> None:
+    store = run(tmp_path, iterations=2)
+    first = store.result(0)
+    assert "Iteration 2 was made with policies from before" in changed(store, 1, Outcome.ON_TABLE)
+    lab = ToyLab(0)
+    run(tmp_path, lab)
+    store = opened(tmp_path)
+    assert lab.executions == []
+    assert store.result(0) == first, "later trials rest on it"
+    second = store.result(1)
+    assert second is not None and second.changes == 1
+    assert "trial 1 counts as on table" in second.amended[0]
+    run(tmp_path)
+    third = opened(tmp_path).result(2)
+    assert third is not None and (third.changes, third.amended) == (1, ())
+
+
+def test_what_cannot_be_restored_or_amended_says_why(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    with pytest.raises(UsageError, match="no rejected attempt with a complete recording"):
+        restore(store, 1, None, "")
+    with pytest.raises(UsageError, match=r"trial 9 .* is not completed; completed are 1, 2, 3, 4"):
+        amendable(store, TASK, OUTCOMES, 9)
+    with pytest.raises(UsageError, match="counts as on blade already"):
+        amend(store, TASK, 1, Outcome.ON_BLADE, 1.0, "")
+    redo(store, 4, "bad")
+    with pytest.raises(UsageError, match="--attempt 2: attempts of trial 4 that can be restored: 1"):
+        restore(store, 4, 1, "")
+
+
+def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Path) -> None:
+    class Undecided(ScriptedOperator):
+        def review(self, tracked: TrialRecord, choices: Choices) -> Review:
+            return Redo("no")
+
+        def approve(self, proposal: Proposal, real: bool) -> None:
+            if proposal.trial.attempt > 1:
+                raise StoppedByOperator("later")
+
+    for _ in range(2):
+        with pytest.raises(StoppedByOperator):
+            run_iteration(attended(tmp_path, Undecided(), ToyLab(0)))
+        restore(opened(tmp_path), 1, None, "yes")
+    run_iteration(attended(tmp_path, ScriptedOperator(), ToyLab(0)))
+    assert opened(tmp_path).trials(0)[0].attempt == 1
+    assert len(list(opened(tmp_path).iteration_folder(0).glob("trial-001-attempt-1.restored*.json"))) == 2
+
+
+def test_a_clock_that_goes_backwards_mixes_up_no_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each result names the changes since the result before it, and no others."""
+    hours = iter(range(20, 0, -5))
+
+    class Backwards(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override]
+            return datetime(2024, 1, 1, tzinfo=UTC) + timedelta(hours=next(hours))
+
+    monkeypatch.setattr(correcting, "datetime", Backwards)
+    changed(run(tmp_path), 3, Outcome.ON_TABLE)
+    run(tmp_path)
+    for number in (1, 2):
+        changed(opened(tmp_path), number, Outcome.LOST)
+    run(tmp_path)
+    result = opened(tmp_path).result(0)
+    assert result is not None
+    assert [said[: len("trial 1")] for said in result.amended] == ["trial 1", "trial 2"]

@@ -1,0 +1,113 @@
+"""The log of a session: every question, answer, step, plan and warning, one JSON object a line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from toy_rig import ToyLab, opener
+from toy_session import NAME, resolved, run, silent
+
+from adaptsim_cli.report import page
+from adaptsim_cli.session import conduct, watching
+from adaptsim_cli.session.store import SessionStore
+from hw.errors import CameraError
+
+
+def events(store: SessionStore) -> list[str]:
+    return [line.event for line in watching.read(store.folder)]
+
+
+def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    lines = watching.read(store.folder)
+    assert lines[0].event == "begun"
+    assert [line.event for line in lines][-2:] == ["reported", "ended"]
+    plans = [line.data for line in lines if line.event == "planned"]
+    assert [(plan["iteration"], plan["particle"], plan["trial"], plan["attempt"]) for plan in plans] == [
+        (1, 1, 1, 1),
+        (1, 1, 2, 1),
+        (1, 2, 3, 1),
+        (1, 2, 4, 1),
+    ]
+    assert [plan["action"] for plan in plans] == [trial.action for trial in store.trials(0)]
+    told = [line.data["reward"] for line in lines if line.event == "tracked"]
+    assert told == [trial.reward for trial in store.trials(0)]
+    steps = {line.data["stage"]: line.took_s for line in lines if line.event == "done"}
+    assert {"placing", "planning", "moving", "tracking", "adapting"} <= set(steps)
+    assert all(took is not None and took >= 0.0 for took in steps.values())
+
+
+def test_each_line_is_an_object_and_a_second_command_goes_on_behind_it(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    store = run(tmp_path, lab)
+    first = (store.folder / watching.FILE).read_text()
+    run(tmp_path, lab)
+    both = (store.folder / watching.FILE).read_text()
+    assert both.startswith(first)
+    assert all(isinstance(json.loads(line), dict) for line in both.splitlines())
+    assert events(store).count("begun") == 2
+
+
+def test_what_stops_a_command_is_its_last_line(tmp_path: Path) -> None:
+    def lost(trial: int, attempt: int) -> None:
+        raise CameraError("the camera is gone")
+
+    with pytest.raises(CameraError):
+        run(tmp_path, ToyLab(0, {"stop_recording": lost}))
+    folder = resolved(tmp_path).places.sessions / NAME
+    last = watching.read(folder)[-1]
+    assert (last.event, last.text, last.data) == ("ended", "the camera is gone", {"error": "CameraError"})
+    assert any(line.event == "noted" and "does not count" in line.text for line in watching.read(folder))
+
+
+def test_a_line_that_was_cut_short_is_left_out_and_the_next_begins_anew(tmp_path: Path) -> None:
+    store = run(tmp_path)
+    file = store.folder / watching.FILE
+    whole = watching.read(store.folder)
+    file.write_bytes(file.read_bytes()[:-9])
+    watching.SessionLog(store.folder, silent()).write("noted", "after the power came back")
+    assert [line.text for line in watching.read(store.folder)][-1] == "after the power came back"
+    assert len(watching.read(store.folder)) == len(whole), "one line lost, one line more"
+
+
+def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(watching, "_append", full)
+    settings = resolved(tmp_path)
+    request = conduct.SessionRequest(None, frozenset(), 1, yes=True)
+    path = conduct.conduct(settings, request, opener(ToyLab(0)), page.write)
+    assert not (path.parent / watching.FILE).exists()
+    assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
+
+
+def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, text: str) -> None:
+        with path.open("a") as file:
+            file.write(text[:5])
+        raise OSError(28, "No space left on device")
+
+    screen, notes, append = silent(), list[str](), watching._append
+    monkeypatch.setattr(screen, "note", notes.append)
+    written = watching.SessionLog(tmp_path, screen)
+    for disk, texts in ((append, "a"), (full, "bc"), (append, "de"), (full, "f"), (append, "g")):
+        monkeypatch.setattr(watching, "_append", disk)
+        for text in texts:
+            written.write("noted", text)
+    assert [line.text for line in watching.read(tmp_path)] == ["a", "d", "e", "g"]
+    assert len(notes) == 2
+    assert all("the disk is full" in note for note in notes)
+
+
+def test_answers_are_kept_with_the_time_they_took(tmp_path: Path) -> None:
+    written = watching.SessionLog(tmp_path, silent())
+    written.asking("Is the work area clear?")
+    written.answered("Is the work area clear?", "\x1b", 1.25)
+    asked, answered = watching.read(tmp_path)
+    assert asked.event == "asked"
+    assert (answered.text, answered.took_s, answered.data) == ("Is the work area clear?", 1.25, {"answer": "Esc"})

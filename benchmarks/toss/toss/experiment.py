@@ -28,9 +28,7 @@ from sim.adaptation.prospects import Prospects
 from sim.adaptation.reality import Simulators
 from sim.research.benchmark.places import Recorded
 from sim.research.benchmark.sessions import Conditions, judge, run_iterations, udr_policies
-from sim.research.methods.bo import BayesianOptimisation
 from sim.research.methods.random_search import RandomSearch
-from sim.research.methods.sysid import SysId
 from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, Rollouts, observed
@@ -42,6 +40,7 @@ from sim.storage.files import whole_file
 from sim.tasks.solver import SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
 from toss.data import Tosses, read_tosses
+from toss.page import write
 
 GRID = 48
 """Points of the grid that fill the ranges."""
@@ -79,13 +78,25 @@ class Half:
         return cls(trials, solver, Prospects(grid.points, grid.points, np.array(rewards)))
 
 
+def _bo(half: Half) -> Method:
+    from sim.research.methods.bo import BayesianOptimisation  # noqa: PLC0415 - torch, an extra
+
+    return BayesianOptimisation(TASK)
+
+
+def _sysid(half: Half, *, point: bool) -> Method:
+    from sim.research.methods.sysid import SysId  # noqa: PLC0415 - torch, an extra
+
+    return SysId(half.solver, ends_only=point, point=point)
+
+
 METHODS: dict[str, Callable[[Half], Method]] = {
     "adaptsim": lambda half: AdaptSim(Simulators(half.solver, half.prospects)),
-    "adaptsim-belief": lambda half: Belief(half.solver, half.prospects),
     "random": lambda half: RandomSearch(TASK),
-    "bo": lambda half: BayesianOptimisation(TASK),
-    "sysid-bayes": lambda half: SysId(half.solver, ends_only=False, point=False),
-    "sysid-bayes-point": lambda half: SysId(half.solver, ends_only=True, point=True),
+    "adaptsim-belief": lambda half: Belief(half.solver, half.prospects),
+    "bo": _bo,
+    "sysid-bayes": partial(_sysid, point=False),
+    "sysid-bayes-point": partial(_sysid, point=True),
 }
 
 
@@ -253,6 +264,9 @@ def main() -> None:
     grid = simulated(tosses, asked.out / "table")
     trials = RecordedTrials(TASK, tuple(map(str, tosses.numbers)), None, tosses.actions, tosses.tracks)
     rows = list(rows_of(grid, trials, methods, asked.seeds, asked.out))
+    if asked.page is not None:
+        held = trials.split(HELD_OUT, 0)[1]
+        write(rows, methods, tosses, trials.at(held.actions), len(grid.points), asked.page)
     mean = partial(_mean, rows)
     print(json.dumps({**{n: mean(n) for n in ("udr", *methods, "best_recorded", "permuted")}, "seeds": len(rows)}))
 

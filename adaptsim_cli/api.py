@@ -181,21 +181,26 @@ def begin(
     particles: int = 2,
     name: str | None = None,
     checkpoint: str = "",
+    recorded: str = "",
+    held_out: float = 0.5,
+    start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab; nothing is executed yet.
+    """Begin a session in the simulated lab, or with the trials `recorded` in a folder; nothing is executed yet.
 
-    Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this name
-    exists, UnknownName, WorldError, CheckpointError.
+    Of recorded trials, the share `held_out` only scores. `start_from` names a session whose posterior this one begins
+    with. Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this
+    name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
+        "recorded": recorded, "held_out": held_out, "start_from": start_from,
         "hw": config.SIMULATED,
     }  # fmt: skip
     resolved = config.load(flags)
-    settings = resolved.config.model_copy(update={"world": conduct.absolute(resolved.config.world)})
+    settings = conduct.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")

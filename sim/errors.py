@@ -11,8 +11,10 @@ SimError
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
 ├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
-them ├── DatasetError         a stored dataset is corrupt or of another kind └── CheckpointError      a checkpoint is
-corrupt, or of another task or version
+│                        them
+├── RecordingsRefused    recorded trials cannot serve as a target; the message names the trial and the defect
+├── DatasetError         a stored dataset is corrupt or of another kind
+└── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
 
 import difflib
@@ -69,6 +71,10 @@ class DatasetError(SimError):
 
 class CheckpointError(SimError):
     """A checkpoint is corrupt, or belongs to another task or version."""
+
+
+class RecordingsRefused(SimError):
+    """Recorded trials cannot serve as a target."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

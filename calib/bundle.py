@@ -1,20 +1,22 @@
-"""Bundle adjustment over poses: camera, board, and optionally the joint zeros and the board's scale.
+"""Bundle adjustment over poses: cameras, board, and optionally the joint zeros and the board's scale.
 
-A view disagrees with a prediction for two reasons: its corners are noisy, and the arm is not exactly where its joints
-say. The first is the view's own information (`condense`). The second is a common twist of all its corners, far larger
-than the error of one corner. Treating both as corner noise trusts near and oblique views too much. So each view counts
-with
+A view disagrees with a prediction for three reasons. Its corners are noisy, each by itself: that is the view's own
+information (`condense`). They are also wrong together: the lens is not quite as stated, the print is bent, an edge is
+blurred. A smooth error of a tenth of a pixel tilts a board by more than the noise of fifty corners does. And the arm is
+not exactly where its joints say: a common twist of all corners. So each view counts with
 
-    covariance = inverse(information) + joint_rad^2 G G^T,
+    covariance = corners^2 inverse(information) + view_px^2 common + joint_rad^2 G G^T,
 
-G the board's motion with each joint (of the flange about itself if joints are unknown). `joint_rad` is estimated with
-everything else, by restricted maximum likelihood.
+`common` the pose's covariance by smooth errors of one pixel, G the board's motion with each joint (of the flange about
+itself if joints are unknown). The sizes are estimated with everything else, by restricted maximum likelihood. Plain
+weights (`Weights.PIXELS`) leave out the last two terms: a bundle adjustment over pixels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +33,16 @@ directions.
 """
 
 SCALE_PRIOR = 0.1
-JOINT_FLOOR_RAD = 1e-5
 _FLANGE_LEVER_M = 0.5  # if only poses are known: 1 mrad goes with 0.5 mm
 _STEP_RAD = 1e-5
+_START_PX, _START_RAD = 0.1, 2e-4
+_EXPECTED = np.log([0.05, 2e-4])
+_WIDTH = 2.0  # of the prior of both logarithms
+_FLOORS, _CEILINGS = (1e-4, 1e-6), (3.0, 0.01)
+_ROUNDS, _SCORINGS = 5, 12
+
+
+Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +54,8 @@ class Motion:
     q_rad: Array | None  # (N, n)
     X_BF: Array  # (N, 4, 4) by the reported joints
     body: Array  # (N, 6, n) twist of H in its own axes per joint; of the pose itself if joints are unknown
+    camera: Rows  # (N,) index of the view's camera
+    posture: Rows  # (N,) index of the arm's posture; views of one posture are left out together
 
     @property
     def joints(self) -> int:
@@ -61,11 +72,12 @@ class Motion:
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Motion:
         """Only the views `rows`."""
         q = None if self.q_rad is None else self.q_rad[rows]
-        return replace(self, q_rad=q, X_BF=self.X_BF[rows], body=self.body[rows])
+        names = ("X_BF", "body", "camera", "posture")
+        return replace(self, q_rad=q, **{name: getattr(self, name)[rows] for name in names})
 
 
 def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_BF: Array | None) -> Motion:
-    """From joints (N, n) and forward kinematics, or from poses (N, 4, 4)."""
+    """From joints (N, n) and forward kinematics, or from poses (N, 4, 4); one camera, every view its own posture."""
     if q_rad is not None and forward is not None:
         X = forward(q_rad)
         n = q_rad.shape[1]
@@ -74,11 +86,16 @@ def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_B
         if mounting is Mounting.WRIST:
             behind, ahead = inverse(behind), inverse(ahead)
         body = np.swapaxes(difference(behind, ahead) / (2 * _STEP_RAD), 1, 2)
-        return Motion(mounting, forward, q_rad, X, body)
+        return Motion(mounting, forward, q_rad, X, body, *_one_camera(len(X)))
     assert X_BF is not None
     weight = np.array([1.0] * 3 + [_FLANGE_LEVER_M] * 3)
     flange = np.broadcast_to(np.diag(weight), (len(X_BF), 6, 6))
-    return Motion(mounting, None, None, X_BF, flange if mounting is Mounting.FIXED else adjoint(X_BF) @ flange)
+    body = flange if mounting is Mounting.FIXED else adjoint(X_BF) @ flange
+    return Motion(mounting, None, None, X_BF, body, *_one_camera(len(X_BF)))
+
+
+def _one_camera(views: int) -> tuple[Rows, Rows]:
+    return np.zeros(views, dtype=np.int64), np.arange(views)
 
 
 def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None) -> Motion:
@@ -98,23 +115,65 @@ def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None
 class State:
     """The unknowns of a fit."""
 
-    X_AC: Array
-    X_HM: Array
+    X_AC: Array  # (C, 4, 4)
+    X_HM: Array  # (4, 4)
     offsets_rad: Array  # (n,)
     scale: float = 1.0
 
 
+class Weights(StrEnum):
+    """Which errors the views are weighed by."""
+
+    ARM_AND_VIEWS = "errors of arm and views"
+    PIXELS = "pixels"
+
+
 @dataclass(frozen=True)
 class Model:
-    """Which of the optional unknowns are free."""
+    """Which of the optional unknowns are free, for how many cameras, and how views are weighed."""
 
     offsets: tuple[int, ...] = ()  # indices of joints
     scale: bool = False  # the board's size
+    cameras: int = 1
+    weights: Weights = Weights.ARM_AND_VIEWS
+
+    @property
+    def poses(self) -> int:
+        """Unknowns of the poses: the cameras', then the board's."""
+        return 6 * self.cameras + 6
 
     @property
     def size(self) -> int:
-        """Unknowns: two poses, the offsets that are free, and the scale."""
-        return 12 + len(self.offsets) + int(self.scale)
+        """All unknowns: poses, the offsets that are free, and the scale."""
+        return self.poses + len(self.offsets) + int(self.scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """N views, condensed to a pose each."""
+
+    X_CM: Array  # (N, 4, 4)
+    information: Array  # (N, 6, 6) inverse covariance of the twist in the board's axes, by the noise of single corners
+    common: Array  # (N, 6, 6) covariance of that twist by smooth errors of 1 px along an axis
+
+    def take(self, rows: NDArray[np.bool_] | Rows) -> Seen:
+        """Only the views `rows`."""
+        return Seen(self.X_CM[rows], self.information[rows], self.common[rows])
+
+    def covariance(self, noise: Sizes, GG: Array) -> Array:
+        """(N, 6, 6) of the residual twists; `GG` (N, 6, 6) is G G^T."""
+        own = np.asarray(np.linalg.inv(self.information))
+        covariance: Array = noise.corners**2 * own + noise.view_px**2 * self.common + noise.joint_rad**2 * GG
+        return covariance
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """One standard deviation of each kind of error."""
+
+    corners: float  # times what the noise of single corners says
+    view_px: float  # of the errors common to a view's corners, along an axis
+    joint_rad: float
 
 
 def observable_joints(n: int) -> tuple[int, ...]:
@@ -128,22 +187,18 @@ class Fit:
 
     model: Model
     state: State
-    joint_rad: float
+    noise: Sizes
     residual: Array  # (N, 6) twist from the predicted to the seen pose, in the board's axes
     B: Array  # (N, 6, P) derivative of a prediction by the parameters
     covariance: Array  # (N, 6, 6) of the residual
     normal: Array  # (P, P)
     log_likelihood: float
-
-    def distance2(self) -> Array:
-        """(N,) squared Mahalanobis length of the residuals."""
-        solved = np.linalg.solve(self.covariance, self.residual[..., None])[..., 0]
-        return np.asarray(np.einsum("ni,ni->n", self.residual, solved))
+    posture: Rows  # (N,)
 
 
 def predict(state: State, moved: Motion) -> Array:
-    """(N, 4, 4) predicted poses, in the camera, of a board of the stated size."""
-    X = inverse(state.X_AC) @ moved.X_AH(state.offsets_rad) @ state.X_HM
+    """(N, 4, 4) predicted poses, each in its camera, of a board of the stated size."""
+    X = inverse(state.X_AC)[moved.camera] @ moved.X_AH(state.offsets_rad) @ state.X_HM
     X[:, :3, 3] /= state.scale  # a larger board, farther away, looks the same
     return X
 
@@ -154,13 +209,15 @@ def linearise(state: State, moved: Motion, X_CM: Array, model: Model) -> tuple[A
     B = np.zeros((len(X), 6, model.size))
     full = X.copy()
     full[:, :3, 3] *= state.scale
-    B[:, :, :6] = -adjoint(inverse(full))
-    B[:, :, 6:12] = np.eye(6)
-    n = len(model.offsets)
+    by_camera = -adjoint(inverse(full))
+    for c in range(model.cameras):
+        B[:, :, 6 * c : 6 * c + 6] = by_camera * (moved.camera == c)[:, None, None]
+    poses, n = model.poses, len(model.offsets)
+    B[:, :, poses - 6 : poses] = np.eye(6)
     if n:
-        B[:, :, 12 : 12 + n] = (adjoint(inverse(state.X_HM)) @ moved.body)[:, :, list(model.offsets)]
+        B[:, :, poses : poses + n] = joint_spread(state, moved)[:, :, list(model.offsets)]
     if model.scale:
-        B[:, 3:, 12 + n] = -np.einsum("nji,nj->ni", full[:, :3, :3], full[:, :3, 3])
+        B[:, 3:, poses + n] = -np.einsum("nji,nj->ni", full[:, :3, :3], full[:, :3, 3])
     B[:, 3:] /= state.scale
     return difference(X, X_CM), B
 
@@ -171,48 +228,41 @@ def joint_spread(state: State, moved: Motion) -> Array:
     return spread
 
 
-def fit(
-    moved: Motion,
-    X_CM: Array,
-    information: Array,
-    start: State,
-    model: Model,
-    weight: Array | None = None,
-    joint_rad: float | None = None,
-) -> Fit:
-    """Observed poses (N, 4, 4) with their information (N, 6, 6) -> the fit; `weight` (N,) of views, None: all 1.
-
-    `joint_rad` is estimated unless given.
-    """
-    own: Array = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    w = np.ones(len(X_CM)) if weight is None else weight
-    state, noise = start, (1e-4 if joint_rad is None else joint_rad)
-    prior = _prior(model)
-    for _ in range(4 if joint_rad is None else 1):
+def fit(moved: Motion, seen: Seen, start: State, model: Model) -> Fit:
+    """The fit to N views, with the sizes of their errors."""
+    state, prior = start, _prior(model)
+    plain = model.weights is Weights.PIXELS
+    noise = Sizes(1.0, 0.0, 0.0) if plain else Sizes(1.0, _START_PX, _START_RAD)
+    for _ in range(1 if plain else _ROUNDS):
         G = joint_spread(state, moved)
         GG = G @ np.swapaxes(G, 1, 2)
-        state = _gauss_newton(moved, X_CM, own + noise**2 * GG, state, model, w, prior)
-        before = noise
-        if joint_rad is None:
-            e, B = linearise(state, moved, X_CM, model)
-            noise = _joint_noise(e, B, own, GG, w, prior)
-        if abs(np.log(noise / before)) < 0.02:
+        state = _gauss_newton(moved, seen.X_CM, seen.covariance(noise, GG), state, model, prior)
+        if plain:
             break
-    e, B = linearise(state, moved, X_CM, model)
-    covariance = own + noise**2 * GG
-    normal = np.einsum("nip,nir->pr", B, (np.linalg.inv(covariance) * w[:, None, None]) @ B) + prior
-    return Fit(model, state, noise, e, B, covariance, normal, _log_likelihood(e, covariance, w))
+        e, B = linearise(state, moved, seen.X_CM, model)
+        before, noise = noise, _sizes(e, B, seen, GG, prior, noise)
+        if _alike(before, noise):
+            break
+    e, B = linearise(state, moved, seen.X_CM, model)
+    G = joint_spread(state, moved)
+    GG = G @ np.swapaxes(G, 1, 2)
+    covariance = seen.covariance(noise, GG)
+    if plain:
+        freedom = max(e.size - model.size, 1)
+        noise = Sizes(float(np.sqrt(squares(e, covariance).sum() / freedom)), 0.0, 0.0)
+        covariance = seen.covariance(noise, GG)
+    normal = np.einsum("nip,nir->pr", B, np.linalg.solve(covariance, B)) + prior
+    likelihood = -0.5 * float(squares(e, covariance).sum() + np.linalg.slogdet(covariance)[1].sum())
+    return Fit(model, state, noise, e, B, covariance, normal, likelihood, moved.posture)
 
 
 def _prior(model: Model) -> Array:
     n = len(model.offsets)
-    return np.diag([0.0] * 12 + [OFFSET_PRIOR_RAD**-2] * n + [SCALE_PRIOR**-2] * int(model.scale))
+    return np.diag([0.0] * model.poses + [OFFSET_PRIOR_RAD**-2] * n + [SCALE_PRIOR**-2] * int(model.scale))
 
 
-def _gauss_newton(
-    moved: Motion, X_CM: Array, covariance: Array, state: State, model: Model, w: Array, prior: Array
-) -> State:
-    L = np.linalg.inv(covariance) * w[:, None, None]
+def _gauss_newton(moved: Motion, X_CM: Array, covariance: Array, state: State, model: Model, prior: Array) -> State:
+    L = np.linalg.inv(covariance)
     for _ in range(12):
         e, B = linearise(state, moved, X_CM, model)
         LB = L @ B
@@ -229,39 +279,49 @@ def _gauss_newton(
 def _optional(state: State, model: Model) -> Array:
     """(P,) offsets and scale relative to their priors, zero for the poses."""
     tail = [np.log(state.scale)] if model.scale else []
-    return np.concatenate([np.zeros(12), state.offsets_rad[list(model.offsets)], tail])
+    return np.concatenate([np.zeros(model.poses), state.offsets_rad[list(model.offsets)], tail])
 
 
 def _stepped(state: State, step: Array, model: Model) -> State:
     offsets = state.offsets_rad.copy()
-    n = len(model.offsets)
+    poses, n = model.poses, len(model.offsets)
     if n:
-        offsets[list(model.offsets)] += np.clip(step[12 : 12 + n], -0.05, 0.05)
-    scale = state.scale * float(np.exp(np.clip(step[12 + n], -0.1, 0.1))) if model.scale else state.scale
-    return State(move(state.X_AC, step[:6]), move(state.X_HM, step[6:12]), offsets, scale)
+        offsets[list(model.offsets)] += np.clip(step[poses : poses + n], -0.05, 0.05)
+    scale = state.scale * float(np.exp(np.clip(step[poses + n], -0.1, 0.1))) if model.scale else state.scale
+    cameras = move(state.X_AC, step[: poses - 6].reshape(-1, 6))
+    return State(cameras, move(state.X_HM, step[poses - 6 : poses]), offsets, scale)
 
 
-def _joint_noise(e: Array, B: Array, own: Array, GG: Array, w: Array, prior: Array) -> float:
-    """Restricted maximum likelihood over a grid of logarithms, refined by a parabola."""
-    grid = np.linspace(np.log(JOINT_FLOOR_RAD), np.log(0.03), 25)
-    # axes in which both covariances are diagonal: own is 1, GG is d
-    L = np.linalg.cholesky(own)
-    half = np.linalg.solve(L, GG)
-    d, Q = np.linalg.eigh(np.linalg.solve(L, np.swapaxes(half, 1, 2)))
-    to_axes = np.linalg.solve(np.swapaxes(L, 1, 2), Q)  # its transpose whitens
-    e_axes = np.einsum("nij,ni->nj", to_axes, e).ravel()
-    B_axes = (np.swapaxes(to_axes, 1, 2) @ B).reshape(-1, B.shape[2])
-    variance = 1.0 + np.exp(2 * grid)[:, None] * np.maximum(d, 0.0).ravel()  # (25, 6 N)
-    share = np.repeat(w, 6) / variance
-    A = B_axes.T @ (share[:, :, None] * B_axes) + prior
-    cost = share @ e_axes**2 + np.log(variance) @ np.repeat(w, 6) + np.linalg.slogdet(A)[1]
-    k = int(np.clip(np.argmin(cost), 1, len(grid) - 2))
-    left, middle, right = cost[k - 1 : k + 2]
-    bend = left - 2 * middle + right
-    shift = 0.5 * (left - right) / bend if bend > 0 else (-1.0 if left < right else 1.0)
-    return float(np.exp(grid[k] + np.clip(shift, -1, 1) * (grid[1] - grid[0])))
+def squares(e: Array, covariance: Array) -> Array:
+    """(N,) squared Mahalanobis lengths of residuals (N, 6)."""
+    return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(covariance, e[..., None])[..., 0]))
 
 
-def _log_likelihood(e: Array, covariance: Array, w: Array) -> float:
-    solved = np.linalg.solve(covariance, e[..., None])[..., 0]
-    return -0.5 * float((np.einsum("ni,ni->n", e, solved) + np.linalg.slogdet(covariance)[1]) @ w)
+def _sizes(e: Array, B: Array, seen: Seen, GG: Array, prior: Array, noise: Sizes) -> Sizes:
+    """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
+
+    Both have a wide prior, which decides only where the views do not tell the two apart.
+    """
+    own = np.asarray(np.linalg.inv(seen.information))
+    terms = np.stack([seen.common, GG])
+    x = np.log([noise.view_px, noise.joint_rad])
+    for _ in range(_SCORINGS):
+        parts = np.exp(2 * x)[:, None, None, None] * terms
+        W = np.linalg.inv(own + parts.sum(axis=0))
+        WB = W @ B
+        A = np.linalg.inv(np.einsum("nip,nir->pr", B, WB) + prior)
+        We = np.einsum("nij,nj->ni", W, e)
+        WV = W @ parts  # (2, N, 6, 6)
+        spent = np.einsum("knij,nji->k", parts, WB @ A @ np.swapaxes(WB, 1, 2))
+        slope = np.einsum("ni,knij,nj->k", We, parts, We) - np.einsum("knii->k", WV) + spent
+        bend = 2.0 * np.einsum("knij,lnji->kl", WV, WV)
+        slope, bend = slope - (x - _EXPECTED) / _WIDTH**2, bend + np.eye(2) / _WIDTH**2
+        step = np.clip(np.linalg.solve(bend, slope), -1.5, 1.5)
+        x = np.clip(x + step, np.log(_FLOORS), np.log(_CEILINGS))
+        if np.abs(step).max() < 0.01:
+            break
+    return Sizes(1.0, float(np.exp(x[0])), float(np.exp(x[1])))
+
+
+def _alike(a: Sizes, b: Sizes) -> bool:
+    return bool(max(abs(np.log(a.view_px / b.view_px)), abs(np.log(a.joint_rad / b.joint_rad))) < 0.02)

@@ -86,6 +86,11 @@ def variety(solution: Solution) -> Check:
     )
 
 
+def weights(solution: Solution) -> Check:
+    """Which of two fits was kept, and how both predict views that they have not seen."""
+    return Check("weights", Grade.GOOD, solution.choice.sentence, solution.choice.held_out_px, unit="px")
+
+
 def mirror_poses(solution: Solution) -> Check:
     """Views in which the mirror pose of a flat board fits the picture better, so that the arm decided."""
     names = [view.name for view in solution.views if view.mirrored]
@@ -159,7 +164,7 @@ def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward
     """(N, 4, 4) X_CM of the views in the given order, predicted by the solution from the arm only."""
     moved = motion_of(views, setup.mounting, forward)
     offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
-    return predict(State(solution.X_AC, solution.X_HM, offsets), moved)
+    return predict(State(solution.X_AC[None], solution.X_HM, offsets), moved)
 
 
 def depth_residuals(X_DM: Array, board: Target, depth_mm: Array, camera: Intrinsics) -> Array:

@@ -81,7 +81,8 @@ def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
 def _to_rotations(vectors: Array) -> Array:
     """(S, 9) matrices stacked by column, of any sign and size -> (S, 3, 3) nearest rotations."""
     R = np.swapaxes(vectors.reshape(-1, 3, 3), 1, 2)
-    u, _, vt = np.linalg.svd(R * np.sign(np.linalg.det(R))[:, None, None])
+    u, _, vt = np.linalg.svd(R * np.where(np.linalg.det(R) < 0, -1.0, 1.0)[:, None, None])
+    u[..., 2] *= np.linalg.det(u @ vt)[:, None]  # of views that are all alike, nothing follows, but it is a rotation
     nearest: Array = u @ vt
     return nearest
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.bundle import Seen
 from calib.errors import TooFewViews
 from calib.geometry import move
 from calib.projection import project, project_with_jacobian
@@ -24,6 +25,7 @@ from perception.board.types import Corners, Target
 _HUBER = 2.5  # in standard deviations of a corner
 _NOISE_FLOOR_PX = 0.02
 _FAR_RAD = 1.5
+_FLAT = 1e-6
 _ROUGH = 2.0
 """A view with corner errors this many times the usual ones counts with its own noise (a bent print, a lens)."""
 
@@ -38,9 +40,14 @@ class Sight:
     weight: Array  # (N, K) 0 where padded, 1 or less
     X_CM: Array  # (2, N, 4, 4) best poses; the first fits better
     information: Array  # (2, N, 6, 6) inverse covariance of the twist in the board's axes
+    common: Array  # (2, N, 6, 6) covariance of that twist by smooth errors of 1 px, common to the corners of a view
     rms_px: Array  # (2, N) distances of corners in that pose; inf: no second pose
     corner_px: float  # standard deviation of a corner along an axis, in most views
     own_px: Array  # (N,) the same for each view; larger if its own corners are worse
+
+    def candidate(self, side: int) -> Seen:
+        """All views in their better (0) or mirror pose (1)."""
+        return Seen(self.X_CM[side], self.information[side], self.common[side])
 
     def rms_at(self, X_CM: Array) -> Array:
         """(N,) root mean square distance of the corners for boards at `X_CM` (N, 4, 4)."""
@@ -88,26 +95,49 @@ def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, ca
     X, weight, rms = _best_first(X, weight, rms)
     own = np.maximum(noise, _own_noise(rms[0], mask) / _ROUGH)
     J = np.stack([project_with_jacobian(camera, X[s], p)[1] for s in range(2)])
-    information = np.einsum("snkai,snk,snkaj->snij", J, weight, J) / own[:, None, None] ** 2
-    return Sight(camera, p, px, weight[0], X, information, rms, noise, own)
+    A = np.einsum("snkai,snk,snkaj->snij", J, weight, J)
+    common = np.stack([_common(J[s], weight[s], A[s], px, mask) for s in range(2)])
+    return Sight(camera, p, px, weight[0], X, A / own[:, None, None] ** 2, common, rms, noise, own)
 
 
-def about(sight: Sight, X_CM: Array) -> tuple[Array, Array]:
-    """The same views, condensed about the predicted poses (N, 4, 4) of a fit -> poses (N, 4, 4), information (N, 6, 6).
+def about(sight: Sight, X_CM: Array, noise_px: float | None = None) -> Seen:
+    """The same views, condensed about the predicted poses (N, 4, 4) of a fit.
+
+    With `noise_px`, every corner of every view counts with this standard deviation, and outlying ones less.
 
     A small target seen nearly head-on has no well-defined best pose of its own, and the error around it is not a
     parabola. Around the prediction it is one, so alternating fits and this reach the optimum over all pixels.
     """
     uv, J = project_with_jacobian(sight.camera, X_CM, sight.p_M_m)
     off = np.linalg.norm(uv - sight.px, axis=-1)
-    limit = _HUBER * np.sqrt(2.0) * np.maximum(sight.own_px, np.median(off, axis=1))[:, None]
+    own_px = sight.own_px if noise_px is None else np.full(len(off), noise_px)
+    usual = np.maximum(own_px, np.median(off, axis=1)) if noise_px is None else own_px
+    limit = _HUBER * np.sqrt(2.0) * usual[:, None]
     weight = (sight.weight > 0) * np.minimum(1.0, limit / np.maximum(off, 1e-9))
     A = np.einsum("nkai,nk,nkaj->nij", J, weight, J)
     A += 1e-9 * np.einsum("nii->n", A)[:, None, None] * np.eye(6)
     b = np.einsum("nkai,nk,nka->ni", J, weight, sight.px - uv)
     step = np.linalg.solve(A, b[..., None])[..., 0]
     too_far = np.maximum(1.0, np.linalg.norm(step[:, :3], axis=1) / _FAR_RAD)
-    return move(X_CM, step / too_far[:, None]), A / sight.own_px[:, None, None] ** 2
+    common = _common(J, weight, A, sight.px, (sight.weight > 0).astype(np.float64))
+    return Seen(move(X_CM, step / too_far[:, None]), A / own_px[:, None, None] ** 2, common)
+
+
+def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
+    """(N, 6, 6) covariance of the fitted twist by smooth errors of the corners of 1 px along an axis.
+
+    Smooth: constant, linear and quadratic in the place in the picture, each term with the same share.
+    """
+    there, count = mask[..., None], mask.sum(axis=1)[:, None, None]
+    xy = (px - np.sum(px * there, axis=1, keepdims=True) / count) * there
+    x, y = np.moveaxis(xy / np.abs(xy).max(axis=(1, 2), keepdims=True), -1, 0)
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * there
+    terms[..., 3:] -= there * np.sum(terms[..., 3:], axis=1, keepdims=True) / count
+    size = np.sqrt(np.sum(terms**2, axis=1, keepdims=True) / count)
+    terms = np.where(size > _FLAT, terms / np.maximum(size, _FLAT), 0.0) / np.sqrt(terms.shape[-1])
+    pulls = np.einsum("nkai,nkt->nati", J, weight[..., None] * terms)
+    twists = np.linalg.solve(A[:, None, None], pulls[..., None])[..., 0]
+    return np.asarray(np.einsum("nati,natj->nij", twists, twists))
 
 
 def _padded(corners: Sequence[Corners], board: Target) -> tuple[Array, Array, Array]:

@@ -19,7 +19,7 @@ from calib.geometry import difference
 from calib.labelling import told_apart
 from calib.pose_records import EULER, Convention, PoseKeys, PosesRecord
 from calib.sizing import roughly_sized
-from calib.solve import solve
+from calib.solve import demand_variety, solve
 from calib.types import Forward, Mounting, Setup, View
 from hw.poses import inverse
 from hw.types import Array
@@ -59,7 +59,8 @@ def recognise(
 ) -> Recognised:
     """The reading of `poses` (N) that matches the motion in the pictures, given by name and corners of each view (N).
 
-    Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state.
+    Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state;
+    DegenerateViews if the views are too alike to tell.
     """
     asked = frozenset[str]().union(*(keys.questions() for keys in poses))
     given = {key: value for key, value in told if value is not None}
@@ -70,6 +71,7 @@ def recognise(
         return Recognised(known, _sentences(known, open_ones))
     readings = [replace(known, **dict(zip(undecided, chosen, strict=True))) for chosen in product(*undecided.values())]
     sight = condense([name for name, _ in seen], [corners for _, corners in seen], setup.board, setup.colour)
+    demand_variety(sight.X_CM[0])
     rough = np.array([_score(poses, reading, sight.X_CM[0], setup, forward) for reading in readings])
     hopeful = [int(i) for i in np.argsort(rough, kind="stable")[:_SOLVED] if np.isfinite(rough[i])]
     fits = sorted((_misfit_px(seen, poses, readings[i], setup, forward), i) for i in hopeful)

@@ -60,7 +60,7 @@ def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Kno
     sight = condense([v.name for v in ordered], [v.corners for v in ordered], setup.board, setup.colour)
     moved = motion_of(ordered, setup.mounting, forward)
     offsets = was.offsets_rad if len(was.offsets_rad) == moved.joints else np.zeros(moved.joints)
-    state = State(was.X_AC, was.X_HM, offsets)
+    state = State(was.X_AC[None], was.X_HM, offsets)
     X_now, covariance = _camera_now(sight, state, moved, was.joint_rad)
     return _verdict(was, X_now, covariance, _rms(sight.rms_at(predict(state, moved))))
 
@@ -80,7 +80,7 @@ def _camera_now(sight: Sight, state: State, moved: Motion, joint_rad: float) -> 
         step = np.linalg.solve(A, np.einsum("nip,nij,nj->p", B[:, :, :6], L, e))
         now = State(move(now.X_AC, np.clip(step, -0.3, 0.3)), now.X_HM, now.offsets_rad)
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
-    return now.X_AC, covariance
+    return now.X_AC[0], covariance
 
 
 def _rms(values: Array) -> float:

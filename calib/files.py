@@ -21,7 +21,7 @@ from calib.chains import denavit_hartenberg, urdf
 from calib.errors import ViewFolderError
 from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.target_records import BoardRecord, PointsRecord
-from calib.types import Forward, Mounting, Setup
+from calib.types import WORK_BOX_M, Forward, Mounting, Setup, corners_of_box
 from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, read_bytes
 from hw.kinematics import JOINTS, forward
 from hw.types import Array, CameraModel, Frame
@@ -63,6 +63,7 @@ def setup_record(model: CameraModel, board: Board, arm: str, X_FM: Array | None 
             "arm": arm,
             "serial": model.serial,
             "board": BoardRecord.from_board(board),
+            "work_box_m": WORK_BOX_M[Mounting.FIXED],
             "colour": IntrinsicsRecord.from_camera(model.colour),
             "depth": IntrinsicsRecord.from_camera(model.depth),
             "X_CD": tuple(tuple(map(float, row)) for row in model.X_CD),
@@ -85,6 +86,7 @@ def as_setup(record: SetupRecord) -> Setup:
         infrared=record.depth.intrinsics() if record.depth else None,
         X_CD=np.array(record.X_CD) if record.X_CD else None,
         size_known=record.board.size_known,
+        work_points_m=None if record.work_box_m is None else corners_of_box(record.work_box_m),
     )
 
 

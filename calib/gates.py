@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
@@ -13,6 +14,7 @@ MAX_REJECTED_SHARE = 0.30
 FIT_LIMIT_PX = 0.8
 HELD_OUT_LIMIT_PX = 1.0
 WORST_LIMIT_MM = 5.0
+NEAR_M = 0.3
 CROSS_CHECK_LIMIT_MM = 15.0
 """Closed forms are off by more than this only if all of the data are wrong."""
 
@@ -24,25 +26,53 @@ def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acc
     return Acceptance((*_gates(solution, setup), *(check for check in own if check.name not in named), *checks))
 
 
-def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
-    rejected = 100 * len(solution.rejected) / len(solution.views)
+@dataclass(frozen=True)
+class Figures:
+    """The figures of one camera that gates judge."""
+
+    used: int
+    views: int
+    fit_px: float
+    held_out_px: float
+    worst_95_mm: float
+    distance_m: float
+
+
+def of_figures(figures: Figures, setup: Setup, why_rejected: str) -> tuple[Check, ...]:
+    """The gates of one camera, solved alone or with others."""
+    rejected = 100 * (1 - figures.used / figures.views)
     intrinsics = (
-        f"check the intrinsics (for {setup.colour.width} x {setup.colour.height}), focus, light, and that the board is "
-        "flat"
+        f"the board is {figures.distance_m:.2f} m from the camera, where errors of lens and print count most: hold it "
+        f"at {NEAR_M:g} m or more"
+        if figures.distance_m < NEAR_M
+        else f"check the intrinsics (for {setup.colour.width} x {setup.colour.height}), focus, light, and that the "
+        "board is flat"
     )
     unseen = "held-out views are predicted badly: add views, tilted to all sides"
     where = "95 % at the worst corner of the work volume: add views there, and more tilted ones"
     return (
-        _at_least("views used", len(solution.used), MIN_USED, "", "record more views"),
-        _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", _why_rejected(solution)),
-        _at_most("fit", solution.fit_px, FIT_LIMIT_PX, "px", intrinsics),
-        _at_most("held-out error", solution.held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
-        _at_most("stated error", solution.uncertainty.worst_95_mm, WORST_LIMIT_MM, "mm", where),
-        _cross("closed forms", disagreement_mm(solution.methods)),
+        _at_least("views used", figures.used, MIN_USED, "", "record more views"),
+        _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", why_rejected),
+        _at_most("fit", figures.fit_px, FIT_LIMIT_PX, "px", intrinsics),
+        _at_most("held-out error", figures.held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
+        _at_most("stated error", figures.worst_95_mm, WORST_LIMIT_MM, "mm", where),
     )
 
 
-def _why_rejected(solution: Solution) -> str:
+def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
+    figures = Figures(
+        len(solution.used),
+        len(solution.views),
+        solution.fit_px,
+        solution.held_out_px,
+        solution.uncertainty.worst_95_mm,
+        solution.distance_m,
+    )
+    known = of_figures(figures, setup, why_rejected(solution))
+    return (*known, _cross("closed forms", disagreement_mm(solution.methods)))
+
+
+def why_rejected(solution: Solution) -> str:
     """The advice about rejected views: if all are at one end of the series, something slipped."""
     used = [view.used for view in solution.views]
     changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]

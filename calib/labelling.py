@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.bundle import motion_of
 from calib.condense import condense, unusable
@@ -18,7 +17,7 @@ from calib.geometry import rotation_vector
 from calib.types import Forward, Setup, View
 from hw.poses import inverse
 from hw.types import Array
-from perception.board.types import Corners
+from perception.board.types import Corners, Target
 
 _ROUNDS = 20
 
@@ -28,8 +27,8 @@ def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> 
     usable = [view for view in views if not unusable(view.corners, setup.board, setup.colour)]
     if not setup.board.turns or len(usable) < 3:
         return tuple(views)
-    labels = (np.arange(setup.board.corners, dtype=np.int64), *setup.board.turns)
-    numbered = [[_renumbered(view.corners, ids) for view in usable] for ids in labels]
+    readings = [renumbered(view.corners, setup.board) for view in usable]
+    numbered = [[one[k] for one in readings] for k in range(1 + len(setup.board.turns))]
     names = [view.name for view in usable]
     X_CM = np.stack([condense(names, corners, setup.board, setup.colour).X_CM[0] for corners in numbered])
     moved = motion_of(usable, setup.mounting, forward)
@@ -38,11 +37,14 @@ def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> 
     return tuple(replace(view, corners=chosen.get(view.name, view.corners)) for view in views)
 
 
-def _renumbered(corners: Corners, ids: NDArray[np.int64]) -> Corners:
-    """The same points; number k becomes ids[k]."""
-    new = ids[corners.ids]
-    order = np.argsort(new)
-    return Corners(new[order], corners.px[order])
+def renumbered(corners: Corners, board: Target) -> list[Corners]:
+    """The corners as they are numbered, then as they would be from each other end of a board that looks the same."""
+    found = [corners]
+    for ids in board.turns:
+        new = ids[corners.ids]
+        order = np.argsort(new)
+        found.append(Corners(new[order], corners.px[order]))
+    return found
 
 
 def _sides(X_AH: Array, X_CM: Array) -> list[int]:

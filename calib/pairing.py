@@ -15,10 +15,11 @@ import numpy as np
 from calib.bundle import motion_of
 from calib.errors import UnusableViews
 from calib.geometry import angle_deg, distance_mm, move
+from calib.labelling import renumbered, told_apart
 from calib.pixels import Looks, Place, adjust, looks, poses, rms_px
 from calib.projection import LENS
 from calib.sizing import solve_any_size
-from calib.types import Forward, Setup, Solution, View
+from calib.types import Forward, Mounting, Setup, Solution, View
 from hw.types import Array
 
 MIN_SEGMENT = 4
@@ -29,6 +30,8 @@ _STRAINED = 5.0
 _WORSE = 4.0
 """A rejected view must fit another pose this many times better than its own."""
 _SAME_MM, _SAME_DEG = 0.5, 0.05
+_NO_WORSE = 1.2
+"""An exchange may add views; held-out ones must not be predicted worse than by this factor."""
 _TELLS = 1.5
 """One explanation of a change counts if the other leaves residuals this many times larger."""
 _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
@@ -38,7 +41,7 @@ _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
 class Fault:
     """One fault in words, and the option of `calibrate solve` that repairs it ("" if there is none)."""
 
-    kind: str  # exchanged, shifted, stale, repeated picture, slipped, moved
+    kind: str  # exchanged, shifted, stale, repeated picture, slipped, moved, mounting
     sentence: str
     option: str
     views: tuple[str, ...]
@@ -50,9 +53,15 @@ def faults(
     """The faults of the views that the solution rejects, or of all views if there is no solution. Views by name."""
     ordered = sorted(views, key=lambda view: view.name)
     if solution is None or len(solution.used) < 0.7 * len(ordered):
-        whole = _shift_of_all(ordered, setup, forward, solution)
+        whole = _shift_of_all(ordered, setup, forward, solution) or _other_mounting(ordered, setup, forward, solution)
         if whole is not None:
             return (whole,)
+    return _tried(_among(ordered, setup, forward, solution), ordered, setup, forward, solution)
+
+
+def _among(
+    ordered: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+) -> tuple[Fault, ...]:
     if solution is not None:
         seen = _crossed(ordered, solution, setup, forward)
         found = _explained(seen)
@@ -64,6 +73,36 @@ def faults(
         if found:
             return found
     return ()
+
+
+def _tried(
+    found: tuple[Fault, ...], views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+) -> tuple[Fault, ...]:
+    """The same faults; an exchange is offered only if the exchanged views are then solved better."""
+    swaps = [fault for fault in found if fault.kind == "exchanged"]
+    if not swaps:
+        return found
+    pairs = [(fault.views[0], fault.views[1]) for fault in swaps]
+    try:
+        other, _ = solve_any_size(told_apart(exchanged(views, pairs), setup, forward), setup, forward)
+    except UnusableViews as error:
+        return tuple(_untold(fault, f"so exchanged, the views cannot be solved ({error})") for fault in found)
+    if solution is None:
+        return found
+    before, after = solution.choice.held_out_px, other.choice.held_out_px
+    if len(other.used) > len(solution.used) and after < _NO_WORSE * before:
+        return found
+    said = (
+        f"so exchanged, {len(other.used)} views instead of {len(solution.used)} agree, and held-out ones are predicted "
+        f"to {after:.2f} px instead of {before:.2f}: the views stay left out"
+    )
+    return tuple(_untold(fault, said) for fault in found)
+
+
+def _untold(fault: Fault, why: str) -> Fault:
+    if fault.kind != "exchanged":
+        return fault
+    return replace(fault, sentence=f"{fault.sentence}; {why}", option="")
 
 
 def _explained(seen: _Crossed) -> tuple[Fault, ...]:
@@ -84,6 +123,12 @@ def exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[V
         a, b = (by_name[name] for name in pair)
         by_name[a.name], by_name[b.name] = _posed(a, b), _posed(b, a)
     return [by_name[view.name] for view in views]
+
+
+def pictures_exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[View]:
+    """`exchanged`, but names stay with the poses: with several cameras a name means a posture of the arm."""
+    names = {name: other for a, b in pairs for name, other in ((a, b), (b, a))}
+    return [replace(view, name=names.get(view.name, view.name)) for view in exchanged(views, pairs)]
 
 
 def shifted(views: Sequence[View], by: int) -> list[View]:
@@ -217,14 +262,20 @@ def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: F
     moved = motion_of(views, setup.mounting, forward)
     offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
     X_AH = moved.X_AH(offsets)
-    of = looks([v.corners for v in views], X_AH, setup.board, [setup.colour], [0] * len(views))
+    readings = [renumbered(view.corners, setup.board) for view in views]
+    numbered = [
+        looks([reading[k] for reading in readings], X_AH, setup.board, [setup.colour], [0] * len(views))
+        for k in range(1 + len(setup.board.turns))
+    ]
+    of = numbered[0]
     place = Place(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
     n = len(views)
-    px = np.zeros((n, n))
+    px = np.full((n, n), np.inf)
     for j in range(n):
-        under = replace(of, X_AH=np.broadcast_to(X_AH[j], (n, 4, 4)))
-        in_front = poses(place, under)[:, 2, 3] > 0.05
-        px[:, j] = np.where(in_front, rms_px(place, under), np.inf)
+        for one in numbered:
+            under = replace(one, X_AH=np.broadcast_to(X_AH[j], (n, 4, 4)))
+            in_front = poses(place, under)[:, 2, 3] > 0.05
+            px[:, j] = np.minimum(px[:, j], np.where(in_front, rms_px(place, under), np.inf))
     used = [i for i, view in enumerate(views) if view.name in set(solution.used)]
     usual = float(np.median(px[used, used]))
     limit = max(_FITS * usual, _FITS_PX)
@@ -250,6 +301,24 @@ def _shift_of_all(
             )
             return Fault("shifted", said, f"--shift {by}", tuple(view.name for view in views))
     return None
+
+
+def _other_mounting(
+    views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+) -> Fault | None:
+    """The fault that the camera is on the wrist although declared fixed, or the other way round, if it is one."""
+    other = Mounting.WRIST if setup.mounting is Mounting.FIXED else Mounting.FIXED
+    try:
+        found, _ = solve_any_size(views, Setup(other, setup.board, setup.colour, size_known=setup.size_known), forward)
+    except UnusableViews:
+        return None
+    if len(found.used) < 0.8 * len(views) or (solution is not None and len(found.used) <= len(solution.used) + 2):
+        return None
+    said = (
+        f'the camera is declared camera = "{setup.mounting.value}" in setup.toml, but with camera = "{other.value}" '
+        f"{len(found.used)} of {len(views)} views fit ({found.fit_px:.1f} px)"
+    )
+    return Fault("mounting", said, "", tuple(view.name for view in views))
 
 
 def _halves(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:

@@ -93,6 +93,7 @@ class SetupRecord(Record):
     kinematics: KinematicsRecord | None = None  # of an arm that the program does not know
     poses: PosesRecord = PosesRecord()  # convention of poses whose keys do not state it
     board: AnyTargetRecord  # the target in the views
+    work_box_m: Matrix | None = None  # x, y and z from and to, in the camera's carrier; else where the target was
     colour: IntrinsicsRecord
     depth: IntrinsicsRecord | None = None  # of depth and infrared images
     X_CD: Matrix | None = None  # 4 rows: the depth camera in the colour camera
@@ -100,6 +101,9 @@ class SetupRecord(Record):
 
     @model_validator(mode="after")
     def _one_arm(self) -> Self:
+        box = self.work_box_m
+        if box is not None and (len(box) != 3 or any(len(row) != 2 or row[0] >= row[1] for row in box)):
+            raise ValueError("work_box_m must have three rows, of x, y and z, each from a smaller to a larger number")
         if self.kinematics is not None and self.arm != "other":
             raise ValueError(f"the kinematics of the {self.arm} are known: leave out either arm or [kinematics]")
         return self

@@ -7,74 +7,123 @@ exclude a good one. Joint offsets and board size are free meanwhile, so that no 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.bundle import Fit, Model, Motion, State, fit, joint_spread, linearise
+from calib.bundle import Fit, Model, Motion, Seen, Sizes, State, fit, joint_spread, linearise, squares
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
 """Limit of a view's squared residual, with six degrees of freedom: one good view in ten thousand exceeds it, if normal.
 """
 
-MARGIN = 1.6
+MARGIN = 1.4
 """Factor on `LIMIT`: the noise is estimated from the same few views."""
 
 MIN_TO_FREE = 10  # agreeing views needed to free offsets and scale
 _ROUNDS = 25
+_ANYWHERE = 6.0 + 6.0 * float(np.log(0.05) + np.log(0.02))
+"""Surprise of a view that lies anywhere: its pose is off by some 3 degrees and 20 mm."""
+_GENEROUS = Sizes(1.0, 0.1, 1e-3)
 
 
 def reject(
-    moved: Motion, candidates: Array, information: Array, start: State, model: Model
+    moved: Motion, both: tuple[Seen, Seen], start: State, model: Model
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
-    """Candidate poses (2, N, 4, 4) and information (2, N, 6, 6) -> kept (N,), chosen candidate (N,), the fit, and the
-    squared distance of both candidates of every view from a fit without it (2, N)."""
-    n = candidates.shape[1]
-    rows = np.arange(n)
-    side = np.zeros(n, dtype=np.int64)
-    plain = Model()
-    # start: the half that agrees best, with generous joint noise
-    score = np.stack([_score(moved, candidates[s], information[s], start, 1e-3) for s in range(2)])
+    """Both candidate poses of N views -> kept (N,), chosen candidate (N,), the fit, and the squared distance of both
+    candidates of every view from a fit without it (2, N)."""
+    n = len(both[0].X_CM)
+    # the half that agrees best, with generous joint noise
+    score = np.stack([_score(moved, seen, start) for seen in both])
     side = np.argmin(score, axis=0)
-    order = np.argsort(score[side, rows], kind="stable")
-    kept = np.zeros(n, dtype=bool)
-    kept[order[: max(n // 2 + 1, min(n, 5))]] = True
-    seen: set[bytes] = set()
-    state = start
+    order = np.argsort(score[side, np.arange(n)], kind="stable")
+    half = np.zeros(n, dtype=bool)
+    half[order[: max(n // 2 + 1, min(n, 5))]] = True
+    found = _settled(moved, both, start, model, half, side)
+    if found.kept.all():
+        return found.result
+    # a few views alone may fit one another too well to readmit any: then a looser fit to all explains more
+    every = _settled(moved, both, start, model, np.ones(n, dtype=bool), side)
+    return min(found, every, key=lambda one: one.surprise).result
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """Kept views that no longer change."""
+
+    kept: NDArray[np.bool_]  # (N,)
+    side: NDArray[np.int64]  # (N,)
+    fit: Fit
+    far: Array  # (2, N)
+    surprise: float  # minus twice the log density of all views, each predicted without it; rejected ones lie anywhere
+
+    @property
+    def result(self) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
+        return self.kept, self.side, self.fit, self.far
+
+
+def _settled(
+    moved: Motion,
+    both: tuple[Seen, Seen],
+    state: State,
+    model: Model,
+    kept: NDArray[np.bool_],
+    side: NDArray[np.int64],
+) -> _Settled:
+    """Fit and judge, from the views `kept`, until nothing changes."""
+    rows = np.arange(len(kept))
+    tried: set[bytes] = set()
     for _ in range(_ROUNDS):
-        free = model if kept.sum() >= MIN_TO_FREE else plain
-        X, H = candidates[side, rows], information[side, rows]
-        now = fit(moved.take(kept), X[kept], H[kept], state, free)
+        free = model if kept.sum() >= MIN_TO_FREE else Model()
+        now = fit(moved.take(kept), chosen(both, side).take(kept), state, free)
         state = now.state
-        both = np.stack([_judge(moved, candidates[s], information[s], now, kept & (side == s)) for s in range(2)])
-        side = np.argmin(both, axis=0)
-        again = both[side, rows] < MARGIN * LIMIT
+        judged = [_judge(moved, both[s], now, kept & (side == s)) for s in range(2)]
+        far, spread = (np.stack([one[k] for one in judged]) for k in range(2))
+        side = np.argmin(far, axis=0)
+        again = far[side, rows] < MARGIN * LIMIT
         key = again.tobytes() + side.tobytes()
-        if key in seen or again.sum() < 4:
+        if again.sum() < 4:
             break
-        seen.add(key)
+        if key in tried:  # a view in and out again: it stays out
+            kept = kept & again
+            now = fit(moved.take(kept), chosen(both, side).take(kept), state, free)
+            break
+        tried.add(key)
         if (again == kept).all():
             break
         kept = again
-    return kept, side, now, both
+    density = np.where(kept, far[side, rows] + spread[side, rows], _ANYWHERE)
+    return _Settled(kept, side, now, far, float(density.sum()))
 
 
-def _score(moved: Motion, X_CM: Array, information: Array, state: State, joint_rad: float) -> Array:
-    e, _ = linearise(state, moved, X_CM, Model())
-    G = joint_spread(state, moved)
-    C = np.linalg.inv(information) + joint_rad**2 * G @ np.swapaxes(G, 1, 2)
-    return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(C, e[..., None])[..., 0]))
+def chosen(both: tuple[Seen, Seen], side: NDArray[np.int64]) -> Seen:
+    """The candidate `side` (N,) of every view."""
+    rows = np.arange(len(side))
+    names = ("X_CM", "information", "common")
+    return Seen(*(np.stack([getattr(seen, name) for seen in both])[side, rows] for name in names))
 
 
-def _judge(moved: Motion, X_CM: Array, information: Array, now: Fit, inside: NDArray[np.bool_]) -> Array:
-    """(N,) squared residual of each view, predicted without it."""
-    e, B = linearise(now.state, moved, X_CM, now.model)
-    G = joint_spread(now.state, moved)
-    C = np.linalg.inv(information) + now.joint_rad**2 * G @ np.swapaxes(G, 1, 2)
-    P = np.linalg.inv(now.normal)
-    lever = B @ P @ np.swapaxes(B, 1, 2)
+def _score(moved: Motion, seen: Seen, state: State) -> Array:
+    e, _ = linearise(state, moved, seen.X_CM, Model())
+    return squares(e, seen.covariance(_GENEROUS, _arm(state, moved)))
+
+
+def _judge(moved: Motion, seen: Seen, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """(N,) squared residual of each view, predicted without it, and (N,) log determinant of its covariance."""
+    e, B = linearise(now.state, moved, seen.X_CM, now.model)
+    C = seen.covariance(now.noise, _arm(now.state, moved))
+    lever = B @ np.linalg.inv(now.normal) @ np.swapaxes(B, 1, 2)
     # without view i: e_i' = C (C - lever)^-1 e_i with covariance C (C - lever)^-1 C, so its square is
     # e_i (C - lever)^-1 e_i; for a view outside the fit it is e_i (C + lever)^-1 e_i
-    total = np.where(inside[:, None, None], C - lever, C + lever)
-    return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(total, e[..., None])[..., 0]))
+    outside = C + lever
+    middle = np.where(inside[:, None, None], C - lever, outside)
+    logs = np.linalg.slogdet(middle)[1]
+    return squares(e, middle), np.where(inside, 2 * np.linalg.slogdet(C)[1] - logs, logs)
+
+
+def _arm(state: State, moved: Motion) -> Array:
+    G = joint_spread(state, moved)
+    return np.asarray(G @ np.swapaxes(G, 1, 2))

@@ -11,19 +11,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.bundle import motion_of
+from calib import gates
+from calib.bundle import State, motion_of, predict
+from calib.condense import condense
 from calib.errors import TooFewViews, UnusableViews
-from calib.geometry import angle_deg, cross_matrix, distance_mm
-from calib.pixels import Place, adjust, held_out_px, jackknife, looks
-from calib.projection import LENS
+from calib.estimate import Data, Estimate, estimate
+from calib.geometry import angle_deg, distance_mm
+from calib.pairing import Fault, faults
 from calib.sizing import solve_any_size
-from calib.types import Forward, Mounting, Setup, View
+from calib.types import Acceptance, Choice, Forward, Mounting, Setup, Solution, View, ViewFit
+from calib.uncertainty import jackknife, uncertainty
 from hw.types import Array
 
-FOLDS = 5
 MIN_SHARED = 6
 _SAME_MM, _SAME_DEG = 0.5, 0.1
-_NINETEEN_OF_TWENTY = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,19 +39,22 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """One camera, solved alone and together; errors by leaving out each posture in turn."""
+    """One camera, solved alone and together."""
 
     name: str
     X_BC: Array  # (4, 4) by all cameras together
     used: tuple[str, ...]
+    rejected: tuple[ViewFit, ...]
+    faults: tuple[Fault, ...]  # of the rejected views
     fit_px: float
     held_out_px: float  # error of every posture, predicted by a fit without its fifth of the postures
     alone_held_out_px: float  # the same for a fit of this camera alone
     sigma_mm: float  # one standard deviation of its position
     alone_sigma_mm: float
-    work_95_mm: float  # at the worst corner of the work volume
-    alone_work_95_mm: float
+    worst_95_mm: float  # at the worst corner of the work volume
+    alone_worst_95_mm: float
     from_alone_mm: float  # distance between the two positions
+    acceptance: Acceptance
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,10 +66,16 @@ class Together:
     target: str  # in words, with the estimated size
     size_sigma: float  # standard deviation, as a share
     held_out_px: float
+    choice: Choice
+
+    @property
+    def accepted(self) -> bool:
+        """Whether no gate of any camera forbids it."""
+        return all(camera.acceptance.accepted for camera in self.cameras)
 
 
 def solve_together(cameras: Sequence[Camera]) -> Together:
-    """Solve each camera, then all together.
+    """Solve each camera, then all together, by the same estimator.
 
     Views of the same name show the same posture. Raises UnusableViews or a subclass.
     """
@@ -74,56 +84,61 @@ def solve_together(cameras: Sequence[Camera]) -> Together:
     alone = [solve_any_size(camera.views, camera.setup, camera.forward) for camera in cameras]
     factor = float(np.mean([setup.board.spacing_m for _, setup in alone])) / alone[0][1].board.spacing_m
     target = alone[0][1].board.scaled(factor)
-    chosen = [
-        [view for view in camera.views if view.name in set(solution.used)]
-        for camera, (solution, _) in zip(cameras, alone, strict=True)
-    ]
-    flat = [(k, view) for k, views in enumerate(chosen) for view in views]
-    X_BF = np.concatenate([_poses(camera, views) for camera, views in zip(cameras, chosen, strict=True)])
-    of = looks(
-        [view.corners for _, view in flat], X_BF, target, [c.setup.colour for c in cameras], [k for k, _ in flat]
-    )
-    names = sorted({view.name for _, view in flat})
-    of = replace(of, posture=np.array([names.index(view.name) for _, view in flat], dtype=np.int64))
-    X_BC = np.stack([solution.X_AC for solution, _ in alone])
-    start = Place(X_BC, alone[0][0].X_HM[None], 1.0, np.zeros((len(cameras), LENS)))
+    data, start = _data([replace(c, setup=replace(c.setup, board=target)) for c in cameras], [s for s, _ in alone])
     scale = not cameras[0].setup.size_known
-    noise = max(float(np.mean([solution.fit_px for solution, _ in alone])) / np.sqrt(2.0), 0.02)
-    fit = adjust(of, start, noise, scale=scale, lens=False)
-    fit = adjust(of, fit.place, max(fit.px / np.sqrt(2.0), 0.02), scale=scale, lens=False)
-    held = held_out_px(of, fit, FOLDS, scale=scale, lens=False)
-    covariance = jackknife(fit)
-    placed = []
-    for k, camera in enumerate(cameras):
-        rows = of.camera == k
-        pictures = replace(
-            of.take(rows), cameras=(camera.setup.colour,), camera=np.zeros(int(rows.sum()), dtype=np.int64)
-        )
-        solution, setup = alone[k]
-        size = setup.board.spacing_m / target.spacing_m
-        by_itself = Place(solution.X_AC[None], solution.X_HM[None], size, np.zeros((1, LENS)))
-        own = adjust(pictures, by_itself, fit.noise_px, scale=scale, lens=False)
-        points = camera.setup.p_AP_m
-        X, X_alone = fit.place.X_AC[k], own.place.X_AC[0]
-        sigma_mm, work_mm = _errors(covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6], X, points)
-        alone_sigma_mm, alone_work_mm = _errors(jackknife(own)[:6, :6], X_alone, points)
-        placed.append(
-            Placed(
-                camera.name,
-                X,
-                tuple(view.name for view in chosen[k]),
-                _rms(fit.rms_px[rows]),
-                _rms(held[rows]),
-                _rms(held_out_px(pictures, own, FOLDS, scale=scale, lens=False)),
-                sigma_mm,
-                alone_sigma_mm,
-                work_mm,
-                alone_work_mm,
-                distance_mm(X, X_alone),
-            )
-        )
-    sigma = float(np.sqrt(covariance[-1, -1])) if scale else 0.0
-    return Together(tuple(placed), fit.place.X_HM[0], target.scaled(fit.place.scale).name, sigma, _rms(held))
+    found = estimate(data, start, scale=scale)
+    fit_px = data.rms_at(predict(found.fit.state, data.moved))
+    placed = tuple(
+        _placed(k, camera, solution, setup, data, found, fit_px)
+        for k, (camera, (solution, setup)) in enumerate(zip(cameras, alone, strict=True))
+    )
+    sigma = float(np.sqrt(jackknife(found.fit)[-1, -1])) if scale else 0.0
+    size = target.scaled(found.fit.state.scale).name
+    return Together(placed, found.fit.state.X_HM, size, sigma, found.folds.rms_px, found.choice)
+
+
+def _data(cameras: Sequence[Camera], alone: Sequence[Solution]) -> tuple[Data, State]:
+    """The views that each camera uses alone, and a start from those solutions."""
+    chosen = [[v for v in c.views if v.name in set(s.used)] for c, s in zip(cameras, alone, strict=True)]
+    flat = [view for views in chosen for view in views]
+    sights = tuple(
+        condense([v.name for v in views], [v.corners for v in views], c.setup.board, c.setup.colour)
+        for c, views in zip(cameras, chosen, strict=True)
+    )
+    names = np.unique([view.name for view in flat], return_inverse=True)[1].astype(np.int64)
+    index = np.repeat(np.arange(len(cameras)), [len(views) for views in chosen])
+    forward = next((camera.forward for camera in cameras if camera.forward is not None), None)
+    moved = replace(motion_of(flat, Mounting.FIXED, forward), camera=index, posture=names)
+    start = State(np.stack([s.X_AC for s in alone]), alone[0].X_HM, np.zeros(moved.joints))
+    data = Data(sights, moved, sights[0].candidate(0), np.arange(len(flat)), vague=True)
+    return replace(data, seen=data.about(predict(start, moved))), start
+
+
+def _placed(
+    k: int, camera: Camera, alone: Solution, setup: Setup, data: Data, found: Estimate, fit_px: Array
+) -> Placed:
+    rows = data.moved.camera == k
+    held = found.folds.px[rows[found.folds.rows]]
+    X, known = found.fit.state.X_AC[k], uncertainty(found.fit, data.moved, setup, found.joints, k)
+    figures = gates.Figures(
+        len(alone.used), len(alone.views), _rms(fit_px[rows]), _rms(held), known.worst_95_mm, alone.distance_m
+    )
+    return Placed(
+        name=camera.name,
+        X_BC=X,
+        used=alone.used,
+        rejected=alone.rejected,
+        faults=faults(camera.views, setup, camera.forward, alone),
+        fit_px=figures.fit_px,
+        held_out_px=figures.held_out_px,
+        alone_held_out_px=alone.choice.held_out_px,
+        sigma_mm=known.sigma_mm,
+        alone_sigma_mm=alone.uncertainty.sigma_mm,
+        worst_95_mm=known.worst_95_mm,
+        alone_worst_95_mm=alone.uncertainty.worst_95_mm,
+        from_alone_mm=distance_mm(X, alone.X_AC),
+        acceptance=Acceptance(gates.of_figures(figures, setup, gates.why_rejected(alone))),
+    )
 
 
 def _possible(cameras: Sequence[Camera]) -> None:
@@ -167,18 +182,6 @@ def _same_arm(cameras: Sequence[Camera]) -> None:
 def _poses(camera: Camera, views: Sequence[View]) -> Array:
     moved = motion_of(views, camera.setup.mounting, camera.forward)
     return moved.X_AH(np.zeros(moved.joints))
-
-
-def _errors(covariance: Array, X_AC: Array, points_m: Array) -> tuple[float, float]:
-    """For a twist in the camera's axes: sigma of the position, and the 95 % level at the worst point, in mm."""
-    R = X_AC[:3, :3]
-    axes = np.kron(np.eye(2), R)
-    C = axes @ covariance @ axes.T
-    lever = np.concatenate(
-        [-cross_matrix(points_m - X_AC[:3, 3]), np.broadcast_to(np.eye(3), (len(points_m), 3, 3))], 2
-    )
-    spread = np.sqrt(np.trace(lever @ C @ np.swapaxes(lever, 1, 2), axis1=1, axis2=2))
-    return float(1e3 * np.sqrt(np.trace(C[3:, 3:]))), float(1e3 * _NINETEEN_OF_TWENTY * spread.max())
 
 
 def _rms(values: Array) -> float:

@@ -12,16 +12,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.bundle import motion_of
+from calib.geometry import difference
 from calib.pixels import Adjusted, Place, adjust, held_out_px, jackknife, looks
 from calib.projection import LENS, with_lens
+from calib.sizing import solve_any_size
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.types import Array, Intrinsics
 
 NAME = "intrinsics"
 SUSPICIOUS = 1.5
 """The test runs if views disagree by this many times the noise of their corners."""
-MIN_VIEWS = 10
+SMOOTH = 0.5
+"""Or if the error common to the corners of a view is larger than this many times that noise."""
+MIN_VIEWS = 6
+TO_REFINE = 10  # views needed to use the refined intrinsics
 FOLDS = 5
+_DOUBTED = 3.0
 _BETTER = 0.9  # times the held-out error with the stated intrinsics
 _SIGNIFICANT = 3.0
 _OTHER_RESOLUTION = 0.08
@@ -38,13 +44,34 @@ class Trial:
     sigma: Array  # (LENS,) one standard deviation of it
     refined: Intrinsics
     covariance: Array  # (6, 6) of X_AC's twist in the camera's axes, due to the uncertain lens
+    doubt: Array  # (6, 6) the same if the stated lens is used: also by how far the free one moves the camera
     better: bool  # the views support it beyond their noise
     sentence: str
+    used: tuple[str, ...]  # the views of the test
+    rescued: int  # views that agree with refined intrinsics but not with the stated ones
 
 
 def suspicious(solution: Solution) -> bool:
-    """Do the views disagree beyond the noise of their corners?"""
-    return bool(solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * solution.noise.corner_px)
+    """Do the views disagree beyond the noise of their corners, or the corners of a view together?"""
+    noise = solution.noise
+    apart = solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * noise.corner_px
+    return bool(apart or noise.view_px > SMOOTH * noise.corner_px or solution.choice.pixels)
+
+
+def settle(
+    views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool = False
+) -> tuple[Solution, Setup, Trial | None]:
+    """Solve with the stated or, on request, the refined intrinsics. Raises UnusableViews.
+
+    Where the views give reason to doubt the stated lens, the stated error includes that doubt.
+    """
+    solution, setup = solve_any_size(views, setup, forward)
+    tried = trial(views, setup, solution, forward) if refine or suspicious(solution) else None
+    if tried is None:
+        return solution, setup, None
+    if refine and len(solution.used) >= TO_REFINE:
+        return *solve_any_size(views, adopted(setup, tried), forward), tried
+    return *solve_any_size(views, replace(setup, lens_covariance=tried.doubt), forward), tried
 
 
 def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> Trial | None:
@@ -68,7 +95,15 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     better = after < _BETTER * before and bool((np.abs(lens) > _SIGNIFICANT * sigma).any())
     refined = with_lens(setup.colour, lens)
     sentence = _sentence(setup.colour, lens, sigma, before, after)
-    return Trial(before, after, lens, sigma, refined, _into_pose(free, covariance), better, sentence)
+    by_lens = _into_pose(free, covariance)
+    moved_by = difference(stated.place.X_AC[0], free.place.X_AC[0])
+    doubt = by_lens + np.outer(moved_by, moved_by) / _DOUBTED  # so that the 95 % level includes the free camera
+    names = tuple(view.name for view in used)
+    rescued = 0
+    if better and len(used) >= TO_REFINE and solution.rejected:
+        again, _ = solve_any_size(views, replace(setup, colour=refined), forward)
+        rescued = len(again.used) - len(used)
+    return Trial(before, after, lens, sigma, refined, by_lens, doubt, better, sentence, names, rescued)
 
 
 def adopted(setup: Setup, found: Trial) -> Setup:
@@ -88,6 +123,15 @@ def check(found: Trial | None, *, refined: bool) -> Check:
         return Check(NAME, Grade.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
     advice = "add --refine-intrinsics to use these, or state the right ones"
     return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
+
+
+def rescues(found: Trial) -> str:
+    """What refined intrinsics would gain, in words; "" if they were not better or the views are too few."""
+    if not found.better or len(found.used) < TO_REFINE:
+        return ""
+    more = f" and {found.rescued} more views agree" if found.rescued > 0 else ""
+    held = f"{found.refined_px:.2f} px, not {found.stated_px:.2f}"
+    return f"With refined intrinsics held-out views are predicted to {held}{more}"
 
 
 def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, after: float) -> str:

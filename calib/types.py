@@ -14,7 +14,7 @@ So X_CM = inverse(X_AC) X_AH X_HM in both, and one solver serves both.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
@@ -59,14 +59,16 @@ class Setup:
     colour: Intrinsics
     infrared: Intrinsics | None = None  # of the depth camera's infrared image, if the views have it
     X_CD: Array | None = None  # (4, 4) factory pose of the depth camera in the colour camera
-    work_points_m: Array | None = None  # (P, 3) in A, for evaluating the stated error; None: `default_work_points`
+    work_points_m: Array | None = (
+        None  # (P, 3) in A, for evaluating the stated error; None: the corners of `WORK_BOX_M`
+    )
     size_known: bool = True  # False: only its proportions are known, and the arm's motion gives the size
     lens_covariance: Array | None = None  # (6, 6) of X_AC's twist in C's axes, if intrinsics were estimated from views
 
     def __post_init__(self) -> None:
         if self.X_CD is not None:
             object.__setattr__(self, "X_CD", frozen_array(self.X_CD, (4, 4), "X_CD"))
-        points = default_work_points(self.mounting) if self.work_points_m is None else self.work_points_m
+        points = corners_of_box(WORK_BOX_M[self.mounting]) if self.work_points_m is None else self.work_points_m
         object.__setattr__(self, "work_points_m", frozen_array(points, (None, 3), "work_points_m"))
 
     @property
@@ -76,12 +78,16 @@ class Setup:
         return self.work_points_m
 
 
-def default_work_points(mounting: Mounting) -> Array:
-    """(8, 3) corners of the work volume in A: in front of the arm (fixed), or in view of a wrist camera."""
-    box = (
-        ((0.45, 1.0), (-0.25, 0.25), (0.0, 0.25)) if mounting is Mounting.FIXED else ((-0.2, 0.2),) * 2 + ((0.3, 0.8),)
-    )
-    return np.array(list(product(*box)))
+WORK_BOX_M = {
+    Mounting.FIXED: ((0.45, 1.0), (-0.25, 0.25), (0.0, 0.25)),
+    Mounting.WRIST: ((-0.2, 0.2), (-0.2, 0.2), (0.3, 0.8)),
+}
+"""x, y and z of the work volume in A, from and to: in front of our arm (fixed), or in view of a wrist camera."""
+
+
+def corners_of_box(box_m: Sequence[Sequence[float]]) -> Array:
+    """(8, 3) corners of a box: three rows, from and to."""
+    return np.array(list(product(*box_m)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +190,33 @@ class Noise:
     """The noise of the instruments, from the residuals."""
 
     corner_px: float  # one standard deviation of a corner along one axis
+    view_px: float  # of the smooth error common to a view's corners, along one axis
     joint_rad: float  # one standard deviation of a joint from view to view; nan if joints are unknown
     flange_mm: float  # effect of that (or of errors of the given poses) at the board
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The fit that was kept of two, by the error with which each predicts views that it has not seen."""
+
+    pixels: bool  # the bundle adjustment over pixels was kept, not the fit weighed by errors of arm and views
+    errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth
+    pixels_px: float  # the same of the fit over pixels
+
+    @property
+    def held_out_px(self) -> float:
+        """Of the kept fit."""
+        return self.pixels_px if self.pixels else self.errors_px
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        by_errors, by_pixels = (
+            f"errors of arm and views ({self.errors_px:.2f} px",
+            f"pixels alone ({self.pixels_px:.2f} px",
+        )
+        kept, other = (by_pixels, by_errors) if self.pixels else (by_errors, by_pixels)
+        return f"views are weighed by {kept} held out), not by {other})"
 
 
 @dataclass(frozen=True)
@@ -229,6 +260,7 @@ class Solution:
     fit_px: float  # root mean square distance of corners, views used
     held_out_px: float  # the same for every fifth view, predicted by a fit without those
     noise: Noise
+    choice: Choice  # which fit was kept
     uncertainty: Uncertainty
     methods: tuple[ClosedForm, ...]
     square_scale: float  # board size by the arm's motion, over the stated size
@@ -236,6 +268,7 @@ class Solution:
     target: str  # the target in words, with its size
     size_known: bool  # False: the target's size comes from the arm's motion, and the stated error includes that
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few
+    distance_m: float  # of the board's centre from the camera, median over the views
     pose_span_m: float  # diagonal of the box of board centres in the camera
     worth: Worth  # value of each view, and of further ones
 

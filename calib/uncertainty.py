@@ -32,38 +32,43 @@ _DRAWS = 2000
 
 
 def jackknife(fit: Fit) -> Array:
-    """(P, P) covariance of all parameters by leaving out each view in turn, with one Newton step from the fit."""
-    L = np.linalg.inv(fit.covariance)
-    LB = L @ fit.B
-    b = np.einsum("nip,ni->np", LB, fit.residual)
-    A_i = np.einsum("nip,nir->npr", fit.B, LB)
+    """(P, P) covariance of all parameters by leaving out each posture in turn, with one Newton step from the fit."""
+    LB = np.linalg.solve(fit.covariance, fit.B)
+    postures, which = np.unique(fit.posture, return_inverse=True)
+    together = np.zeros((len(postures), fit.B.shape[2]))
+    np.add.at(together, which, np.einsum("nip,ni->np", LB, fit.residual))
+    A_i = np.zeros((len(postures), *fit.normal.shape))
+    np.add.at(A_i, which, np.einsum("nip,nir->npr", fit.B, LB))
     scale = np.sqrt(np.diagonal(fit.normal))
     left = (fit.normal - A_i) / np.outer(scale, scale) + 1e-12 * np.eye(len(scale))
-    moved = -np.linalg.solve(left, (b / scale)[..., None])[..., 0] / scale
+    moved = -np.linalg.solve(left, (together / scale)[..., None])[..., 0] / scale
     moved -= moved.mean(axis=0)
     n = len(moved)
     covariance: Array = (n - 1) / n * moved.T @ moved
     return covariance
 
 
-def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | None) -> Uncertainty:
-    """The uncertainty of the final fit; `joints` are the estimated joint offsets, adopted or not."""
+def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | None, camera: int = 0) -> Uncertainty:
+    """The uncertainty of one camera of the final fit; `joints` are the estimated joint offsets, adopted or not."""
     offsets = bool(fit.model.offsets)
     n, p = 6 * len(fit.residual), fit.model.size
     factor = FACTOR_OFFSETS if offsets else FACTOR_PLAIN
-    inside = factor**2 * 0.5 * (jackknife(fit) + np.linalg.inv(fit.normal))[:6, :6]
+    own = slice(6 * camera, 6 * camera + 6)
+    inside = factor**2 * 0.5 * (jackknife(fit) + np.linalg.inv(fit.normal))[own, own]
     if setup.lens_covariance is not None:
         inside = inside + setup.lens_covariance
-    R = fit.state.X_AC[:3, :3]
+    X_AC = fit.state.X_AC[camera]
+    R = X_AC[:3, :3]
     axes = np.kron(np.eye(2), R)
     covariance = axes @ inside @ axes.T + np.diag([np.deg2rad(FLOOR_DEG) ** 2] * 3 + [(1e-3 * FLOOR_MM) ** 2] * 3)
     turn_rad = FACTOR_TURN * base_turn_rad(joints)
-    own = _draws(n - p) @ np.linalg.cholesky(covariance).T
+    in_arm = _draws(n - p) @ np.linalg.cholesky(covariance).T
     freedom = len(fit.model.offsets) or moved.joints - 2
-    absolute = own + (turn_rad * _turns(max(freedom, 1)))[:, None] * _turn_twist(fit, moved)
-    total = covariance + turn_rad**2 * np.outer(_turn_twist(fit, moved), _turn_twist(fit, moved))
-    lever = setup.p_AP_m - fit.state.X_AC[:3, 3]
-    figures = [_figures(draws, lever) for draws in (absolute, own)]
+    hidden = _turn_twist(X_AC, moved)
+    absolute = in_arm + (turn_rad * _turns(max(freedom, 1)))[:, None] * hidden
+    total = covariance + turn_rad**2 * np.outer(hidden, hidden)
+    lever = setup.p_AP_m - X_AC[:3, 3]
+    figures = [_figures(draws, lever) for draws in (absolute, in_arm)]
     return Uncertainty(
         sigma_mm=float(1e3 * np.sqrt(np.trace(total[3:, 3:]))),
         sigma_deg=float(np.rad2deg(np.sqrt(np.trace(total[:3, :3])))),
@@ -91,13 +96,13 @@ def base_turn_rad(joints: JointOffsets | None) -> float:
     return float(np.sqrt(max(float(np.mean(seen**2 - noise**2)), 0.0)))
 
 
-def _turn_twist(fit: Fit, moved: Motion) -> Array:
+def _turn_twist(X_AC: Array, moved: Motion) -> Array:
     """(6,) effect of one radian of the hidden offset on the camera: rotation, and shift of its origin, in axes of A."""
     if not moved.joints:
         return np.zeros(6)
     hidden = 0 if moved.mounting.value == "fixed" else moved.joints - 1
     twist = (adjoint(moved.X_AH(np.zeros(moved.joints))[:1]) @ moved.body[:1])[0, :, hidden]
-    return np.concatenate([twist[:3], twist[3:] + np.cross(twist[:3], fit.state.X_AC[:3, 3])])
+    return np.concatenate([twist[:3], twist[3:] + np.cross(twist[:3], X_AC[:3, 3])])
 
 
 @cache

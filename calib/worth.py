@@ -21,13 +21,14 @@ _MOST = 12
 
 
 def worth(fit: Fit, names: Sequence[str], lever_m: Array) -> Worth:
-    """The worth of the fit's views, called `names`; `lever_m` (P, 3) are the work points relative to the camera, in
-    axes of its carrier.
+    """The worth of the views of a fit to one camera, called `names`.
+
+    `lever_m` (P, 3) are the work points relative to the camera, in axes of its carrier.
 
     If a series cannot be solved without some view, that view counts as infinitely helpful.
     """
     information = np.einsum("nip,nij,njq->npq", fit.B, np.linalg.inv(fit.covariance), fit.B)
-    R = np.kron(np.eye(2), fit.state.X_AC[:3, :3])
+    R = np.kron(np.eye(2), fit.state.X_AC[0, :3, :3])
 
     def error(normal: Array) -> float:
         scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-30))

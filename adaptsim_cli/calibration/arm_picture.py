@@ -59,7 +59,8 @@ class ArmPictures:
         return (
             f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px "
             f"from where it is drawn, {1e3 * found.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
-            f"{found.off_px:.0f} px in the median of {found.pictures} pictures"
+            f"{found.off_px:.0f} px in the median of {found.pictures} pictures. It also measures how the drawn hand "
+            "differs from the real one, so a few millimetres say nothing; a wrong frame or arm shows as centimetres"
         )
 
     def as_json(self) -> dict[str, Any] | None:

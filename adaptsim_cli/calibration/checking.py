@@ -38,6 +38,7 @@ def checks(
     poses = dict(zip([view.name for view in good], predicted, strict=True))
     X_CD, alignment = of.infrared_board(solution, views, setup, forward)
     found = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution), of.mirror_poses(solution)]
+    found += [of.weights(solution)]
     if stored.setup.X_HM is not None:
         found += [of.mounting_of_board(solution, np.array(stored.setup.X_HM))]
     found += [_depth(stored, setup, poses, X_CD), alignment, _table(stored, setup, solution, X_CD)]

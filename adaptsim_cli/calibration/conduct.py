@@ -36,8 +36,7 @@ OpenRig = Callable[[Config, Board, SavedCalibration | None], AbstractContextMana
 Stores = Callable[[Config, Places], CalibrationStore]
 """(settings) -> the calibrations of the rig."""
 
-RESIDUALS = "residuals.csv"
-OVERLAY = "overlay"
+RESIDUALS, OVERLAY = "residuals.csv", "overlay"
 Ends = Callable[[Config, Places], Sequence[str]]
 """Settings -> the open sessions that use the present calibration and touch-off."""
 
@@ -140,8 +139,9 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
-    flow.show_arm(solved, path.parent, screen)
-    table = path.with_name(RESIDUALS)
+    beside = path.stem if out else ""
+    flow.show_arm(solved, path.with_name(_named(beside, arm_picture.PICTURE)), screen)
+    table = path.with_name(_named(beside, RESIDUALS))
     durable.replace_file(table, residuals.table(solved.residuals).encode())
     if solved.record.accepted:
         screen.next((f"xdg-open {path}", "the place and the residual of every view"))
@@ -151,11 +151,16 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
         screen.data(
             "calibrate solve",
             summary(solved.record)
-            | {"residuals": str(table), "report": str(path), "recognised": solved.recognised}
+            | {"residuals": str(table), "report": str(path), "recognised": solved.recognised, "advice": solved.advice}
             | _told(solved),
         )
     if not solved.record.accepted:
-        raise flow.rejected(solved, path, "Record more views, or correct the problems in the report, and solve again")
+        raise flow.rejected(solved, path, f"Next: {solved.advice}")
+
+
+def _named(report: str, name: str) -> str:
+    """The name of a file beside a report with a name of its own."""
+    return f"{report}.{name}" if report else name
 
 
 def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
@@ -178,19 +183,27 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
         screen.data("calibrate overlay", {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
 
 
-def solve_cameras(folders: Sequence[Path], out: Path, *, as_json: bool) -> None:
-    """Solve several cameras around one arm. Raises ViewFolderError, CalibrationError, PerceptionError."""
+def solve_cameras(
+    folders: Sequence[Path], out: Path, exchange: Sequence[tuple[str, str, str]] = (), *, as_json: bool
+) -> None:
+    """Solve several cameras around one arm; `exchange` are folders' names with two views each.
+
+    Raises ViewFolderError, CalibrationError, PerceptionError.
+    """
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the target and solving"):
-        found = together.solve([folder.absolute() for folder in folders])
+        found = together.solve([folder.absolute() for folder in folders], exchange)
     screen.show(together.show(found))
     path = out.absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, together.content(found))
     screen.plain(f"Written: {path}")
-    screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
+    if found.accepted:
+        screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
     if as_json:
         screen.data("calibrate together", together.as_json(found) | {"file": str(path)})
+    if not found.accepted:
+        raise together.rejected(found, path)
 
 
 def _told(solved: Solved) -> dict[str, Any]:

@@ -198,7 +198,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     screen.show(shows.calibration(solved.record))
     for sentence in solved.worth.sentences:
         screen.plain(f"  {sentence}")
-    show_arm(solved, views, screen)
+    show_arm(solved, views / arm_picture.PICTURE, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
         advice = "The previous calibration stays in use. --fresh starts a new series of views"
@@ -211,13 +211,12 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     return folder
 
 
-def show_arm(solved: Solved, folder: Path, screen: Screen) -> None:
+def show_arm(solved: Solved, path: Path, screen: Screen) -> None:
     """Show a picture with the arm drawn into it, if the arm's looks are known. A person judges it; it never rejects."""
     try:
         drawn = arm_picture.draw(solved)
     except UnusableViews:
         return
-    path = folder / arm_picture.PICTURE
     durable.replace_file(path, drawn.sheet())
     screen.plain(f"Look at {path}: the lines must lie on the edges of the arm")
     screen.note(f"  {drawn.sentence}")

@@ -12,6 +12,7 @@ from calib.errors import TooFewViews
 from calib.labelling import told_apart
 from calib.pose_records import Convention
 from calib.types import Setup, View
+from calib.volume import where_the_target_was
 from perception.board import find
 from perception.board.types import Board, Corners, Target
 from perception.errors import BoardNotFound, PerceptionError
@@ -59,6 +60,8 @@ def look(stored: files.Folder) -> Looked:
         for view, corners in found
     ]
     left_out = tuple(f"view {name}: {error}" for name, error in failed)
+    if stored.setup.work_box_m is None:
+        setup = replace(setup, work_points_m=where_the_target_was(views, setup, stored.forward))
     return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*said, *told))
 
 

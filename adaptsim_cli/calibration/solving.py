@@ -10,9 +10,11 @@ from statistics import median
 from adaptsim_cli.calibration import checking, sights
 from calib import files, pairing
 from calib.errors import UnusableViews
+from calib.labelling import told_apart
 from calib.pairing import Fault
 from calib.residuals import Residuals, residuals
 from calib.saved import Origin, SavedCalibration, record_calibration
+from calib.trial import TO_REFINE, Trial
 from calib.types import Forward, Setup, Solution, View, Worth
 
 DEVICES = ("arm", "camera")
@@ -32,6 +34,7 @@ class Solved:
     faults: tuple[Fault, ...]  # faults of views that do not fit
     residuals: tuple[Residuals, ...]  # of every view that shows the target
     worth: Worth  # value of each view, and of further ones
+    advice: str  # the one most effective next step
 
 
 @dataclass(frozen=True)
@@ -51,22 +54,18 @@ PLAIN = Wishes()
 def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
     """Solve a folder of views. Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError."""
     from calib.gates import judge
-    from calib.sizing import solve_any_size
-    from calib.trial import adopted, suspicious, trial
     from calib.trial import check as intrinsics_check
 
     stored = files.read_folder(folder)
     looked = sights.look(stored)
-    seen, forward = _as_wished(looked.views, wishes), stored.forward
-    solution, setup = _solution(seen, looked.setup, forward)
-    tried = trial(seen, setup, solution, forward) if wishes.refine_intrinsics or suspicious(solution) else None
-    if wishes.refine_intrinsics and tried is not None:
-        solution, setup = solve_any_size(seen, adopted(setup, tried), forward)
+    seen, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
+    solution, setup, tried = _solution(seen, looked.setup, forward, refine=wishes.refine_intrinsics)
+    refined = wishes.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
     wrong = pairing.faults(seen, setup, forward, solution)
     left = residuals(seen, setup, solution, forward)
     target = stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m)
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
-    checks.append(intrinsics_check(tried, refined=wishes.refine_intrinsics and tried is not None))
+    checks.append(intrinsics_check(tried, refined=refined))
     origin = Origin(
         folder=folder.name,  # only the name, so that the data folder can be moved
         view_sha256={view.name: view.sha256 for view in stored.views},
@@ -85,27 +84,47 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         checks,
         judge(solution, setup, checks),
         origin,
-        setup.colour if setup.lens_covariance is not None else None,
+        setup.colour if refined else None,
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
     return Solved(
-        record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left, solution.worth
-    )
+        record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left,
+        solution.worth, _advice(record, wrong, tried, refined=refined),
+    )  # fmt: skip
 
 
-def _solution(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[Solution, Setup]:
+def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: Trial | None, *, refined: bool) -> str:
+    """The one most effective next step, in words."""
+    from calib.trial import rescues
+
+    for fault in wrong:
+        if fault.option:
+            return f"{fault.sentence}. Solve again with {fault.option}"
+        if fault.kind == "mounting":
+            return f"{fault.sentence}. Correct it there and solve again"
+    if tried is not None and not refined and (helps := rescues(tried)):
+        return f"{helps}. Solve again with --refine-intrinsics, or state the right intrinsics"
+    bad = [gate for gate in (*record.checks, *record.gates) if gate.verdict == "bad"]
+    if bad:
+        return f"{bad[0].name}: {bad[0].message.rpartition(': ')[2]}; then solve again"
+    return "Record more views, tilted to all sides, and solve again"
+
+
+def _solution(
+    views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool
+) -> tuple[Solution, Setup, Trial | None]:
     """Raises UnusableViews, with the fault of the series if one is found."""
-    from calib.sizing import solve_any_size
+    from calib.trial import settle
 
     try:
-        return solve_any_size(views, setup, forward)
+        return settle(views, setup, forward, refine=refine)
     except UnusableViews as error:
         for fault in pairing.faults(views, setup, forward, None):
             error.add_note(f"{fault.sentence}{f'. Try again with {fault.option}' if fault.option else ''}")
         raise
 
 
-def _as_wished(views: Sequence[View], wishes: Wishes) -> tuple[View, ...]:
+def _as_wished(views: Sequence[View], setup: Setup, forward: Forward | None, wishes: Wishes) -> tuple[View, ...]:
     """The chosen views, each with its corrected pose. Raises UnusableViews."""
     names = {view.name for view in views}
     for option, name in (("--from", wishes.first), ("--until", wishes.last)):
@@ -114,6 +133,8 @@ def _as_wished(views: Sequence[View], wishes: Wishes) -> tuple[View, ...]:
     chosen = pairing.exchanged(views, wishes.exchange)
     if wishes.shift:
         chosen = pairing.shifted(chosen, wishes.shift)
+    if wishes.exchange or wishes.shift:
+        chosen = list(told_apart(chosen, setup, forward))  # other poses may ask for another end of the target
     return tuple(v for v in chosen if wishes.first <= v.name and (not wishes.last or v.name <= wishes.last))
 
 

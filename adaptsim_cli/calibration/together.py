@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,24 +14,34 @@ from rich.text import Text
 from adaptsim_cli.calibration import sights
 from adaptsim_cli.screen import views
 from calib import files
-from calib.errors import UnusableViews
+from calib.errors import CalibrationRejected, UnusableViews
+from calib.labelling import told_apart
+from calib.pairing import Fault, pictures_exchanged
 from calib.several import Camera, Together, solve_together
+from calib.types import Check
 
 
-def solve(folders: Sequence[Path]) -> Together:
-    """Raises ViewFolderError, PerceptionError, UnusableViews."""
+def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()) -> Together:
+    """Raises ViewFolderError, PerceptionError, UnusableViews; `exchange` are folders' names with two views each."""
     names = [folder.name for folder in folders]
     if len(set(names)) < len(names):
         raise UnusableViews(
             f"two folders have the same name ({', '.join(names)}): a camera takes the name of its folder"
         )
-    return solve_together([_camera(folder) for folder in folders])
+    unknown = sorted({camera for camera, _, _ in exchange} - set(names))
+    if unknown:
+        raise UnusableViews(f"--exchange names camera {unknown[0]}; there are {', '.join(names)}")
+    pairs = {name: [(a, b) for camera, a, b in exchange if camera == name] for name in names}
+    return solve_together([_camera(folder, pairs[folder.name]) for folder in folders])
 
 
-def _camera(folder: Path) -> Camera:
+def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> Camera:
     stored = files.read_folder(folder)
     looked = sights.look(stored)
-    return Camera(folder.name, looked.views, looked.setup, stored.forward)
+    views = looked.views
+    if pairs:
+        views = told_apart(pictures_exchanged(views, pairs), looked.setup, stored.forward)
+    return Camera(folder.name, views, looked.setup, stored.forward)
 
 
 def show(found: Together) -> RenderableType:
@@ -43,8 +54,8 @@ def show(found: Together) -> RenderableType:
             str(len(c.used)),
             f"{c.held_out_px:.2f} px",
             f"{c.alone_held_out_px:.2f} px",
-            f"{c.work_95_mm:.1f} mm",
-            f"{c.alone_work_95_mm:.1f} mm",
+            f"{c.worst_95_mm:.1f} mm",
+            f"{c.alone_worst_95_mm:.1f} mm",
         )
         for c in found.cameras
     ]
@@ -54,7 +65,38 @@ def show(found: Together) -> RenderableType:
         Text(f"Held-out views are predicted to {found.held_out_px:.2f} px"),
         views.rows(head, rows),
         Text("work volume: 95 % of calibrations are better than this at its worst corner"),
+        Text(found.choice.sentence),
+        *(Text(f"  {line}", style="yellow") for line in _notes(found)),
+        Text("Accepted", style="bold green") if found.accepted else Text("Not accepted", style="bold red"),
     )
+
+
+def _notes(found: Together) -> list[str]:
+    """Views left out, and their faults."""
+    lines = []
+    for camera in found.cameras:
+        lines += [f"{camera.name}: view {view.name} not used: {view.reason}" for view in camera.rejected]
+        lines += [f"{camera.name}: {fault.sentence}{_option(camera.name, fault)}" for fault in camera.faults]
+    return lines
+
+
+def _option(camera: str, fault: Fault) -> str:
+    if fault.kind != "exchanged" or not fault.option:
+        return ""
+    return f". To use them so: --exchange {camera}:{':'.join(fault.views)}"
+
+
+def rejected(found: Together, path: Path) -> CalibrationRejected:
+    """The error with every reason, and the remedy."""
+    reasons = [f"{c.name}: {reason}" for c in found.cameras for reason in c.acceptance.reasons]
+    error = CalibrationRejected(f"not accepted: {'; '.join(reasons)}")
+    swaps = [_option(c.name, fault).removeprefix(". ") for c in found.cameras for fault in c.faults]
+    step = next((swap for swap in swaps if swap), "")
+    first = next(c.name for c in found.cameras if not c.acceptance.accepted)
+    error.add_note(
+        f"Written: {path}\nNext: {step or f'adaptsim calibrate solve {first} names the problem of that camera'}"
+    )
+    return error
 
 
 def as_json(found: Together) -> dict[str, Any]:
@@ -63,24 +105,34 @@ def as_json(found: Together) -> dict[str, Any]:
         "target": found.target,
         "size_sigma": found.size_sigma,
         "held_out_px": found.held_out_px,
+        "accepted": found.accepted,
+        "weights": found.choice.sentence,
         "X_FM": found.X_FM.tolist(),
         "cameras": [
             {
                 "name": c.name,
                 "X_BC": c.X_BC.tolist(),
                 "views_used": list(c.used),
+                "views_rejected": {view.name: view.reason for view in c.rejected},
+                "faults": [{"kind": f.kind, "what": f.sentence, "views": f.views} for f in c.faults],
+                "gates": [plain_check(gate) for gate in c.acceptance.gates],
                 "fit_px": c.fit_px,
                 "held_out_px": c.held_out_px,
                 "held_out_alone_px": c.alone_held_out_px,
                 "sigma_mm": c.sigma_mm,
                 "sigma_alone_mm": c.alone_sigma_mm,
-                "worst_95_mm": c.work_95_mm,
-                "worst_95_alone_mm": c.alone_work_95_mm,
+                "worst_95_mm": c.worst_95_mm,
+                "worst_95_alone_mm": c.alone_worst_95_mm,
                 "from_alone_mm": c.from_alone_mm,
             }
             for c in found.cameras
         ],
     }
+
+
+def plain_check(gate: Check) -> dict[str, Any]:
+    """A gate for JSON; what was not measured is null."""
+    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(gate).items()}
 
 
 def content(found: Together) -> bytes:

@@ -156,17 +156,29 @@ def solve(
 def together(
     folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
+    exchange: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--exchange", help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable."
+        ),
+    ] = None,
     as_json: _Json = False,
 ) -> None:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
+
+    Judged by the gates of one camera; a result that fails is written, and the command ends with an error.
 
     Views with the same name must show the same posture of the arm.
 
     Example: adaptsim calibrate together camera-0 camera-1 camera-2
     """
     from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.errors import UsageError
 
-    conduct.solve_cameras(folders, out, as_json=as_json)
+    named = [tuple(one.rsplit(":", 2)) for one in exchange or ()]
+    if any(len(one) != 3 for one in named):
+        raise UsageError("--exchange takes a folder's name and two of its views with colons between, as cam:25:26")
+    conduct.solve_cameras(folders, out, [(a, b, c) for a, b, c in named], as_json=as_json)
 
 
 @app.command()

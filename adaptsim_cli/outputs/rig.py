@@ -40,6 +40,7 @@ class Calibration(Output):
     faults: list[dict[str, Any]] | None = maybe(
         "suspected faults, and the option that corrects each, for views from elsewhere"
     )
+    advice: str | None = maybe("the one most effective next step, for views from elsewhere")
 
 
 class CalibrationCheck(Output):
@@ -102,6 +103,9 @@ class Camera(Record):
     name: str = said("its name")
     X_BC: Matrix = said("its pose in the arm's base, 4 x 4, m")
     views_used: list[str] = said("fitted views")
+    views_rejected: dict[str, str] = said("views that were left out, and why")
+    faults: list[dict[str, Any]] = said("suspected faults of its views")
+    gates: list[dict[str, Any]] = said("every condition for accepting it")
     fit_px: float | None = said("residual of these views")
     held_out_px: float | None = said("residual of held-out views")
     held_out_alone_px: float | None = said("the same if the camera is solved alone")
@@ -118,6 +122,8 @@ class Cameras(Output):
     target: str = said("the checks")
     size_sigma: float | None = said("difference from the stated size, in standard deviations")
     held_out_px: float | None = said("residual of held-out views")
+    accepted: bool = said("whether every camera passed every gate")
+    weights: str = said("which of two fits was kept, and how both predict held-out views")
     X_FM: Matrix = said("pose of the target in the flange, 4 x 4, m")
     cameras: list[Camera] = said("one each")
     file: str = said("file that was written")

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from perception.board.types import DICTIONARIES
 
+_ALIKE = 1e-3  # of the size of a set of points: places this near are the same
+
 
 @dataclass(frozen=True, eq=False)
 class Chessboard:
@@ -221,8 +223,8 @@ class Points:
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
-        """None: the other program tells them apart."""
-        return ()
+        """Half a turn and quarters, if the points are flat and look the same so: other programs number from any end."""
+        return _symmetries(self.p_MK_m)
 
     @property
     def name(self) -> str:
@@ -262,6 +264,24 @@ def _around(p_m: Array, margin_m: float = 0.0) -> Array:
     low, high = p_m.min(axis=0) - margin_m, p_m.max(axis=0) + margin_m
     z = (low[2] + high[2]) / 2
     return np.array([[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]])
+
+
+def _symmetries(p_m: Array) -> tuple[NDArray[np.int64], ...]:
+    """Of points (K, 3): for each quarter turn about their middle that maps them onto themselves, the new numbers."""
+    centred = p_m - p_m.mean(axis=0)
+    size = float(np.abs(centred).max())
+    _, flat, axes = np.linalg.svd(centred, full_matrices=False)
+    if len(p_m) < 4 or flat[2] > _ALIKE * size:
+        return ()
+    xy = centred @ axes[:2].T
+    found = []
+    for quarters in (1, 2, 3):
+        c, s = ((0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters - 1]
+        apart = np.linalg.norm((xy @ np.array([[c, s], [-s, c]]))[:, None] - xy, axis=-1)
+        ids = apart.argmin(axis=1)
+        if apart.min(axis=1).max() < _ALIKE * size and len(set(ids.tolist())) == len(ids):
+            found.append(ids.astype(np.int64))
+    return tuple(found)
 
 
 def _turns(across: int, down: int) -> tuple[NDArray[np.int64], ...]:

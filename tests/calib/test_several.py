@@ -49,7 +49,7 @@ def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -
 def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Together) -> None:
     alone = [solve_any_size(c.views, c.setup, None)[0].X_AC for c in cameras()]
     assert room_px([camera.X_BC for camera in together.cameras]) < 0.75 * room_px(alone)
-    known = [camera.work_95_mm / camera.alone_work_95_mm for camera in together.cameras]
+    known = [camera.worst_95_mm / camera.alone_worst_95_mm for camera in together.cameras]
     assert np.mean(known) < 0.9
 
 

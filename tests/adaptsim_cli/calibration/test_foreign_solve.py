@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 from pathlib import Path
 
 import pytest
 import real_views
+from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.calibration import conduct
 from adaptsim_cli.calibration.solving import Wishes, solve_folder
-from calib.errors import CalibrationRejected, UnusableViews
+from calib.errors import CalibrationRejected, DegenerateViews, UnusableViews
 
 
 def folder_with_swapped_views(folder: Path) -> Path:
@@ -21,7 +23,7 @@ def folder_with_swapped_views(folder: Path) -> Path:
 
 def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = folder_with_swapped_views(tmp_path)
-    with pytest.raises(CalibrationRejected, match="held-out error"):  # two views fewer, of a lens that is not stated
+    with pytest.raises(CalibrationRejected, match="stated error"):  # two views fewer, of a lens that is not stated
         conduct.solve(folder, None, Wishes(), as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert set(told["views_rejected"]) == {"05", "12"}
@@ -31,7 +33,8 @@ def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.Captur
     assert len(rows) == 4 * real_views.POSTURES
     far = {row["view"] for row in rows if float(row["off_mm"]) > 6.0}
     assert far == {row["view"] for row in rows if row["used"] == "0"} == {"05", "12"}
-    conduct.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
+    with pytest.raises(CalibrationRejected, match="stated error"):  # a lens that is not stated is in doubt
+        conduct.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
     mended = json.loads(capsys.readouterr().out)
     assert not mended["views_rejected"]
     assert not mended["faults"]
@@ -59,7 +62,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
     told = json.loads(capsys.readouterr().out)
     assert 0.05 < told["refined_intrinsics"]["distortion"][0] < 0.2
     assert told["held_out_px"] < 0.7 * plain.held_out_px
-    assert told["worst_95_mm"] > plain.uncertainty.worst_95_mm
+    assert told["worst_95_mm"] < plain.uncertainty.worst_95_mm, "a lens in doubt costs more than an estimated one"
 
 
 def test_three_cameras_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,3 +75,65 @@ def test_three_cameras_together(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert written["held_out_px"] < 0.9
     with pytest.raises(UnusableViews, match="same name"):
         conduct.solve_cameras([folders[0], folders[0]], tmp_path / "together.json", as_json=True)
+
+
+def test_together_judges_names_what_it_drops_and_mends_an_exchange(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = [real_views.corner_folder(tmp_path / f"camera-{k}", k) for k in (0, 1)]
+    swapped = {name: (tmp_path / "camera-2" / f"view-{name}.json") for name in ("05", "12")}
+    folders.append(real_views.corner_folder(tmp_path / "camera-2"))
+    a, b = (json.loads(path.read_text()) for path in swapped.values())
+    for path, record, other in zip(swapped.values(), (a, b), (b, a), strict=True):
+        path.write_text(json.dumps(record | {"corners_px": other["corners_px"]}))
+    monkeypatch.setattr("calib.gates.WORST_LIMIT_MM", 0.01)
+    with pytest.raises(CalibrationRejected, match="camera-2: stated error"):
+        conduct.solve_cameras(folders, tmp_path / "together.json", as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert not told["accepted"]
+    assert set(told["cameras"][2]["views_rejected"]) == {"05", "12"}
+    assert "05 and 12 look swapped" in told["cameras"][2]["faults"][0]["what"]
+    with contextlib.suppress(CalibrationRejected):
+        conduct.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
+    mended = json.loads(capsys.readouterr().out)
+    assert not mended["cameras"][2]["views_rejected"]
+    with pytest.raises(UnusableViews, match="names camera other"):
+        conduct.solve_cameras(folders, tmp_path / "together.json", [("other", "05", "12")], as_json=True)
+
+
+def test_the_last_line_names_one_step(tmp_path: Path) -> None:
+    plain = solve_folder(real_views.corner_folder(tmp_path / "a"), hw="recorded", created="", versions={})
+    assert "Solve again with --refine-intrinsics" in plain.advice
+    swapped = solve_folder(folder_with_swapped_views(tmp_path / "b"), hw="recorded", created="", versions={})
+    assert swapped.advice.endswith("Solve again with --exchange 05:12")
+
+
+def test_one_repeated_pose_is_refused_in_words(tmp_path: Path) -> None:
+    folder = real_views.corner_folder(tmp_path, pose=lambda _: real_views.as_told(real_views.X_BF[0]))
+    with pytest.raises(UnusableViews):
+        solve_folder(folder, hw="recorded", created="", versions={})
+
+
+def test_reports_with_names_of_their_own_do_not_share_a_table(tmp_path: Path) -> None:
+    folder = real_views.corner_folder(tmp_path / "views")
+    for name in ("one", "two"):
+        with contextlib.suppress(CalibrationRejected):
+            conduct.solve(folder, tmp_path / f"{name}.html", Wishes(), as_json=False)
+    assert (tmp_path / "one.residuals.csv").exists()
+    assert (tmp_path / "two.residuals.csv").exists()
+
+
+def test_too_little_tilt_is_said_of_poses_whose_order_is_not_stated(tmp_path: Path) -> None:
+    """The true reason, not that no reading fits."""
+    turn = Rotation.from_matrix(real_views.X_BF[0][:3, :3])
+    folder = real_views.corner_folder(
+        tmp_path,
+        pose=lambda i: {"position": real_views.X_BF[i][:3, 3].tolist(), "quaternion": turn.as_quat().tolist()},
+    )
+    first = json.loads((folder / "view-00.json").read_text())["corners_px"]
+    for path in folder.glob("view-*.json"):
+        record = json.loads(path.read_text())
+        record["corners_px"] = [[u + 3.0 * int(path.stem[-2:]), v] for u, v in first]
+        path.write_text(json.dumps(record))
+    with pytest.raises(DegenerateViews, match="same tilt"):
+        solve_folder(folder, hw="recorded", created="", versions={})

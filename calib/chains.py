@@ -98,7 +98,10 @@ def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
 
 def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
     text = default if element is None else element.get(name, default)
-    return np.array([float(word) for word in text.split()])
+    try:
+        return np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise ViewFolderError(f"the URDF holds {text[:40]!r} where numbers belong") from error
 
 
 def _forward(links: Sequence[Link]) -> tuple[Forward, int]:

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.best import choose_best
+from sim.adaptation.judging import choose_best
 from sim.adaptation.method import Iteration, Method, OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import udr
 from sim.errors import OutOfRange

@@ -13,9 +13,8 @@ from sim.adaptation.methods import FORMER_DEFAULT, make_method
 from sim.adaptation.methods.belief import APART, Belief, Estimate
 from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
 from sim.errors import CheckpointError
-from sim.research.methods.memory import MemoryName, new_policy, tensors_of
 from sim.research.methods.q_network import QNetwork
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import MemoryName, QPolicy, new_policy, tensors_of
 from sim.research.methods.random_search import RandomSearch
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
 from sim.solvers.emulator.solver import EmulatorSolver

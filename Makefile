@@ -14,7 +14,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: results results-short setup demo test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
+.PHONY: tosses results results-short setup demo test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -91,6 +91,11 @@ results: $(STAMP)
 # The same for the pendulum with a small budget: half a minute, nothing in docs/ changes.
 results-short: $(STAMP)
 	$(BIN)/python benchmarks/results.py --short
+
+# The method judged by tosses that other people recorded (TOSSES=tosses.npz, docs/results/tosses.md); stop it at any time, it goes on where it was.
+tosses: $(STAMP)
+	@test -n "$(TOSSES)" || { echo "Name the file of the tosses: make tosses TOSSES=tosses.npz (docs/results/tosses.md says where it comes from)" >&2; exit 2; }
+	PYTHONPATH=benchmarks/toss $(BIN)/python -m toss.experiment "$(TOSSES)" --page docs/results/tosses.md
 
 # The pages of docs/ that follow from the code: commands, parameters, files, messages.
 docs: $(STAMP)

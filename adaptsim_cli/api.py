@@ -29,11 +29,11 @@ from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.store import Row
 
 if TYPE_CHECKING:
+    from adaptsim_cli.wiring.best import TaskPolicy
     from adaptsim_cli.wiring.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
     from sim.adaptation.verdict import Verdict
-    from sim.tasks.solver import SolvedPolicy
 
 __all__ = [
     "BestRecord",
@@ -134,15 +134,13 @@ class Session:
         """
         return self.hindsight().posterior(self._stored, iterations)
 
-    def best_policy(self) -> SolvedPolicy:
-        """The final task policy of the session if it ended now: context (c,) in units -> action (a,) in units.
-
-        It ignores the limits of an arm. Raises CheckpointError, SessionError.
-        """
-        from adaptsim_cli.wiring.best import policy_of_session
+    def best_policy(self) -> TaskPolicy:
+        """The final task policy of the session if it ended now. Raises CheckpointError, SessionError."""
+        from adaptsim_cli.wiring.best import TaskPolicy, policy_of_session
         from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 
-        return policy_of_session(self._stored, checkpoint_of_session(self._stored))
+        checkpoint = checkpoint_of_session(self._stored)
+        return TaskPolicy(self.name, checkpoint.solver.task, policy_of_session(self._stored, checkpoint))
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""
@@ -183,21 +181,26 @@ def begin(
     particles: int = 2,
     name: str | None = None,
     checkpoint: str = "",
+    recorded: str = "",
+    held_out: float = 0.5,
+    start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab; nothing is executed yet.
+    """Begin a session in the simulated lab, or with the trials `recorded` in a folder; nothing is executed yet.
 
-    Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this name
-    exists, UnknownName, WorldError, CheckpointError.
+    Of recorded trials, the share `held_out` only scores. `start_from` names a session whose posterior this one begins
+    with. Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this
+    name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
+        "recorded": recorded, "held_out": held_out, "start_from": start_from,
         "hw": config.SIMULATED,
     }  # fmt: skip
     resolved = config.load(flags)
-    settings = resolved.config.model_copy(update={"world": conduct.absolute(resolved.config.world)})
+    settings = conduct.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")

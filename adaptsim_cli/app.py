@@ -20,6 +20,7 @@ from adaptsim_cli.commands import (
     doctor,
     exporting,
     lab,
+    parts,
     report,
     rollout,
     rollouts,
@@ -49,6 +50,7 @@ app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollout.rollout)
 app.command("preview")(rollout.preview)
+app.command("parts")(parts.parts)
 app.command("report")(report.report)
 app.command("compare")(report.compare)
 app.command("bundle")(exporting.bundle)

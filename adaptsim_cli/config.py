@@ -60,6 +60,16 @@ class Config(BaseModel):
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
+    recorded: Annotated[
+        str, Field(description="folder of recorded trials that replace the lab (docs/guide/recorded-trials.md)")
+    ] = ""
+    held_out: Annotated[
+        float,
+        Field(
+            ge=0.0, le=0.9, allow_inf_nan=False, description="share of the recorded trials kept for scores, 0 to 0.9"
+        ),
+    ] = 0.5
+    start_from: Annotated[str, Field(description="session whose posterior a new session begins with; empty: none")] = ""
     method: Annotated[str, Field(description="method: adaptsim, random, udr, ...")] = "adaptsim"
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
@@ -91,13 +101,13 @@ class Config(BaseModel):
 
     @property
     def lab_world(self) -> str:
-        """The world of the simulated lab; empty for a real arm."""
-        return self.world if self.is_simulated else ""
+        """The world of the simulated lab; empty for a real arm and for recorded trials."""
+        return self.world if self.is_simulated and not self.recorded else ""
 
     @property
     def place(self) -> str:
-        """The place of trials as part of a name: the world of the simulated lab, or the arm."""
-        return Path(self.lab_world).stem or self.hw
+        """The place of trials as part of a name: the recordings, the world of the simulated lab, or the arm."""
+        return Path(self.recorded).name or Path(self.lab_world).stem or self.hw
 
     @property
     def same_lab(self) -> str:
@@ -188,7 +198,7 @@ def load(
         if checked.get("rig"):  # a path in a settings file is relative to that file
             folder = Path.cwd() if source in ("environment", "flag") else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
-        for key in ("checkpoint", "object", "world"):
+        for key in ("checkpoint", "object", "recorded", "world"):
             if checked.get(key, "").startswith("~"):
                 checked[key] = str(Path(checked[key]).expanduser())
         values |= checked

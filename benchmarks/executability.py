@@ -31,6 +31,7 @@ from sim.tasks import get_task
 from sim.tasks.task import Task
 
 GENTLE_LEAN_RAD = 0.01
+STOPS_EVERY_S = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,7 @@ class Motion:
     note: str
     tightest: str = ""  # "joint 4, velocity"
     home_lean_rad: float = 0.0  # the largest change of the tool's roll on the way home
+    stops_s: tuple[float, ...] = ()  # durations of stops along the task path
 
 
 def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
@@ -69,14 +71,25 @@ def examine(task: Task, model: str, contexts: list[Array], actions: list[Array])
             continue
         cpu_s = time.process_time() - start
         report = cell.check(path)
-        stops = check_braking(path, cell.motion)
+        stops = check_braking(path, cell.motion, STOPS_EVERY_S)
         if not stops.ok:
             found.append(Motion(context, action, np.inf, cpu_s, "no stop along the path"))
             continue
         tightest = max((c for c in report.checks if c.quantity in JOINT_QUANTITIES), key=lambda c: c.ratio)
         what = f"{tightest.where}, {tightest.quantity}"
         lean_rad = np.arcsin((forward(back.q_rad) @ hardware.X_FT)[:, 2, 1])
-        found.append(Motion(context, action, report.joint_ratio, cpu_s, str(tightest), what, float(np.ptp(lean_rad))))
+        found.append(
+            Motion(
+                context,
+                action,
+                report.joint_ratio,
+                cpu_s,
+                str(tightest),
+                what,
+                float(np.ptp(lean_rad)),
+                tuple(stops.duration_s),
+            )
+        )
     return found
 
 
@@ -88,6 +101,9 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
     if good.any():
         quantiles = np.quantile(ratios[good], [0.5, 0.9, 1.0])
         print(f"  ratio of those: median {quantiles[0]:.3f}, 90 % {quantiles[1]:.3f}, worst {quantiles[2]:.3f}")
+        stops_s = np.concatenate([m.stops_s for m in found if m.ratio <= ALLOWED])
+        half, most, longest = np.quantile(stops_s, [0.5, 0.99, 1.0])
+        print(f"  {len(stops_s)} stops of those: median {half:.3f} s, 99 % {most:.3f} s, longest {longest:.3f} s")
     if task.require_hardware().carries and good.any():
         gentle = sum(m.home_lean_rad < GENTLE_LEAN_RAD for m in found if m.ratio <= ALLOWED)
         print(f"  the tool stays level across on the way home of {gentle} of them")

@@ -71,7 +71,7 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
     network, curve, _ = train_adaptation(simulator, settings, of_training, "iteration", _quiet, silent)
     gate: Gate = learning_gate(simulator, network, "iteration", of_training + 1, settings.targets)
     found = {"gate": asdict(gate), "reward": np.round(curve.reward, 4).tolist()}
-    facts = {"seed": seed, "method": "adaptsim-belief", "simulations": shipped.card.simulations}
+    facts: dict[str, Any] = {"seed": seed, "simulations": shipped.card.simulations}
     facts |= {"emulator": shipped.card.facts()["emulator"], "policy": {"iteration": found}}
     save_checkpoint(task, folder, emulator, tensors_of({"iteration": network}), facts, shipped.prospects)
     write_toml(report, found)

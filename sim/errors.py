@@ -11,9 +11,14 @@ SimError
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
 ├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
-them ├── DatasetError         a stored dataset is corrupt or of another kind └── CheckpointError      a checkpoint is
-corrupt, or of another task or version
+│                        them
+├── RecordingsRefused    recorded trials cannot serve as a target; the message names the trial and the defect
+├── DatasetError         a stored dataset is corrupt or of another kind
+└── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
+
+import difflib
+from collections.abc import Iterable
 
 
 class SimError(Exception):
@@ -66,3 +71,13 @@ class DatasetError(SimError):
 
 class CheckpointError(SimError):
     """A checkpoint is corrupt, or belongs to another task or version."""
+
+
+class RecordingsRefused(SimError):
+    """Recorded trials cannot serve as a target."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The most similar names as the end of a message; empty if none is similar."""
+    near = difflib.get_close_matches(name, list(known), n=3)
+    return f"; did you mean {' or '.join(near)}?" if near else ""

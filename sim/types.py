@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.mass import Mass
 from hw.types import Array, ContactWindow, frozen_array
 from sim.errors import OutOfRange
 
@@ -161,3 +162,17 @@ class Visual:
     triangles: NDArray[np.int32]  # (F, 3)
     rgb: tuple[float, float, float]  # albedo, linear, 0..1
     texture: Texture | None = None  # replaces `rgb` where the mesh's surface lies on it
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A solid that a lab prints, in metres."""
+
+    name: str  # of its file
+    solid: Any  # trimesh.Trimesh, closed, in a frame that its maker names
+    notes: tuple[str, ...]  # orientation, screws, what to do
+    count: int = 1
+    down: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))  # (3,) lies on the printer's bed
+    held_m: float | None = None  # width between the fingers; None: they do not hold it
+    mass: Mass | None = None  # that the scene knows, in the same frame
+    flat: bool = False  # an outline to cut along instead of a solid

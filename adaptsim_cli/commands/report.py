@@ -52,23 +52,27 @@ def compare(
     out: Annotated[Path | None, typer.Option("--out", help="Folder for page and tables.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The comparison as one JSON object on stdout.")] = False,
 ) -> None:
-    """Compare sessions: methods, worlds, days. Writes a page, and CSV with a row for each session and each trial.
+    """Compare sessions: methods, worlds, days, posteriors. Writes a page, and CSV of the sessions and of the trials.
 
     Example: adaptsim compare scooping-oreo-adaptsim-seed0 scooping-ood-1-udr-seed0
     """
     import hashlib
+    from dataclasses import asdict
 
     from adaptsim_cli import config
     from adaptsim_cli.report import comparison
+    from adaptsim_cli.report.posteriors import disagreements
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.wiring.posteriors import believed
 
     places = config.load().places
     names = tuple(dict.fromkeys(sessions))
-    found = comparison.compared([SessionStore.open(places.sessions, name) for name in names])
+    stores = [SessionStore.open(places.sessions, name) for name in names]
+    found, beliefs = comparison.compared(stores), believed(stores)
     digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
     folder = out or places.data / "comparisons" / f"{found[0].facts.task}-{len(found)}-sessions-{digest}"
-    path = comparison.write(found, folder.absolute())
+    path = comparison.write(found, folder.absolute(), beliefs)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data(
@@ -77,6 +81,7 @@ def compare(
                 "task": found[0].facts.task,
                 "sessions": [c.as_row() for c in found],
                 "methods": [row.as_json() for row in comparison.by_method(found)],
+                "posteriors": [asdict(one) for one in beliefs],
                 "page": str(path),
                 "tables": [str(path.with_name(name)) for name in (comparison.SESSIONS, comparison.TRIALS)],
             },
@@ -87,7 +92,7 @@ def compare(
     ]
     screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
     screen.plain("First and last: mean reward of the first and of the last iteration.")
-    for sentence in comparison.conclusions(found):
+    for sentence in (*comparison.conclusions(found), *disagreements(beliefs)):
         screen.plain(sentence)
     screen.plain(f"Page: {path}")
     screen.next((f"xdg-open {path}", "the page, in the browser"))

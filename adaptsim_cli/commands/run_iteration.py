@@ -30,6 +30,18 @@ def run_iteration(
         str | None,
         typer.Option("--session", autocompletion=completing.sessions, help="Which session to begin or continue."),
     ] = None,
+    recorded: Annotated[
+        str | None, typer.Option("--recorded", help="Folder of recorded trials that replace the lab.")
+    ] = None,
+    held_out: Annotated[
+        float | None, typer.Option("--held-out", help="Share of the recorded trials that only scores, 0 to 0.9.")
+    ] = None,
+    start_from: Annotated[
+        str | None,
+        typer.Option(
+            "--start-from", autocompletion=completing.sessions, help="Begin with the posterior of this session."
+        ),
+    ] = None,
     method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
     solver: Annotated[
         str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")
@@ -69,7 +81,8 @@ def run_iteration(
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
-    said = {"realtime": realtime or None, "pace": pace, "operator": operator}
+    said = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
+    said |= {"realtime": realtime or None, "pace": pace, "operator": operator}
     resolved = settings.load({**flags, **said})
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)

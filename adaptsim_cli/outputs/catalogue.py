@@ -24,6 +24,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "world-tables": learning.WorldTables,
     "rollout": trials.Rollout,
     "preview": trials.Preview,
+    "parts": rig.Parts,
     "report": sessions.Reported,
     "compare": sessions.Compared,
     "bundle": sessions.Bundled,

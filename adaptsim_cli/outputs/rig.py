@@ -237,3 +237,18 @@ class Initialised(Output):
     settings_written: bool = said("false if there was one, which is unchanged")
     rig_file: str | None = said("rig file; null without a real arm")
     rig: dict[str, Any] | None = said("its contents")
+
+
+class PartFile(Output):
+    """One solid to print."""
+
+    file: str = said("binary STL, mm")
+    count: int = said("how many to print")
+    notes: list[str] = said("size, mass, orientation, screws")
+
+
+class Parts(Output):
+    """The parts that a lab prints."""
+
+    sheet: str = said("PDF with drawings, and the patch at true size")
+    parts: list[PartFile] = said("each solid")

@@ -214,12 +214,24 @@ class ComparedMethod(Record):
     difference_ci95: list[float] | None = said("its 95 % interval")
 
 
+class Belief(Record):
+    """What one session believes of one parameter."""
+
+    session: str = said("which session")
+    parameter: str = said("which parameter")
+    unit: str = said("its unit")
+    low: float = said("lower end of the 90 % interval")
+    median: float = said("median of the posterior")
+    high: float = said("upper end of the interval")
+
+
 class Compared(Output):
     """Several sessions beside each other."""
 
     task: str = said("which task")
     sessions: list[dict[str, str | int | float]] = said("the rows of sessions.csv")
     methods: list[ComparedMethod] = said("one for each method")
+    posteriors: list[Belief] = said("one for each session with a posterior and each parameter")
     page: str = said("page that was written")
     tables: list[str] = said("tables that were written")
 

@@ -14,6 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
 from adaptsim_cli.report.page import Measured, both, fill, mean_of, trial_std
+from adaptsim_cli.report.posteriors import Believed, disagreements
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import Row, SessionStore, as_csv, rows, trials_of
@@ -36,8 +37,11 @@ class Compared:
     @property
     def place(self) -> str:
         """The place of its trials, for a person."""
-        world = self.facts.world.split("/")[-1].removesuffix(".toml")
-        return f"world {world}" if self.facts.world else f"real robot {self.facts.hw}"
+        facts = self.facts
+        if facts.recorded:
+            return f"recorded trials {facts.recorded.split('/')[-1]}"
+        world = facts.world.split("/")[-1].removesuffix(".toml")
+        return f"world {world}" if world else f"real robot {facts.hw}"
 
     @property
     def day(self) -> str:
@@ -154,16 +158,16 @@ def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
     return tuple(told)
 
 
-def write(found: Sequence[Compared], folder: Path) -> Path:
+def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[Believed] = ()) -> Path:
     """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
     durable.make_folder(folder)
     durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in found]).encode())
     durable.replace_file(folder / TRIALS, as_csv([row for c in found for row in c.table]).encode())
-    durable.replace_file(folder / PAGE, render(found).encode())
+    durable.replace_file(folder / PAGE, render(found, beliefs).encode())
     return folder / PAGE
 
 
-def render(found: Sequence[Compared]) -> str:
+def render(found: Sequence[Compared], beliefs: Sequence[Believed] = ()) -> str:
     """The page as HTML."""
     methods = by_method(found)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
@@ -180,6 +184,8 @@ def render(found: Sequence[Compared]) -> str:
         days=sorted({c.day for c in found}),
         figure_levels=both(lambda width: figures.levels(bars, width)),
         figure_lines=both(lambda width: figures.lines(lines, width)),
+        beliefs=beliefs,
+        disagreements=disagreements(beliefs),
         sessions_csv=SESSIONS,
         trials_csv=TRIALS,
     )

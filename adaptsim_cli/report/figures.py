@@ -23,6 +23,19 @@ class Prediction:
     likely: Array  # (N, M, k) for parameters drawn from the posterior after all trials
 
 
+@dataclass(frozen=True)
+class HeldOut:
+    """The final policy judged by recorded trials that the session never saw."""
+
+    trials: int  # held out
+    contexts: int  # in which each policy chose among them
+    final: tuple[float, float, float]  # mean reward with its 95 % interval
+    udr: tuple[float, float, float]
+    best: float  # of the best recorded action in hindsight: no policy can earn more
+    before: float  # median error of the predicted ends, for parameters drawn from the prior
+    after: float  # the same for the posterior
+
+
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The simulator's judgement of a session, from all of its trials."""
@@ -32,6 +45,8 @@ class Judgement:
     first: Prospect  # of the first policies, under the last posterior
     adapted: Prospect | None  # of the policy at the best parameters; None without a result
     udr: Prospect  # of policies for all of Omega
+    is_place: bool  # whether errors are distances on the table
+    held_out: HeldOut | None = None  # None: no trial was held out
 
 
 WIDE, NARROW = 760.0, 400.0

@@ -13,6 +13,7 @@ import numpy as np
 
 from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures
+from adaptsim_cli.report.agreement import Z95, agreement
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
@@ -132,6 +133,9 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
             )
         ],
         known=known,
+        agreement=agreement(
+            trials, known.predictions if known else None, known is not None and known.is_place, trial_std(facts.task)
+        ),
         measured_udr=reference is not None,
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
@@ -301,10 +305,6 @@ def _named(facts: Facts, params: Mapping[str, float]) -> str:
 def picture(path: Path) -> str:
     """A JPEG as a data URL."""
     return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
-
-
-Z95 = 1.96
-"""Half width of the central 95 % of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)

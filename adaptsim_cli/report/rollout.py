@@ -31,7 +31,7 @@ def render(record: Rollout, folder: Path) -> str:
         known = {d.name: d for space in (task.parameters, task.context, task.action) for d in space.dimensions}
     track = record.track.track()
     curves = dict(zip(task.observation.curves, task.observation.columns, strict=False)) if task is not None else {}
-    figures = [
+    drawn = [
         (label, both(partial(figures.one_curve, track.t_s, track.state[:, column], label)))
         for label, column in curves.items()
     ] or [("On the table", both(lambda width: figures.one_path(track.state, record.goal_m, width)))]
@@ -41,7 +41,7 @@ def render(record: Rollout, folder: Path) -> str:
         record=record,
         name=folder.name,
         title=(task.title[:1].upper() + task.title[1:]) if task is not None else record.task,
-        figures=figures,
+        figures=drawn,
         strip=[(m, picture(folder / f"moment-{m}.jpg")) for m in MOMENTS if (folder / f"moment-{m}.jpg").is_file()],
         quantities=[
             (title, [(known.get(name, Dimension(name, "", 0.0, 1.0)), value) for name, value in point.items()])

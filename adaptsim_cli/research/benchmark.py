@@ -13,6 +13,12 @@ def benchmark(
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
+    recorded: Annotated[
+        str | None, typer.Option("--recorded", help="Folder of recorded trials, instead of worlds.")
+    ] = None,
+    held_out: Annotated[
+        float | None, typer.Option("--held-out", help="Share of the recorded trials that only scores, 0.1 to 0.9.")
+    ] = None,
     methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     fresh: Annotated[
@@ -40,6 +46,9 @@ def benchmark(
     The worlds of a contact task need tables of true rollouts: adaptsim world-tables makes them. The set drawn is for
     results that are reported; develop with develop. oracle (the best E) and best-action are limits, not methods.
 
+    With --recorded, each seed takes one part of recorded trials and scores by the other; permuted, a control with
+    shuffled outcomes, must earn what permuted-udr earns.
+
     Example: adaptsim benchmark --task pendulum --targets wd --budget 6 --seeds 2
     """
     from adaptsim_cli import config
@@ -48,7 +57,7 @@ def benchmark(
     from adaptsim_cli.research.pretraining import open_executor
     from adaptsim_cli.screen import console
 
-    resolved = config.load({"task": task, "workers": workers})
+    resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
     screen = console.Screen(as_json=as_json)
     asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in asked.left_out:

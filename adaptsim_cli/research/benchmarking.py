@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.lab.physics import Physics
     from sim.research.benchmark.jobs import Job, Row
+    from sim.research.benchmark.recorded import RecordedJob
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.targets import Target
+    from sim.rollouts.recorded import RecordedTrials
     from sim.tasks.task import Task
 
 StageProgress = Callable[[str, int, int], None]
@@ -44,6 +46,7 @@ class Asked:
     checkpoints: tuple[tuple[str, Checkpoint], ...]  # name or folder, loaded
     out: Path | None
     in_lab: bool = False  # trials run through the whole simulated lab
+    recorded: RecordedTrials | None = None  # instead of targets
     left_out: tuple[tuple[str, str], ...] = ()  # for "all": methods missing from these checkpoints, and why
 
     @property
@@ -54,8 +57,15 @@ class Asked:
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
+            **({} if self.recorded is None else self._recorded_plan),
             **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
         }
+
+    @property
+    def _recorded_plan(self) -> dict[str, Any]:
+        from adaptsim_cli.wiring.recorded.folder import digest
+
+        return {"recorded": digest(self.recorded), "held_out": self.resolved.config.held_out} if self.recorded else {}
 
     @property
     def folder(self) -> Path:
@@ -83,21 +93,24 @@ def asked(
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
+    from adaptsim_cli.wiring.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import METHODS, make_method
     from sim.errors import CheckpointError
-    from sim.research.benchmark.jobs import COMPARED
+    from sim.research.benchmark.jobs import BEST_ACTION, COMPARED
+    from sim.research.benchmark.recorded import CONTROLS
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.targets import targets_of
     from sim.tasks import get_task
 
     config = resolved.config
     task = get_task(config.task)
-    chosen = COMPARED if methods == "all" else tuple(dict.fromkeys(_words(methods)))
-    if unknown := [name for name in chosen if name not in COMPARED]:
-        raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(COMPARED)}")
+    possible = (*METHODS, BEST_ACTION, *CONTROLS) if config.recorded else COMPARED
+    chosen = possible if methods == "all" else tuple(dict.fromkeys(_words(methods)))
+    if unknown := [name for name in chosen if name not in possible]:
+        raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
     if not chosen:
-        raise UsageError(f"--methods is empty: choose all, or any of {', '.join(COMPARED)}")
+        raise UsageError(f"--methods is empty: choose all, or any of {', '.join(possible)}")
     names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
     left_out = dict[str, str]()
@@ -112,20 +125,28 @@ def asked(
     chosen = tuple(name for name in chosen if name not in left_out)
     conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
+    if config.recorded:
+        if in_lab or fresh:
+            raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
+        trials = read_recorded(task, Path(config.recorded))
+        rest = tuple(left_out.items())
+        return Asked(resolved, task, (), chosen, conditions, seeds, loaded, out, recorded=trials, left_out=rest)
     found = targets_of(task, _words(targets))
     if in_lab:
         _require_lab(task, found)
-    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, tuple(left_out.items()))
+    rest = tuple(left_out.items())
+    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, left_out=rest)
 
 
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
     """Run the missing sessions. Raises DatasetError if a table is missing, SimError, SessionError."""
     from adaptsim_cli.research.benchmark_page import Comparison
+    from sim.research.benchmark.recorded import run_recorded
     from sim.research.benchmark.run import Results, run_jobs
     from sim.research.benchmark.summary import summarise
+    from sim.rollouts.executors import serial_executor
 
-    tables = _tables(asked)
-    jobs = _jobs(asked, tables)
+    tables = [] if asked.recorded else _tables(asked)
     make_folder(asked.folder)
     busy = f"another benchmark is running in {asked.folder}: wait for it, or give another --out"
     with (
@@ -134,12 +155,20 @@ def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comp
     ):
         results = Results(asked.folder)
         results.agree(asked.plan)
-        rows = run_jobs(jobs, results, executor, lambda done, total: progress("sessions", done, total), _runner(asked))
+
+        def told(done: int, total: int) -> None:
+            progress("sessions", done, total)
+
+        if asked.recorded is None:
+            rows = run_jobs(_jobs(asked, tables), results, executor, told, _runner(asked))
+        else:  # a recording is read once, and its sessions cost little: all run in this process
+            with serial_executor() as here:
+                rows = run_jobs(_recorded_jobs(asked, asked.recorded), results, here, told, run_recorded)
     return Comparison(
         folder=asked.folder,
         task_title=asked.task.title,
         plan=asked.plan,
-        targets=tuple(target.name for target in asked.targets),
+        targets=tuple(dict.fromkeys(row.target for row in rows)),
         seeds=asked.seeds,
         tabled=any(table is not None for table in tables),
         left_out=asked.left_out,
@@ -262,6 +291,27 @@ def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
             conditions=asked.conditions,
         )
         for target, table in zip(asked.targets, tables, strict=True)
+        for method in asked.methods
+        for seed in range(asked.seeds)
+    ]
+
+
+def _recorded_jobs(asked: Asked, trials: RecordedTrials) -> list[RecordedJob]:
+    from adaptsim_cli.wiring.recorded.folder import digest
+    from sim.research.benchmark.recorded import RecordedJob
+
+    config, answers = asked.resolved.config, digest(trials)[:16]
+    return [
+        RecordedJob(
+            checkpoint=asked.checkpoints[seed % len(asked.checkpoints)][1],
+            trials=trials,
+            answers=f"{answers}-{config.held_out:g}",
+            target=Path(config.recorded).absolute().name,
+            held_out=config.held_out,
+            method=method,
+            seed=seed,
+            conditions=asked.conditions,
+        )
         for method in asked.methods
         for seed in range(asked.seeds)
     ]

@@ -71,6 +71,9 @@ class InLab:
             contexts=seen,
         )
 
+    def take(self, action: Array) -> None:
+        """See `Place`: any number of times."""
+
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: from the table."""
         return self.table.judge(contexts, actions, rng)

@@ -110,14 +110,27 @@ def meanings(*spaces: Space) -> Table:
     return rows(("name", "plain name", "range", "meaning"), body)
 
 
+RECORDED = "recorded"
+"""Instead of hardware: trials that were recorded before."""
+
+
+def where(hw: str, world: str) -> str:
+    """Where the trials of a session or rollout happened, from its facts."""
+    if is_simulated(hw):
+        return f"SIMULATED world {world.rsplit('/', maxsplit=1)[-1]}" if world else "recorded trials"
+    return f"REAL ROBOT {hw}"
+
+
 def badge(hw: str, hardware: str) -> Text:
     """The badge on every screen that says which hardware moves."""
-    rest = "no real robot moves" if is_simulated(hw) else "keep clear of the arm"
+    rest = "no real robot moves" if is_simulated(hw) or hw == RECORDED else "keep clear of the arm"
     return Text.assemble(mark(hw), f" {hardware}: {rest}")
 
 
 def mark(hw: str) -> Text:
     """Only the short badge, for narrow places."""
+    if hw == RECORDED:
+        return Text(" RECORDED ", "black on yellow")
     return Text(" SIMULATED ", "black on cyan") if is_simulated(hw) else Text(" REAL ROBOT ", "white on red")
 
 

@@ -36,7 +36,10 @@ OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
 """(screen, session, parts) -> a watcher besides the terminal."""
 
-_FROZEN = ("task", "hw", "world", "method", "solver", "object", "seed", "particles")
+_FROZEN = (
+    *("task", "hw", "world", "recorded", "held_out", "start_from"),
+    *("method", "solver", "object", "seed", "particles"),
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def conduct(
     shows them after a restart. Raises any error that stops a session, with the command to continue.
     """
     root = resolved.places.sessions
-    asked = _anywhere(resolved.config)
+    asked = anywhere(resolved.config)
     name = request.session or default_name(asked)
     known = _known(root, name)
     config = _continued(asked, known, request) if known else asked
@@ -138,7 +141,7 @@ def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
-    asked = _anywhere(resolved.config)
+    asked = anywhere(resolved.config)
     name = request.session or default_name(asked)
     if (known := _known(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
@@ -157,9 +160,11 @@ def absolute(named: str) -> str:
     return str(Path(named).expanduser().absolute()) if is_file else named
 
 
-def _anywhere(config: Config) -> Config:
+def anywhere(config: Config) -> Config:
     """The settings with absolute paths."""
-    return config.model_copy(update={"world": absolute(config.world), "object": absolute(config.object)})
+    recorded = str(Path(config.recorded).expanduser().absolute()) if config.recorded else ""
+    update = {"world": absolute(config.world), "object": absolute(config.object), "recorded": recorded}
+    return config.model_copy(update=update)
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -192,6 +197,10 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         hw=config.hw,
         world=config.lab_world,
         world_sha256=origin.world_sha256,
+        recorded=config.recorded,
+        held_out=config.held_out if config.recorded else 0.0,
+        start_from=config.start_from,
+        start_from_sha256=origin.start_from_sha256,
         seed=config.seed,
         method=config.method,
         solver=config.solver,
@@ -230,7 +239,8 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
         ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
-        ("world", facts.world_sha256, now.world_sha256),
+        ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),
+        ("posterior that it started from", facts.start_from_sha256, now.start_from_sha256),
     ):
         if was != found:
             raise UsageError(

@@ -34,6 +34,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
+from sim.errors import did_you_mean
 from sim.storage.files import flush_folder, publish_new, sha256
 
 T = TypeVar("T")
@@ -284,7 +285,8 @@ def _existing(root: Path, name: str) -> Path:
     folder = folder_of(root, name)
     if not folder.is_dir():
         known = ", ".join(entry.name for entry in entries(root)) or "none"
-        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
+        near = did_you_mean(name, [entry.name for entry in entries(root)])
+        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
     return folder
 
 

@@ -10,7 +10,6 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.config import is_simulated
 from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
@@ -32,7 +31,7 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> R
     where = f"iteration {iteration + 1} of session {facts.name}"
     legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if not iteration else ()
     return Group(
-        views.badge(facts.hw, hardware),
+        views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),
         Text(where),
         *legend,
@@ -43,7 +42,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> Rend
     """The heading of a trial: number, attempt and particle."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     head = Text.assemble(
-        views.mark(facts.hw),
+        views.mark(views.RECORDED if facts.recorded else facts.hw),
         (f" Trial {stage.key.number}", "bold"),
         f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
     )
@@ -165,8 +164,9 @@ def verified(checked: Sequence[Verified]) -> RenderableType:
 def session(shown: SessionShown) -> RenderableType:
     """The tables of `sessions show`."""
     facts, trials, results = shown.facts, shown.trials, shown.results
-    where = f"world {facts['world']}" if is_simulated(facts["hw"]) else facts["hw"]
-    head = Text.assemble(views.mark(facts["hw"]), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
+    where = views.where(facts["hw"], facts["world"])
+    mark = views.RECORDED if facts["recorded"] else facts["hw"]
+    head = Text.assemble(views.mark(mark), (f" {facts['name']}", "bold"), f"   {facts['task']}, {where}, ")
     head.append(f"method {facts['method']}, seed {facts['seed']}")
     body = [
         (
@@ -220,10 +220,9 @@ def size(count: int) -> str:
 
 
 def _session(s: SessionRow) -> list[RenderableType]:
-    where = f"SIMULATED world {s.world.split('/')[-1]}" if s.world else f"REAL ROBOT {s.hw}"
     facts = (
         s.task,
-        where,
+        views.where(s.hw, s.world),
         s.method,
         f"{_count(s.iterations, 'iteration')}, {_count(s.trials, 'trial')}",
         "no reward yet" if s.mean_reward is None else f"mean reward {s.mean_reward:.2f}",
@@ -241,8 +240,12 @@ def _session(s: SessionRow) -> list[RenderableType]:
 def _rollout(r: RolloutRow | DamagedRollout) -> list[RenderableType]:
     if isinstance(r, DamagedRollout):
         return [Text.assemble((r.rollout, "bold"), f" {r.error}")]
-    where = f"SIMULATED world {r.world.split('/')[-1]}" if r.world else f"REAL ROBOT {r.hw}"
-    facts = (r.task, where, f"{views.words(r.outcome.value)}, reward {r.reward:.2f}", size(r.size_bytes))
+    facts = (
+        r.task,
+        views.where(r.hw, r.world),
+        f"{views.words(r.outcome.value)}, reward {r.reward:.2f}",
+        size(r.size_bytes),
+    )
     return [_name(r.rollout, ()), _joined((*facts, r.when[:16].replace("T", " ")))]
 
 

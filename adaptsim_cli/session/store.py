@@ -36,6 +36,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.errors import did_you_mean
 from sim.tasks.task import Task
 
 _ITERATION = re.compile(r"iteration-(\d+)")
@@ -89,7 +90,8 @@ class SessionStore:
         folder = folder_of(root, name)
         if not folder.is_dir():
             known = ", ".join(names(root)) or "none yet"
-            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}")
+            near = did_you_mean(name, names(root))
+            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
         return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
 
     def existing(self) -> Existing:

@@ -307,6 +307,7 @@ class Provenance:
     calibration_sha256: str
     versions: dict[str, str]
     camera_late_s: float = 0.0  # subtracted from the camera's time stamps
+    start_from_sha256: str = ""  # of the posterior that the session begins with
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ class Trial:
             "task": facts.task,
             "title": facts.title,
             "session": facts.name,
-            "hardware": "simulated lab" if facts.world else facts.hw,
+            "hardware": "recorded trials" if facts.recorded else "simulated lab" if facts.world else facts.hw,
             "world": facts.world,
             "method": facts.method,
             "seed": str(facts.seed),

@@ -17,6 +17,9 @@ from adaptsim_cli.session.store import SessionStore, history_of
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session, task_of
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from hw.types import Array
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration
     from sim.solvers.solver import SolvedPolicy
@@ -41,6 +44,39 @@ class BestOfSession:
     def as_typed(self) -> list[str]:
         """The parameters as `--param` takes them."""
         return [f"{name}={value!r}" for name, value in self.parameters.items()]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TaskPolicy:
+    """The final policy of a session, for a person: contexts are checked, and lists will do."""
+
+    session: str
+    task: Task
+    policy: SolvedPolicy
+
+    def __call__(self, context: ArrayLike = ()) -> Array:
+        """(c,) in units -> (a,) in units, without the limits of an arm. Raises OutOfRange."""
+        return self.policy(self._checked(context))
+
+    def predict(self, context: ArrayLike = ()) -> tuple[float, float, float]:
+        """Expected reward at (c,) in units: mean and 95 % interval. Raises OutOfRange."""
+        return self.policy.predict(self._checked(context))
+
+    def __repr__(self) -> str:
+        given, returned = (
+            ", ".join(d.label for d in space.dimensions) for space in (self.task.context, self.task.action)
+        )
+        return f"<best policy of {self.session}: ({given}) -> ({returned})>"
+
+    def _checked(self, context: ArrayLike) -> Array:
+        from sim.errors import OutOfRange
+
+        space = self.task.context
+        values = np.asarray(context, dtype=np.float64)
+        if values.shape != (len(space),):
+            needed = ", ".join(d.label for d in space.dimensions) or "nothing"
+            raise OutOfRange(f"a context of {self.task.name} has {len(space)} values ({needed}), not {values.size}")
+        return space.check(values, "context")
 
 
 def best_of(store: SessionStore, config: Config) -> BestOfSession:

@@ -82,8 +82,10 @@ def list_checkpoints() -> list[dict[str, str]]:
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     """The checkpoint that a stored session was begun with, found by the hash of its weights.
 
-    Raises CheckpointError if it is neither a shipped one, nor that of the settings, nor one of the user's own.
+    With recorded trials its policies choose among those shown; with `start_from`, its prior is that posterior. Raises
+    CheckpointError if it is neither a shipped one, nor that of the settings, nor one of the user's own.
     """
+    from adaptsim_cli.wiring.earlier import as_begun
     from sim.adaptation.checkpoint import load_checkpoint, read_card
     from sim.errors import CheckpointError
 
@@ -92,7 +94,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     for folder in _folders(facts.task):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
-                return load_checkpoint(task, str(folder))
+                return as_begun(load_checkpoint(task, str(folder)), facts)
         except CheckpointError:
             continue
     raise CheckpointError(

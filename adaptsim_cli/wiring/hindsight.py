@@ -12,18 +12,24 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
-from adaptsim_cli.report.figures import Judgement, Prediction
+from adaptsim_cli.report.agreement import end_error
+from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore, history_of, names, particles_of
 from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
-from sim.errors import SimError
+from adaptsim_cli.wiring.earlier import recordings_of
+from sim.errors import RecordingsRefused, SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief
     from sim.adaptation.posterior import Posterior, Prospect
     from sim.solvers.solver import SolvedPolicy
+    from sim.tasks.task import Task
+
+JUDGED = 64
+"""Contexts in which a final policy chooses among the trials held out."""
 
 LIKELY = 24
 """Number of trajectories drawn from the posterior for each trial."""
@@ -72,6 +78,48 @@ class Hindsight:
             first=expected(policies_of(checkpoint, particles_of(store, 0))),
             adapted=expected([policy_of_session(store, checkpoint)]) if done else None,
             udr=expected(policies_of_udr(checkpoint)),
+            is_place=_is_place(checkpoint.solver.task),
+            held_out=self._held_out(store, posteriors) if done and store.facts.held_out else None,
+        )
+
+    def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOut:
+        """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
+        from sim.adaptation.judging import final_policy
+        from sim.adaptation.methods import make_method
+        from sim.adaptation.posterior import policies_of_udr, predicted
+
+        facts, recordings = store.facts, recordings_of(self.checkpoint, store.facts)
+        held, known = recordings.held_out, recordings.of_held_out
+        task, solver = known.solver.task, known.solver
+        contexts = task.context.sample(np.random.default_rng(facts.seed), JUDGED)
+        history = history_of(task, store, store.iterations() - 1)
+        final = final_policy(make_method(facts.method, task, known), solver, task, history)
+
+        def earned(policies: Sequence[SolvedPolicy]) -> tuple[float, float, float]:
+            rewards = [held.rewards(held.at(actions), contexts) for p in policies for actions in [p.actions(contexts)]]
+            of_all = page.mean_of(list(np.mean(rewards, axis=0)), 0.0)
+            return of_all.mean, of_all.low, of_all.high
+
+        every = range(len(held))
+        best = [held.rewards(every, np.tile(context, (len(held), 1))).max() for context in contexts]
+
+        def error(posterior: Posterior) -> float:
+            drawn, found = posterior.draw(LIKELY, np.random.default_rng(0)), []
+            for row, track in enumerate(held.tracks):
+                context = held.context_of(row, np.asarray(task.reference_context))
+                ends = predicted(solver, drawn, context, held.actions[row])[:, -1]
+                seen = track.at(task.observation.times_s[-1:])[0, list(task.observation.columns)]
+                found.append(end_error(seen, ends, _is_place(task)))
+            return float(np.median(found))
+
+        return HeldOut(
+            trials=len(held),
+            contexts=JUDGED,
+            final=earned([final]),
+            udr=earned(policies_of_udr(known)),
+            best=float(np.mean(best)),
+            before=error(posteriors[0]),
+            after=error(posteriors[-1]),
         )
 
     def _prediction(self, trial: TrialRecord, posterior: Posterior) -> Prediction:
@@ -100,13 +148,22 @@ class Reports:
 
     def judgement(self, store: SessionStore) -> Judgement | str:
         """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
-        sha256 = store.facts.checkpoint_sha256
+        facts = store.facts
+        sha256 = facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
         try:
             if sha256 not in self._known:
                 self._known[sha256] = Hindsight.of(store)
         except SimError as error:
             return str(error)
-        return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+        try:
+            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+        except RecordingsRefused as error:
+            return str(error)
+
+
+def _is_place(task: Task) -> bool:
+    """Whether the first two observed columns are a place on the table."""
+    return task.goal_m is not None or not task.observation.curves
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:

@@ -17,15 +17,17 @@ from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.conduct import OpenView
+from adaptsim_cli.session.in_recordings import InRecordings
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import Facts
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import FACTS, SessionStore
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
 from adaptsim_cli.session.watching import RunHeader, Watcher
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
+from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
@@ -36,12 +38,14 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Method, Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
+from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.drivers import Drivers
     from adaptsim_cli.screen.console import Screen
+    from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief
 
 
@@ -65,8 +69,11 @@ def open_parts(
     from sim.adaptation.methods import make_method
     from sim.adaptation.methods.belief import Belief
 
-    checkpoint = checkpoint_of(config)
+    checkpoint, prior = started_from(checkpoint_of(config), config)
     learns = checkpoint.solver.task
+    if config.recorded:
+        yield _recorded_parts(config, checkpoint, prior, learnt.parent)
+        return
     with (
         _open_target(config, learns, drivers, own, screen) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
@@ -82,8 +89,49 @@ def open_parts(
             calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT) if calibration else "",
             versions=versions(),
             camera_late_s=calibration.camera_late_s if calibration else 0.0,
+            start_from_sha256=prior,
         )
         yield Parts(task, target, learner, origin)
+
+
+def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
+    """The parts of a session in the folder `session` whose trials were recorded before. Raises UsageError, SimError."""
+    from sim.adaptation.methods import make_method
+    from sim.adaptation.methods.belief import Belief
+
+    if not config.is_simulated:
+        raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
+    if config.solver:
+        raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
+    recordings = recordings_of(checkpoint, config)
+    known, task = recordings.checkpoint, recordings.checkpoint.solver.task
+    title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
+    target = InRecordings(recordings.shown, title, _spent(recordings.shown, session))
+    belief = None if known.prospects is None else Belief(known.solver, known.prospects)
+    method = make_method(config.method, task, known)
+    learner = _SolverLearner(method, known.solver, known.solver, target.executable, belief)
+    origin = Provenance(
+        checkpoint=f"{task.name}/{checkpoint.path.name}",
+        checkpoint_sha256=checkpoint.sha256,
+        world_sha256=recordings.sha256,
+        calibration="",
+        calibration_sha256="",
+        versions=versions(),
+        start_from_sha256=prior,
+    )
+    return Parts(task, target, learner, origin)
+
+
+def _spent(trials: RecordedTrials, session: Path) -> set[int]:
+    """The recordings that a session has used already, those of attempts that do not count too."""
+    if not (session / FACTS).is_file():
+        return set()
+    store = SessionStore.open(session.parent, session.name)
+    done = store.existing()
+    keys = done.completed | done.recorded
+    each = store.facts.particles * store.facts.trials
+    used = [store.motion((key.number - 1) // each, key).action_array for key in keys]
+    return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 
 _Opened = tuple[Task, Target, Executable | None, HandEye | None]

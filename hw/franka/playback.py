@@ -49,11 +49,12 @@ RATE_WINDOW = 100
 
 @dataclass(frozen=True, eq=False)
 class PlayableMotion:
-    """A checked path, the moments at which a stop may begin, and its duration from each."""
+    """A checked path, the moments at which a stop may begin, and the stop from each."""
 
     path: JointPath
     stop_at: Array  # (K,) rising sample indices at which a stop may begin
-    stop_s: Array  # (K,) duration of the stop's time scaling, s
+    stop_s: Array  # (K,) duration of the stop
+    slowed_s: Array  # (K, M) path time in each millisecond of the stop
 
 
 def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
@@ -66,7 +67,7 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
             f"{limits.model}: at some moments no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
-    return PlayableMotion(path, at, stops.duration_s[known])
+    return PlayableMotion(path, at, stops.duration_s[known], stops.path_time_s[known])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,7 @@ class Playback:
         self._last = len(self._samples) - 1  # tick of the last sample, of the path or of its stop
         self._between = _Between(motion.path)
         self._stop_at, self._stop_ticks = motion.stop_at.astype(int).tolist(), _ticks(motion.stop_s)
+        self._all_slowed, self._slowed = PATH_RATE_HZ * motion.slowed_s, list[float]()  # in samples
         longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
         self._t, self._clock_s = np.zeros(longest), np.zeros(longest)
         self._q_c, self._q, self._dq, self._torque = (np.zeros((longest, 7)) for _ in range(4))
@@ -134,7 +136,7 @@ class Playback:
                 self._brake(tick)
         last = self._last
         if 0 <= self._stop_tick < tick:
-            q = self._between.at(_slowed(min(tick, last) - self._stop_tick, self._stop_tick, last - self._stop_tick))
+            q = self._between.at(self._slowed[min(tick, last) - self._stop_tick])
             if self._braked_at < 0:
                 self._braked_at = row
         else:
@@ -196,6 +198,7 @@ class Playback:
             return
         self._stop_tick = self._stop_at[i]
         self._last = self._stop_tick + self._stop_ticks[i]
+        self._slowed = self._all_slowed[i].tolist()
 
     def _stands(self, row: int, held: int) -> bool:
         still = max(map(abs, self._dq[row].tolist())) < STILL_RAD_S
@@ -205,15 +208,6 @@ class Playback:
 
 def _ticks(duration_s: Array) -> list[int]:
     return [round(one * PATH_RATE_HZ) for one in duration_s.tolist()]
-
-
-def _slowed(step: int, at: int, steps: int) -> float:
-    """Path time, in samples, `step` cycles into a stop that begins at sample `at` and takes `steps` cycles.
-
-    `hw.braking.path_time` for one moment, in plain floats.
-    """
-    u = step / steps
-    return at + step - steps * u**4 * (2.5 - 3.0 * u + u**2)
 
 
 class _Between:

@@ -33,9 +33,6 @@ from sim.tasks.task import Task
 CARD = "card.toml"
 FORMAT = 1
 
-Default = Literal["adaptsim-iteration", "adaptsim-belief", "adaptsim-history", "adaptsim-state"]
-"""The methods that "adaptsim" may mean."""
-
 Targets = Literal["paper", "wide"]
 """Where targets are drawn: in the paper's ranges, or beyond them too."""
 
@@ -110,7 +107,6 @@ class Card(_Table):
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
     simulations: int = 0
-    method: Default = "adaptsim-iteration"  # what "adaptsim" means; the paper's unless stated
     solver: Literal["emulator", "naf"] = "emulator"
     naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
     budget: Budget = Budget()
@@ -182,11 +178,6 @@ class Checkpoint:
     def sha256(self) -> str:
         """SHA-256 of the weights, which a session records."""
         return self.card.sha256
-
-    @property
-    def method(self) -> str:
-        """The method that "adaptsim" meant."""
-        return self.card.method
 
 
 def save_checkpoint(

@@ -19,6 +19,9 @@ from sim.solvers.solver import Solver
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
+UNSURE = 0.1
+"""Share of the original truths that stay in prospects weighed by another session: its object may differ."""
+
 
 @dataclass(frozen=True)
 class ProspectSettings:
@@ -79,3 +82,16 @@ def restore_prospects(task: Task, tensors: Tensors) -> Prospects:
     if found.candidates.shape[1] != parameters or found.truths.shape[1] != parameters:
         raise CheckpointError(f"prospects of {found.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
     return found
+
+
+def weighed(prospects: Prospects, weights: Array) -> Prospects:
+    """The prospects in which each truth is as frequent as its weight (T,): a posterior as the next prior.
+
+    Systematic, so the same weights give the same prospects.
+    """
+    count = len(prospects.truths)
+    share = (1.0 - UNSURE) * weights / weights.sum() + UNSURE / count
+    places = (np.arange(count) + 0.5) / count
+    drawn = np.minimum(np.searchsorted(np.cumsum(share), places), count - 1)
+    spread = np.random.default_rng(0).permutation(drawn)  # the first truths stand for all
+    return Prospects(prospects.candidates, prospects.truths[spread], prospects.rewards[:, spread])

@@ -24,6 +24,7 @@ from sim.adaptation.method import Trial
 from sim.adaptation.prospects import Prospects
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol
+from sim.solvers.among import Among, best_of
 from sim.solvers.misfit import LEAST_STD
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
@@ -89,6 +90,11 @@ class Simulators:
         """
         return self.prospects.truths[:SIMULATORS]
 
+    @property
+    def refines(self) -> bool:
+        """Whether there are other actions around a candidate."""
+        return self.task.exact is None and not isinstance(self.solver, Among)
+
     @cached_property
     def disturbances(self) -> Disturbances:
         """The disturbances over which every prediction is averaged."""
@@ -101,15 +107,19 @@ class Simulators:
         task, rng, n = self.task, np.random.default_rng(0), 2048
         drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
         others = self.actions(truths[rng.permutation(n)], n)  # the best for a truth would always end alike
-        success, end = self.solver.outcomes(truths, others, drawn.nuisance)
+        success, end = self.solver.outcomes(truths, others[np.arange(n) % len(others)], drawn.nuisance)
         ends = end.mean(axis=0)
         earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
         std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
         return np.asarray(np.maximum(std, LEAST_UNIT * std.max()))
 
     def actions(self, parameters: Array, n: int) -> Array:
-        """(A, a) candidate actions: `n` that fill their ranges; for an exact task, the best ones for `parameters`."""
+        """(A, a) candidate actions: `n` that fill their ranges; the listed ones if there are no others; for an exact
+        task, the best ones for `parameters`.
+        """
         task = self.task
+        if isinstance(self.solver, Among):
+            return self.solver.listed
         if task.exact is None:
             return cover(task.action, n, np.random.default_rng(0))
         nowhere = np.asarray(task.reference_context)[None]
@@ -323,6 +333,8 @@ class RealityPolicy:
         refined, everywhere = self._around(self._best(context)), self.reality.answers
         actions = np.concatenate([refined.actions, everywhere.actions])
         worth = np.concatenate([self._worth(refined, context), self._worth(everywhere, context)])
+        if not self.reality.simulators.refines:
+            return best_of(actions, worth.round(9), context, self.executable)
         for i in np.argsort(-worth.round(9), kind="stable")[: self.attempts]:
             if self.executable is None or self.executable(context, actions[i]):
                 return frozen_array(actions[i])
@@ -360,7 +372,7 @@ class RealityPolicy:
             a = len(task.action)
             steps = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
             near = task.action.denormalise(np.clip(task.action.normalise(winner) + steps, 0.0, 1.0))
-            rows = [winner[None]] if task.exact else [winner[None], near]
+            rows = [winner[None], near] if self.reality.simulators.refines else [winner[None]]
             self._near[best] = self.reality.answers_to(np.concatenate(rows))
         return self._near[best]
 

@@ -24,6 +24,9 @@ BOARD_KG_M2 = 7.0
 GRIP_M = 0.115
 """Distance from the flange to the plate's upper edge, along the flange's axis: just beyond the fingertips."""
 
+TAB_M = (0.03, 0.05)
+"""Width and height of the tab between the fingers."""
+
 _WHITE, _EDGE = 0.80, (0.30, 0.30, 0.32)
 _TEXEL_M = 0.001
 _CAPSULE_M = 0.018
@@ -80,7 +83,7 @@ class HeldBoard:
         X, (width, height) = self.X_FM, self.size_m
         centre = np.array([width / 2, height / 2, THICKNESS_M / 2])
         plate = Primitive(BODY, "box", (width + 2 * MARGIN_M, height + 2 * MARGIN_M, THICKNESS_M), tuple(centre))
-        tab = Primitive(BODY, "box", (0.03, 0.05, THICKNESS_M), (width / 2, -MARGIN_M - 0.02, THICKNESS_M / 2))
+        tab = Primitive(BODY, "box", (*TAB_M, THICKNESS_M), (width / 2, -MARGIN_M - 0.02, THICKNESS_M / 2))
         face = Texture(self._albedo(), X, self.size_m)
         return (
             Visual(BODY, *_placed(plate, X), (_WHITE, _WHITE, _WHITE), face),

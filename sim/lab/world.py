@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from hw.bounded import Unreadable, parse_table, read_table
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError
+from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError, did_you_mean
 from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.tasks import files_of, task_names
 from sim.tasks.task import Simulate, Task
@@ -139,11 +139,17 @@ def load_world(name_or_path: str, task: Task) -> World:
     known = list_worlds(task)
     if name_or_path not in known:
         raise UnknownName(
-            f"no world {name_or_path!r} for {task.name}; there are {', '.join(known) or 'none'}; "
-            f"a file of your own is named by its path, ending in .toml"
+            f"no world {name_or_path!r} for {task.name}{_whose(name_or_path)}; there are {', '.join(known) or 'none'}; "
+            f"a file of your own is named by its path, ending in .toml{did_you_mean(name_or_path, known)}"
         )
     name = f"{name_or_path}.toml"
     return _parse((files_of(task.name, "worlds") / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
+
+
+def _whose(name: str) -> str:
+    """The tasks that have a world of this name."""
+    tasks = [task for task in task_names() if (files_of(task, "worlds") / f"{name}.toml").is_file()]
+    return f", but for {' and '.join(tasks)} (--task {tasks[0]})" if tasks else ""
 
 
 class _Strict(BaseModel):

@@ -153,7 +153,7 @@ def _stacked(
 ) -> Iterator[Rollouts]:
     done = 0
     for part in parts:
-        yield _observed(task, simulate(part.parameters, part.context, part.action, part.nuisance))
+        yield observed(task, simulate(part.parameters, part.context, part.action, part.nuisance))
         done += len(part)
         progress(done, total)
 
@@ -223,10 +223,10 @@ def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
     ]
     gc.collect(1)  # young objects only, 3 ms: plants and diagrams refer to each other and would accumulate
-    return _observed(task, tracks)
+    return observed(task, tracks)
 
 
-def _observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
+def observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
     """The stored part of the tracks."""
     return Rollouts(
         observation=np.stack([task.observation(track) for track in tracks]),

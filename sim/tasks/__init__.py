@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from sim.errors import UnknownName
+from sim.errors import UnknownName, did_you_mean
 from sim.tasks.task import Task
 
 TASKS = {
@@ -56,7 +56,9 @@ def _ours(name: str) -> Task:
 
 def _theirs(name: str) -> Task:
     if (module := _installed().get(name)) is None:
-        raise UnknownName(f'task "{name}" is not known: it must be one of {", ".join(task_names())}')
+        raise UnknownName(
+            f'task "{name}" is not known: it must be one of {", ".join(task_names())}{did_you_mean(name, task_names())}'
+        )
     try:
         task = import_module(module).TASK
     except (ImportError, AttributeError) as error:

@@ -19,7 +19,7 @@ from perception.types import ObjectTrack
 from sim.errors import NoHardware
 from sim.panda.feelers import Touchable
 from sim.tasks.solver import SolverOf
-from sim.types import Space, ToolMotion, Visual
+from sim.types import Part, Space, ToolMotion, Visual
 
 if TYPE_CHECKING:
     import pydrake.geometry as drake_geometry
@@ -212,6 +212,7 @@ class Hardware:
     carries: bool = False
     """Whether the tool carries the object home, so that the way there must be gentle."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
+    parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@ import pytest
 from cells import cell
 from hard_paths import LOADED, paths
 
-from hw.braking import STOP_S, brake, check_braking, joint_spline, path_time
+from hw.braking import LONGEST_S, STOP_S, brake, check_braking, joint_spline
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
 from hw.franka.playback import STOPS_EVERY_S
@@ -41,7 +41,7 @@ def test_every_moment_of_a_fast_path_can_be_braked() -> None:
     stops = check_braking(path_of(0.75), PANDA)
     assert stops.ok
     assert len(stops.at_s) == 38
-    assert 0.05 < stops.longest_s <= 0.5
+    assert 0.04 < stops.longest_s <= LONGEST_S
     assert stops.duration_s[0] < stops.longest_s  # at rest there is nothing to stop
 
 
@@ -70,6 +70,20 @@ def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
     assert 0.6 < stretched.end_s < 0.64
 
 
+def test_a_path_that_slows_down_at_its_limit_is_braked_as_fast_as_that_allows() -> None:
+    """One profile of the clock for all paths took .6 s here: for half of the way the path brakes as hard as it may."""
+    u = np.arange(801)[:, None] / 800
+    path = JointPath(u[:, 0] * 0.8, READY + u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3) * 0.8 * np.eye(7)[0])
+    assert 0.9 < cell("fr3").check(path).joint_ratio < 1.0
+    stops = check_braking(path, cell("fr3").motion, 0.01)
+    assert stops.ok
+    assert stops.longest_s < 0.26
+    clock = np.diff(stops.path_time_s, axis=1)
+    assert (clock >= 0.0).all()
+    assert (clock <= 1e-3 + 1e-12).all()
+    assert (np.diff(clock, axis=1) <= 1e-12).all(), "it never gets faster again"
+
+
 @pytest.mark.parametrize(("model", "seed"), [("panda", 5), ("fr3", 5)])
 def test_no_stop_changes_a_torque_faster_than_the_arm_may_or_takes_longer_than_promised(model: str, seed: int) -> None:
     """Every stop of hard paths with a load, sample by sample."""
@@ -84,15 +98,15 @@ def test_no_stop_changes_a_torque_faster_than_the_arm_may_or_takes_longer_than_p
             continue
         found = check_braking(path, cell_.motion, 0.01)
         spline = joint_spline(path)
-        for at_s, duration_s in zip(found.at_s, found.duration_s, strict=True):
+        for at_s, duration_s, after_s in zip(found.at_s, found.duration_s, found.path_time_s, strict=True):
             if not np.isfinite(duration_s):
                 continue
-            s = np.clip(path_time(np.array([at_s]), duration_s)[0], 0.0, path.duration_s)
+            s = np.concatenate([np.clip(at_s + np.arange(-3, 0) / 1e3, 0.0, None), after_s])
             q = np.concatenate([spline(s), np.repeat(spline(s[-1:]), 3, axis=0)])
             dq, ddq = np.diff(q, axis=0) * 1e3, np.diff(q, 2, axis=0) * 1e6
             torque = torque_Nm(q[2:], dq[1:], ddq, LOADED.mass)
             assert np.abs(np.diff(torque[2:], axis=0)).max() * 1e3 <= 1000.0 * (1.0 + 1e-6)
-            assert 2.0 * STOPS_EVERY_S + duration_s + 0.03 <= STOP_S
+            assert 2.0 * STOPS_EVERY_S + duration_s + 0.03 <= STOP_S + 1e-9
             stops += 1
         if stops > 500:
             return

@@ -6,7 +6,7 @@ from importlib import import_module
 
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Method
-from sim.errors import UnknownName
+from sim.errors import UnknownName, did_you_mean
 from sim.tasks.task import Task
 
 METHODS = {
@@ -26,16 +26,13 @@ METHODS = {
 }
 """Name -> the function (task, checkpoint) that makes it; imported on first use."""
 
-FORMER_DEFAULT = "adaptsim-of-checkpoint"
-"""The meaning of `adaptsim` in sessions that were begun before it was one method for all tasks."""
-
 
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError if the method needs a checkpoint and there is none."""
-    if name == FORMER_DEFAULT and checkpoint is not None:
-        name = checkpoint.method
     if name not in METHODS:
-        raise UnknownName(f'method "{name}" is not known: it must be one of {", ".join(METHODS)}')
+        raise UnknownName(
+            f'method "{name}" is not known: it must be one of {", ".join(METHODS)}{did_you_mean(name, METHODS)}'
+        )
     module, _, function = METHODS[name].partition(":")
     method: Method = getattr(import_module(module), function)(task, checkpoint)
     return method

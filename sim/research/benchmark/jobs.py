@@ -17,6 +17,7 @@ from sim.research.benchmark.sessions import (
     Judged,
     choose_oracle,
     judge,
+    mean_of,
     run_session,
     shown,
     udr_policies,
@@ -46,6 +47,11 @@ class Job:
     method: str
     seed: int
     conditions: Conditions
+
+    @property
+    def target(self) -> str:
+        """The world's name."""
+        return self.world.name
 
     @property
     def answers(self) -> str:
@@ -94,7 +100,7 @@ def run_job(job: Job, trials: Place | None = None) -> Row:
     if job.method == UDR:
         policies = udr_policies(solver, job.seed)
         several = [final(policy.actions, len(policies)) for policy in policies]
-        last = _mean(several)
+        last = mean_of(several)
         seen = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
         return _row(job, checkpoint, last, [last], 0, began, seen)
     if job.method in LIMITS:
@@ -123,21 +129,15 @@ def _row(
         reward=last.reward,
         ci95=last.ci95,
         real_trials=each * len(curve),
-        simulations=_simulations(job.method, checkpoint),
+        simulations=simulations(job.method, checkpoint),
         wall_s=time.perf_counter() - began,
         curve=tuple((each * (k + 1), judged.reward) for k, judged in enumerate(curve)),
         shown=seen,
     )
 
 
-def _mean(judged: Sequence[Judged]) -> Judged:
-    """The mean of policies judged on the same contexts. The mean of their intervals is on the safe side."""
-    n = len(judged)
-    low, high = (sum(j.ci95[k] for j in judged) / n for k in range(2))
-    return Judged(sum(j.reward for j in judged) / n, (low, high))
-
-
-def _simulations(method: str, checkpoint: Checkpoint) -> int:
+def simulations(method: str, checkpoint: Checkpoint) -> int:
+    """True rollouts of Phase 1 that a method needs."""
     if method in WITHOUT_SIMULATION:
         return 0
     if method in LEARNT_FROM_EPISODES or checkpoint.emulator is None:

@@ -1,12 +1,12 @@
-"""The places of benchmark sessions: a simulated world, or its table.
+"""The places of benchmark sessions: a simulated world, its table, or recorded trials.
 
-A third place, the whole lab with arm and camera, has the same contract (`adaptsim_cli.research.lab_place`).
+A fourth place, the whole lab with arm and camera, has the same contract (`adaptsim_cli.research.lab_place`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -18,6 +18,7 @@ from perception.types import ObjectTrack
 from sim.lab.world import World, rollouts_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
+from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Rollouts
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
@@ -48,6 +49,10 @@ class Place(Protocol):
         """Run trials."""
         ...
 
+    def take(self, action: Array) -> None:
+        """Announce the action (a,) of the next trial; recorded trials exist only once."""
+        ...
+
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """(N,) rewards of rollouts that `play` never shows."""
         ...
@@ -71,6 +76,9 @@ class Simulated:
         shown = np.stack([task.observation(track) for track in tracks])
         ends = tuple(map(task.end_of, tracks))
         return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends, contexts)
+
+    def take(self, action: Array) -> None:
+        """See `Place`: any number of times."""
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: true rollouts."""
@@ -107,6 +115,9 @@ class Tabled:
         seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
         return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
 
+    def take(self, action: Array) -> None:
+        """See `Place`: any number of times."""
+
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `Place`: from the half of the table for scores."""
         known, results = self._for_scores
@@ -138,3 +149,41 @@ class Tabled:
         space = self.task.action
         gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
         return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A `Place` of recorded trials: each can be had once, and scores come from those that were held out."""
+
+    shown: RecordedTrials
+    held_out: RecordedTrials
+    _spent: set[int] = field(default_factory=set, repr=False)  # rows of `shown`
+
+    def executable(self, context: Array, action: Array) -> bool:
+        """Whether the action was recorded and is not used yet."""
+        row = int(self.shown.at(action[None])[0])
+        return row >= 0 and row not in self._spent
+
+    def take(self, action: Array) -> None:
+        """See `Place`: from now on the recording is spent."""
+        self._spent.add(int(self.shown.at(action[None])[0]))
+
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+        """See `Place`: the recordings. Raises ValueError for an action that was not recorded."""
+        task, rows = self.shown.task, self.shown.at(actions)
+        if (rows < 0).any():
+            raise ValueError("an action was asked for that nobody recorded")
+        tracks = [self.shown.tracks[row] for row in rows]
+        there = np.stack([self.shown.context_of(row, context) for row, context in zip(rows, contexts, strict=True)])
+        seen = np.stack([task.observation(track) for track in tracks])
+        return Played(seen, self.shown.rewards(rows, contexts), tuple(map(task.end_of, tracks)), there)
+
+    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """See `Place`: of the recordings held out."""
+        return self.held_out.rewards(self.held_out.at(actions), contexts)
+
+    def best_actions(self, contexts: Array) -> Array:
+        """The best of the actions held out, in hindsight: no policy can earn more."""
+        every = range(len(self.held_out))
+        earned = [self.held_out.rewards(every, np.tile(context, (len(every), 1))) for context in contexts]
+        return np.asarray(self.held_out.actions[np.argmax(earned, axis=1)])

@@ -6,20 +6,20 @@ Every method gets the same contexts, action errors and observation noise: all ra
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.judging import choose_best
-from sim.adaptation.method import Iteration, Method, OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.judging import final_policy
+from sim.adaptation.method import Iteration, Method, ParticleTrials, Trial, policy_of
 from sim.adaptation.methods import udr
 from sim.errors import OutOfRange
 from sim.research.benchmark.places import Place
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -81,28 +81,27 @@ def run_session(
     solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
 ) -> list[SolvedPolicy]:
     """The final policies of the session if it ended after each iteration; `contexts` default to all of the task."""
-    task, history, chosen = solver.task, list[Iteration](), list[SolvedPolicy]()
+    histories = run_iterations(solver, method, place, conditions, seed, contexts)
+    return [final_policy(method, solver, solver.task, history, place.executable) for history in histories]
+
+
+def run_iterations(
+    solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
+) -> Iterator[tuple[Iteration, ...]]:
+    """The session, iteration by iteration: all that it knows after each."""
+    task, history = solver.task, list[Iteration]()
     among = task.context if contexts is None else contexts
-    trained: dict[bytes, SolvedPolicy] = {}
-
-    def policy(particle: Particle) -> SolvedPolicy:
-        if isinstance(method, OwnPolicies):
-            return method.policy(particle, history, place.executable)
-        return _once(trained, solver, particle, place.executable)
-
     particles = method.start(conditions.particles, _stream(seed, _Chance.START))
     for i in range(conditions.iterations(task)):
-        acting = [policy(particle) for particle in particles]
+        acting = [policy_of(method, solver, particle, history, place.executable) for particle in particles]
         history.append(
             tuple(
                 ParticleTrials(particle, _trials(task, act, place, among, (seed, i, j)))
                 for j, (particle, act) in enumerate(zip(particles, acting, strict=True))
             )
         )
-        best = choose_best(task, history).particle
-        chosen.append(method.final(history, place.executable) if isinstance(method, OwnPolicies) else policy(best))
+        yield tuple(history)
         particles = method.next(history, _stream(seed, _Chance.NEXT, i))
-    return chosen
 
 
 def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed: int) -> Judged:
@@ -112,6 +111,13 @@ def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed:
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
     mean = float(rewards.mean())
     return Judged(mean, (max(0.0, mean - half), min(1.0, mean + half)))
+
+
+def mean_of(judged: Sequence[Judged]) -> Judged:
+    """The mean of policies judged on the same contexts. The mean of their intervals is on the safe side."""
+    n = len(judged)
+    low, high = (sum(j.ci95[k] for j in judged) / n for k in range(2))
+    return Judged(sum(j.reward for j in judged) / n, (low, high))
 
 
 def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
@@ -143,22 +149,17 @@ def _worthwhile(task: Task, n: int) -> int:
     return n if len(task.context) or np.any(task.action_noise) else 2
 
 
-def _once(
-    trained: dict[bytes, SolvedPolicy], solver: Solver, particle: Particle, executable: Executable | None
-) -> SolvedPolicy:
-    key = particle.samples.tobytes()
-    if key not in trained:
-        trained[key] = policy_for(solver, particle.samples, executable)
-    return trained[key]
-
-
 def _trials(
     task: Task, policy: SolvedPolicy, place: Place, among: Space, which: tuple[int, int, int]
 ) -> tuple[Trial, ...]:
     """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
     seed, *where = which
     contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
-    actions = np.stack([policy(context) for context in contexts])
+    chosen = []
+    for context in contexts:
+        chosen.append(policy(context))
+        place.take(chosen[-1])
+    actions = np.stack(chosen)
     seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
     rows = zip(seen.contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
     return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)

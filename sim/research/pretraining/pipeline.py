@@ -157,8 +157,8 @@ def pretrain(
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
-    Without the `wanted` stages it has only the parts for inference, and its `adaptsim` is `adaptsim-belief`. Raises
-    DatasetError if the folder holds another plan. It may be stopped at any time; the same call continues.
+    Without the `wanted` stages it has only the parts for inference. Raises DatasetError if the folder holds another
+    plan. It may be stopped at any time; the same call continues.
     """
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
@@ -173,14 +173,14 @@ def pretrain(
     # None with NAF: without an emulator each entry would cost a simulation.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     networks: dict[MemoryName, QNetwork] = {}
-    facts: dict[str, Any] = {"seed": seed, "method": BELIEF if ahead else NETWORKS["iteration"]}
+    facts: dict[str, Any] = {"seed": seed}
     if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         with tensorboard(folder / "logs") as log:
             networks = _policies(folder, means, budget.meta, draws[2], progress, log)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if wanted.evaluation or (folder / "evaluation.toml").exists():
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
-        facts |= {"evaluation": results, "method": best_method(results)}
+        facts["evaluation"] = results
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
@@ -360,13 +360,6 @@ def _evaluation(
 
 def _has_policies(evaluation: Mapping[str, Any]) -> bool:
     return bool({score["name"] for score in evaluation["methods"]} & set(NETWORKS.values()))
-
-
-def best_method(evaluation: Mapping[str, Any]) -> str:
-    """The AdaptSim variant with the highest final reward in the evaluation; the first of equal ones."""
-    scores = [score for score in evaluation["methods"] if score["name"] != RANDOM]
-    last: dict[str, float] = {score["name"]: float(score["reward"][-1]) for score in scores}
-    return max(last, key=lambda name: last[name])
 
 
 def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from sim.tasks.pushing.params import (
     goal_m,
 )
 from sim.tasks.pushing.plan import plan
+from sim.tasks.pushing.printing import parts
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.rollout import simulate
 from sim.tasks.pushing.scene import build_scene, time_step_s
@@ -38,6 +39,7 @@ HARDWARE = Hardware(
     time_step_s=time_step_s,
     rest_pose=rest_pose,
     tracker="bottle",
+    parts=parts,
     standing=Standing(BOTTLE_RADIUS_M, BOTTLE_HEIGHT_M, START_M),
 )
 

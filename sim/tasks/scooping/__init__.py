@@ -20,6 +20,7 @@ from sim.tasks.scooping.params import (
     Unmodelled,
 )
 from sim.tasks.scooping.plan import plan
+from sim.tasks.scooping.printing import parts
 from sim.tasks.scooping.rollout import rest_pose, simulate
 from sim.tasks.scooping.scene import build_scene, time_step_s
 from sim.tasks.scooping.touch import TOUCHABLE
@@ -37,6 +38,7 @@ HARDWARE = Hardware(
     home_pitch_rad=HOME_PITCH_RAD,
     carries=True,
     touchable=TOUCHABLE,
+    parts=parts,
 )
 
 TASK = Task(

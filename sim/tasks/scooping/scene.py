@@ -38,6 +38,12 @@ from sim.types import Visual
 _NYLON = (0.015, 0.015, 0.017)
 _TAPE = (0.25, 0.25, 0.27)
 
+HANDLE_SECTION_M = (0.024, 0.018)
+"""Width and thickness of the handle."""
+
+ADAPTER_M = (0.05, 0.045, 0.035)
+"""The box around the handle that the fingers hold: along the handle, across it, through it."""
+
 
 def piece_visual(body: str, piece: Piece, colour: tuple[float, float, float]) -> Visual:
     """The piece in its colour (linear RGB), fixed to `body`."""
@@ -50,8 +56,8 @@ def spatula_visuals(blade_body: str, handle_body: str, lip_m: float = LIP_M) -> 
     handle_end = neck_end + HANDLE_M * UP
     solid = blade(lip_m)
     neck = box(np.array(NECK_SIZE_M), (ROOT_M + neck_end) / 2, HANDLE_RISE_RAD)
-    handle = box(np.array([HANDLE_M, 0.024, 0.018]), (neck_end + handle_end) / 2, HANDLE_RISE_RAD)
-    adapter = box(np.array([0.05, 0.045, 0.035]), ROOT_M + GRIP_M * UP, HANDLE_RISE_RAD)
+    handle = box(np.array([HANDLE_M, *HANDLE_SECTION_M]), (neck_end + handle_end) / 2, HANDLE_RISE_RAD)
+    adapter = box(np.array(ADAPTER_M), ROOT_M + GRIP_M * UP, HANDLE_RISE_RAD)
     return (
         Visual(blade_body, solid.vertices_m, solid.triangles, _NYLON),
         Visual(handle_body, *neck, _NYLON),

@@ -41,7 +41,7 @@ def test_the_page_has_the_rigs_own_numbers(tmp_path: Path) -> None:
     for words in (
         "lab-1, panda at 172.16.0.2, scooping",
         "0.80 m/s",
-        "at most 72 cm of travel",
+        "at most 32 cm of travel",
         "stops by itself at 80 N",
         "payload in the hand: 0.12 kg",
         "2026-03-01T08:00:00+00:00 Kim",

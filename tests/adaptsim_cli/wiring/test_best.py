@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from adaptsim_cli import api, app
+from adaptsim_cli.wiring.best import TaskPolicy
+from hw.types import Array
+from sim.errors import OutOfRange
+from sim.tasks import get_task
+from sim.tasks.solver import SolvedPolicy
 
 NAME = "study"
 
@@ -51,6 +57,24 @@ def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys: pytest.Captu
     assert app.run(["rollout", "--session", "own", "--best", "--yes", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["action"].values()) == api.open_session("own").best_policy()(np.zeros(0)).tolist()
+
+
+def test_a_policy_takes_lists_and_refuses_wrong_contexts() -> None:
+    task = get_task("pushing")
+    asked: list[Array] = []
+
+    def acting(context: Array) -> Array:
+        asked.append(context)
+        return np.array([0.1, 0.5])
+
+    policy = TaskPolicy("mine", task, cast(SolvedPolicy, acting))
+    assert policy([0.85, 0.0]).tolist() == [0.1, 0.5]
+    assert asked[0].tolist() == [0.85, 0.0]
+    assert repr(policy) == "<best policy of mine: (goal_x [m], goal_bearing [rad]) -> (yaw [rad], speed [m/s])>"
+    with pytest.raises(OutOfRange, match=r"has 2 values .*, not 3"):
+        policy([0.85, 0.0, 0.1])
+    with pytest.raises(OutOfRange, match="850 lies outside"):
+        policy([850, 0.0])
 
 
 def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

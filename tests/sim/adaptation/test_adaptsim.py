@@ -12,7 +12,7 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
-from sim.adaptation.methods import FORMER_DEFAULT, make_method
+from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
 from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
@@ -225,11 +225,9 @@ def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
     assert judge(task, lambda c: np.tile(runs[0], (len(c), 1)), place, conditions, 0).reward > udr + 0.3
 
 
-def test_it_needs_prospects_and_former_sessions_keep_their_method():
+def test_it_needs_prospects():
     with pytest.raises(CheckpointError, match="pretrain --task toy"):
         make_method("adaptsim", TOY, None)
-    checkpoint = load_checkpoint(get_task("pushing"))
-    assert type(make_method(FORMER_DEFAULT, checkpoint.solver.task, checkpoint)).__name__ == "Belief"
 
 
 @pytest.mark.long

@@ -9,12 +9,10 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.method import Particle, ParticleTrials, Trial
-from sim.adaptation.methods import FORMER_DEFAULT, make_method
+from sim.adaptation.methods import make_method
 from sim.adaptation.methods.belief import APART, Belief, Estimate
 from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
 from sim.errors import CheckpointError
-from sim.research.methods.q_network import QNetwork
-from sim.research.methods.q_policy import MemoryName, QPolicy, new_policy, tensors_of
 from sim.research.methods.random_search import RandomSearch
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -139,21 +137,9 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     assert (estimate.std < method.estimate([]).std).mean() > 0.9
 
 
-@pytest.mark.long
-def test_the_card_names_the_former_default_and_a_checkpoint_without_prospects_says_so(tmp_path):
+def test_a_checkpoint_without_prospects_says_so(tmp_path):
     emulator, _ = trained()
-    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
-    with_it = save_checkpoint(
-        TOY, tmp_path / "a", emulator, tensors_of(networks), {"method": "adaptsim-belief"}, prospects()
-    )
-    checkpoint = load_checkpoint(TOY, str(with_it))
-    method = make_method(FORMER_DEFAULT, TOY, checkpoint)
-    assert isinstance(method, Belief)
-    assert np.array_equal(method.prospects.rewards, prospects().rewards)
-    without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, tensors_of(networks), {})))
-    chosen = make_method(FORMER_DEFAULT, TOY, without)
-    assert isinstance(chosen, QPolicy)
-    assert chosen.memory == "iteration"
+    without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, {}, {})))
     with pytest.raises(CheckpointError, match="holds no prospects: make one with `adaptsim pretrain --task toy`"):
         make_method("adaptsim-belief", TOY, without)
     with pytest.raises(CheckpointError, match="there is none"):

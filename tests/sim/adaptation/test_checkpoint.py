@@ -8,7 +8,7 @@ from toy_learning import trained
 from toy_task import TOY
 
 from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, read_card, save_checkpoint
-from sim.adaptation.methods import FORMER_DEFAULT, make_method
+from sim.adaptation.methods import make_method
 from sim.errors import CheckpointError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, networks_of, new_policy, tensors_of
@@ -25,9 +25,7 @@ def stored(tmp_path):
         "iteration": new_policy(TOY, "iteration", 5),
         "history": new_policy(TOY, "history", 6),
     }
-    return save_checkpoint(
-        TOY, tmp_path / "mine", emulator, tensors_of(networks), {"seed": 7, "method": "adaptsim-history"}
-    )
+    return save_checkpoint(TOY, tmp_path / "mine", emulator, tensors_of(networks), {"seed": 7})
 
 
 def chosen(name, checkpoint):
@@ -55,20 +53,12 @@ def test_it_comes_back_as_it_was(stored):
     original = new_policy(TOY, "iteration", 5)
     states = rng.random((8, original.inputs))
     assert np.array_equal(networks_of(checkpoint)["iteration"].directions(states), original.directions(states))
-    assert chosen(FORMER_DEFAULT, checkpoint).memory == "history"
+    assert chosen("adaptsim-history", checkpoint).memory == "history"
     assert chosen("adaptsim-iteration", checkpoint).memory == "iteration"
     assert checkpoint.card.seed == 7
     assert checkpoint.card.interface["parameters"][0]["name"] == "mu"
     assert {"torch", "drake", "numpy"} <= checkpoint.card.versions.keys()
     assert sorted(p.name for p in stored.iterdir()) == [CARD, MODEL]
-
-
-def test_a_card_that_names_no_adaptsim_is_refused(tmp_path):
-    emulator, _ = trained()
-    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
-    folder = save_checkpoint(TOY, tmp_path / "odd", emulator, tensors_of(networks), {"method": "adaptsim"})
-    with pytest.raises(CheckpointError, match=r"wrong method \(Input should be 'adaptsim-iteration'"):
-        load_checkpoint(TOY, str(folder))
 
 
 def test_changed_weights_are_found(stored):

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Card, Checkpoint
+from sim.adaptation.checkpoint import Card, Checkpoint, EvaluationReport
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
@@ -135,6 +135,12 @@ def _exact_targets(rollouts: int) -> int:
     return max(4, min(EXACT_TARGETS, rollouts // ASKED_A_TARGET))
 
 
+def _best(stated: EvaluationReport | None) -> str:
+    """The adapting method that earned most in the evaluation of the card."""
+    scores = [score for score in stated.methods if score.name != "random"] if stated else []
+    return max(scores, key=lambda score: score.reward[-1]).name if scores else "adaptsim-belief"
+
+
 def _sessions(
     checkpoint: Checkpoint, roll: Roll, count: int, rng: np.random.Generator, progress: Progress
 ) -> list[Figure]:
@@ -142,7 +148,7 @@ def _sessions(
     solver, card = checkpoint.solver, checkpoint.card
     task, judging, stated = solver.task, card.budget.evaluation, card.evaluation
     settings = EvaluationSettings(kind=judging.kind, particles=judging.particles, iterations=judging.iterations)
-    name = checkpoint.method  # the best of those that the card judges
+    name = _best(stated)
     method, udr = make_method(name, task, checkpoint), udr_policies(solver, rng)
     earned: dict[str, list[float]] = {name: [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):

@@ -130,10 +130,10 @@ def test_a_killed_benchmark_goes_on_and_keeps_what_is_finished(tmp_path):
     jobs = [job(name, seed) for name in ("udr", "oracle", "random") for seed in range(2)]
     results, told = Results(tmp_path), []
     with serial_executor() as executor:
-        first = run_jobs(jobs[:3], results, executor, lambda done, total: None)
+        first = run_jobs(jobs[:3], results, executor, lambda done, total: None, run_job)
         damaged = results._path(jobs[1])
         damaged.write_text(damaged.read_text()[:20])
-        rows = run_jobs(jobs, results, executor, lambda done, total: told.append((done, total)))
+        rows = run_jobs(jobs, results, executor, lambda done, total: told.append((done, total)), run_job)
     assert told[0] == (2, 6)
     assert told[-1] == (6, 6)
     assert [(r.method, r.seed) for r in rows] == [(j.method, j.seed) for j in jobs]
@@ -161,7 +161,7 @@ def test_what_a_job_raises_ends_the_benchmark_and_keeps_the_rest(tmp_path, monke
             return future
 
     with pytest.raises(DatasetError, match="gone"):
-        run_jobs(jobs, Results(tmp_path), Failing(), lambda done, total: None)
+        run_jobs(jobs, Results(tmp_path), Failing(), lambda done, total: None, run_job)
     assert run.Results(tmp_path).row(jobs[0]).method == "udr"
 
 

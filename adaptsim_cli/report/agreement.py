@@ -1,0 +1,99 @@
+"""Predicted against observed: how far a session's predictions, made before its trials, can be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adaptsim_cli.report.figures import Prediction
+from adaptsim_cli.session.records import TrialRecord
+from hw.types import Array
+
+Z95 = 1.96
+"""Half width of the central 95 % of a normal distribution, in standard deviations."""
+
+BELIEVED = 0.05
+"""A bias of the predicted reward below this is not worth mentioning."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One trial: the reward that was predicted before it, and the observed one."""
+
+    trial: int
+    predicted: float
+    low: float
+    high: float
+    observed: float
+    before: float | None  # error of the predicted end, for the parameters of its policy; None without a checkpoint
+    after: float | None  # the same for parameters drawn from the posterior, which knows the trial
+
+    @property
+    def is_inside(self) -> bool:
+        """Whether the reward lies within the interval; half a hundredth of rounding counts as inside."""
+        return self.low - 0.005 <= self.observed <= self.high + 0.005
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """All trials of a session."""
+
+    rows: tuple[Row, ...]
+    bias: float  # mean of observed minus predicted
+    bias_low: float  # 95 % interval of it
+    bias_high: float
+    unit: str  # of the errors: "mm", or that of what is observed
+
+    @property
+    def inside(self) -> int:
+        """Trials whose reward lies within the interval."""
+        return sum(row.is_inside for row in self.rows)
+
+    @property
+    def in_words(self) -> str:
+        """Whether to believe the predictions, in one sentence."""
+        if self.bias_low > BELIEVED:
+            return "The simulator is too pessimistic: trials earn more than it predicts."
+        if self.bias_high < -BELIEVED:
+            return "Do not believe the predicted rewards: trials earn less than the simulator predicts."
+        if self.bias_high - self.bias_low > 8 * BELIEVED:
+            return "There are too few trials to say whether the predicted rewards can be believed."
+        return "The predicted rewards show no clear bias."
+
+    def median(self, which: str) -> float | None:
+        """Median of the errors `before` or `after`; None if there are none."""
+        found = [value for row in self.rows if (value := getattr(row, which)) is not None]
+        return float(np.median(found)) if found else None
+
+
+def agreement(
+    trials: Sequence[TrialRecord], predictions: Mapping[int, Prediction] | None, is_place: bool, std: float
+) -> Agreement | None:
+    """The agreement of trials with their predictions; None without a trial. `std` is that of single trials."""
+    if not trials:
+        return None
+    rows = tuple(_row(trial, predictions[trial.trial] if predictions else None, is_place) for trial in trials)
+    off = np.array([row.observed - row.predicted for row in rows])
+    half = Z95 * max(std, float(off.std(ddof=1)) if len(off) > 1 else 0.0) / len(off) ** 0.5
+    bias = float(off.mean())
+    return Agreement(rows, bias, bias - half, bias + half, "mm" if is_place else "")
+
+
+def end_error(observed: Array, expected: Array, is_place: bool) -> float:
+    """Mean distance of expected ends (N, k) from the observed one (k,): in mm of x and y, or in the unit given."""
+    columns = slice(0, 2) if is_place else slice(None)
+    away = np.linalg.norm(expected[:, columns] - observed[columns], axis=1)
+    return float(away.mean()) * (1e3 if is_place else 1.0)
+
+
+def _row(trial: TrialRecord, prediction: Prediction | None, is_place: bool) -> Row:
+    before = after = None
+    if prediction is not None:
+        seen = trial.track.track().at(prediction.t_s[-1:])[0, list(prediction.columns)]
+        before = end_error(seen, prediction.guess[-1:], is_place)
+        after = end_error(seen, prediction.likely[:, -1], is_place)
+    return Row(
+        trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
+    )

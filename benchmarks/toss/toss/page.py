@@ -1,0 +1,103 @@
+"""The page of the results: what the method earns on tosses that other people recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw.types import Array
+from sim.storage.files import whole_file
+from toss import NEAR_M, TASK
+from toss.data import Tosses
+from toss.strip import draw
+
+RESAMPLED = 10_000
+SHOWN = 3
+"""Tosses of the film strip."""
+
+REFERENCES = {
+    "udr": "UDR: one policy for all parameters",
+    "average_particle": "one guess of the parameters (mean over the grid)",
+    "authors": "the authors' friction, 0.15, the rest unknown",
+    "best_of_grid": "best point of the grid, chosen by *all* shown tosses",
+    "best_recorded": "best held-out toss in hindsight",
+}
+
+TEMPLATE = Path(__file__).with_name("page.txt")
+
+
+def write(
+    rows: Sequence[dict[str, Any]], methods: Sequence[str], tosses: Tosses, held: Array, points: int, path: Path
+) -> None:
+    """Write the page and `figures/tosses.jpg` beside its folder; `held` are the rows of tosses that seed 0 held out."""
+    known = {**REFERENCES, **{name: f"`{name}`, 20 tosses" for name in methods}}
+    order = ("udr", *methods, "average_particle", "authors", "best_of_grid", "best_recorded")
+    table = "\n".join(f"| {known[n]} | {_mean(rows, n)} | {_gain(rows, n) if n != 'udr' else ''} |" for n in order)
+    posterior = np.mean([row["posterior"] for row in rows], axis=0)
+    values = TASK.parameters.denormalise(posterior)
+    named = [f"{d.plain} {v:.3g} {d.unit}".rstrip() for d, v in zip(TASK.parameters.dimensions, values, strict=True)]
+    share = 100.0 * float(np.mean([row["inexpressible"] for row in rows]))
+    text = TEMPLATE.read_text(encoding="utf-8").format(
+        near_mm=1e3 * NEAR_M,
+        tosses=len(tosses.numbers),
+        points=points,
+        seeds=len(rows),
+        table=table,
+        conclusion=_conclusion(rows),
+        permuted=_mean(rows, "permuted"),
+        permuted_shown=_mean(rows, "permuted_shown"),
+        posterior=", ".join(named),
+        inexpressible=share,
+        verdict=_verdict(rows, share),
+        **{
+            f"{name}_{what}": f"{factor * float(np.mean([row[f'{name}_{key}'] for row in rows])):.0f}"
+            for name in ("prior", "posterior")
+            for what, key, factor in (("error", "error_mm", 1.0), ("face", "face", 100.0))
+        },
+    )
+    figure = path.parent.parent / "figures" / "tosses.jpg"
+    figure.parent.mkdir(parents=True, exist_ok=True)
+    middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
+    first = TASK.parameters.denormalise(np.array(rows[0]["posterior"]))
+    draw(tosses, [int(i) for i in held[:SHOWN]], (("prior", middle), ("posterior", first)), figure)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def _conclusion(rows: Sequence[dict[str, Any]]) -> str:
+    low, high = _interval([row["adaptsim"] - row["udr"] for row in rows])
+    if low > 0.0:
+        return "`adaptsim` earns more than UDR on real tosses that it never saw."
+    if high < 0.0:
+        return "`adaptsim` earns **less** than UDR here: adapting to these tosses does harm."
+    return "`adaptsim` does **not** clearly beat UDR here: the interval of its gain holds zero."
+
+
+def _verdict(rows: Sequence[dict[str, Any]], share: float) -> str:
+    left = float(np.mean([row["posterior_error_mm"] for row in rows]))
+    if share > 50.0:
+        return f"It is right: even the posterior leaves {left:.0f} mm."
+    return (
+        f"It is mostly silent, although the posterior leaves {left:.0f} mm: its limit allows for the error of the grid."
+    )
+
+
+def _mean(rows: Sequence[dict[str, Any]], name: str) -> str:
+    values = [row[name] for row in rows]
+    low, high = _interval(values)
+    return f"{np.mean(values):.3f} ({low:.3f} to {high:.3f})"
+
+
+def _gain(rows: Sequence[dict[str, Any]], name: str) -> str:
+    values = [row[name] - row["udr"] for row in rows]
+    low, high = _interval(values)
+    return f"{np.mean(values):+.3f} ({low:+.3f} to {high:+.3f})"
+
+
+def _interval(values: Sequence[float]) -> tuple[float, float]:
+    drawn = np.random.default_rng(0).integers(len(values), size=(RESAMPLED, len(values)))
+    low, high = np.quantile(np.asarray(values)[drawn].mean(axis=1), [0.025, 0.975])
+    return float(low), float(high)

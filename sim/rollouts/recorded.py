@@ -1,0 +1,141 @@
+"""Recorded trials: reality as a set of experiments that somebody made, each with its action and its trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array, frozen_array
+from perception.types import ObjectTrack
+from sim.errors import OutOfRange, RecordingsRefused
+from sim.rollouts.draws import cover
+from sim.tasks.task import Task
+
+LEAST = 8
+"""Least number of trials: four for a session of two particles with one trial each, four for the scores."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTrials:
+    """Trials of one task, checked.
+
+    Raises RecordingsRefused if they are too few, if a value lies outside of the task's ranges, if times do not
+    increase, or if a trial is there twice. Its message names the trial.
+    """
+
+    task: Task
+    names: tuple[str, ...]  # N
+    contexts: Array | None  # (N, c) in units; None: not recorded, for a task in which a context only scores
+    actions: Array  # (N, a) in units
+    tracks: tuple[ObjectTrack, ...]
+
+    def __post_init__(self) -> None:
+        task, n = self.task, len(self.names)
+        if self.contexts is None and not scores_only(task):
+            raise RecordingsRefused(
+                f"the context ({', '.join(task.context.names)}) is missing, and in {task.name} it changes the "
+                "motion: name its columns"
+            )
+        object.__setattr__(self, "actions", frozen_array(self.actions, (n, len(task.action)), "actions"))
+        if self.contexts is not None:
+            object.__setattr__(self, "contexts", frozen_array(self.contexts, (n, len(task.context)), "contexts"))
+        if len(self.tracks) != n:
+            raise RecordingsRefused(f"there are {n} trials and {len(self.tracks)} trajectories: they must agree")
+        for i in range(n):
+            self._check(i)
+        self._check_duplicates()
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def at(self, actions: Array) -> NDArray[np.intp]:
+        """The trials of actions (N, a); -1 if an action was not recorded."""
+        rows = (self._by_action.get(np.ascontiguousarray(action).tobytes(), -1) for action in actions)
+        return np.fromiter(rows, dtype=np.intp, count=len(actions))
+
+    def some(self, rows: NDArray[np.int_]) -> RecordedTrials:
+        """Only these trials."""
+        contexts = None if self.contexts is None else self.contexts[rows]
+        names, tracks = tuple(self.names[i] for i in rows), tuple(self.tracks[i] for i in rows)
+        return RecordedTrials(self.task, names, contexts, self.actions[rows], tracks)
+
+    def split(self, held_out: float, seed: int) -> tuple[RecordedTrials, RecordedTrials]:
+        """The trials for a session, and those held out for scores: a share of `held_out`, drawn by `seed`.
+
+        Raises RecordingsRefused if either has too few.
+        """
+        order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x5EC0,))).permutation(len(self))
+        count = round(held_out * len(self))
+        for found, what in ((len(self) - count, "for the session"), (count, "to be held out")):
+            if found < LEAST // 2 and (found or what == "for the session"):
+                raise RecordingsRefused(
+                    f"of {len(self)} trials, {found} are left {what}, and {LEAST // 2} are needed: record more, or "
+                    "choose another --held-out"
+                )
+        return self.some(np.sort(order[count:])), self.some(np.sort(order[:count]))
+
+    def permuted(self, seed: int) -> RecordedTrials:
+        """The same actions with the trajectories of other trials: a control, from which nothing can be learnt."""
+        order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x9E47,))).permutation(len(self))
+        contexts = None if self.contexts is None else self.contexts[order]
+        return RecordedTrials(self.task, self.names, contexts, self.actions, tuple(self.tracks[i] for i in order))
+
+    def context_of(self, row: int, wanted: Array) -> Array:
+        """(c,) the context of a trial, if `wanted` is asked for: that one if a context only scores, else its own."""
+        return wanted if self.contexts is None or scores_only(self.task) else self.contexts[row]
+
+    def rewards(self, rows: Iterable[int], contexts: Array) -> Array:
+        """(N,) rewards of trials in contexts (N, c)."""
+        pairs = zip(rows, contexts, strict=True)
+        return np.array([self.task.score(self.tracks[i], self.context_of(i, context)) for i, context in pairs])
+
+    @cached_property
+    def _by_action(self) -> dict[bytes, int]:
+        return {action.tobytes(): i for i, action in enumerate(self.actions)}
+
+    def _check(self, i: int) -> None:
+        name, track, task = self.names[i], self.tracks[i], self.task
+        spaces = [(task.action, self.actions[i], "action")]
+        if self.contexts is not None:
+            spaces.append((task.context, self.contexts[i], "context"))
+        try:
+            for space, value, what in spaces:
+                space.check(value, what)
+        except (OutOfRange, ValueError) as error:
+            raise RecordingsRefused(f"trial {name}: {error}; are its columns in the task's units?") from error
+        if len(track.t_s) < 2 or (np.diff(track.t_s) <= 0.0).any():
+            after = next((float(t) for t, step in zip(track.t_s, np.diff(track.t_s), strict=False) if step <= 0.0), 0.0)
+            raise RecordingsRefused(
+                f"trial {name}: its times must increase, from one sample to the next, and do not after {after:.4g} s"
+            )
+        columns = max(task.observation.columns) + 1
+        if track.state.shape[1] < columns:
+            raise RecordingsRefused(
+                f"trial {name}: its trajectory needs {columns} columns, and has {track.state.shape[1]}"
+            )
+
+    def _check_duplicates(self) -> None:
+        seen = dict[bytes, str]()
+        for name, action in zip(self.names, self.actions, strict=True):
+            if name in seen.values():
+                raise RecordingsRefused(f"trial {name} is there twice: remove one of them")
+            if (other := seen.setdefault(action.tobytes(), name)) != name:
+                raise RecordingsRefused(f"trials {other} and {name} have the same action: remove one of them")
+
+
+def require_enough(trials: RecordedTrials) -> RecordedTrials:
+    """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`."""
+    if len(trials) < LEAST:
+        raise RecordingsRefused(f"there are {len(trials)} recorded trials, and at least {LEAST} are needed")
+    return trials
+
+
+def scores_only(task: Task) -> bool:
+    """Whether a context of the task only decides the reward, and not the motion."""
+    contexts = cover(task.context, 4, np.random.default_rng(0)) if len(task.context) else np.zeros((0, 0))
+    observation = np.random.default_rng(0).random(task.observation.size)
+    return all(np.array_equal(task.relocate(observation, context), observation) for context in contexts)

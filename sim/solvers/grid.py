@@ -1,0 +1,184 @@
+"""The exact solver of a task whose rollouts are cheap, and too irregular for an emulator.
+
+It answers with true rollouts at a grid of parameters that fills the margin: any parameters count as the nearest point
+of the grid. Each pair of a point and an action is simulated once, when it is first asked for. Name it as
+`Task.exact`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from hw.types import Array, frozen_array
+from sim.rollouts.draws import Disturbances, cover
+from sim.rollouts.run import Rollouts, observed
+from sim.solvers.among import Among
+from sim.solvers.misfit import LEAST_STD
+from sim.tasks.task import Task
+
+GRID, ACTIONS = 64, 64
+"""Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""
+
+PROBES = 8
+"""Actions by which the error of the grid is measured."""
+
+
+@dataclass(eq=False)
+class _Known:
+    """The rollouts of one action so far, by points of the grid."""
+
+    done: NDArray[np.bool_]  # (K,)
+    success: Array  # (K,)
+    end: Array  # (K, k)
+    observation: Array  # (K, size)
+
+
+@dataclass(frozen=True, eq=False)
+class GridSolver:
+    """The `sim.solvers.solver.Expectations` of true rollouts."""
+
+    task: Task
+    points: Array  # (K, p) the grid, in units
+    probes: Array  # (PROBES, a) actions by which the error of the grid is measured
+    _known: dict[bytes, _Known] = field(default_factory=dict, repr=False)  # by action and nuisance
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_array(self.points, (None, len(self.task.parameters)), "points"))
+        object.__setattr__(self, "probes", frozen_array(self.probes, (PROBES, len(self.task.action)), "probes"))
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c)."""
+        drawn = Disturbances.evenly(self.task, draws if self._varies else 1, rng)
+        success, end = self.outcomes(targets[:, None, None, :], actions[:, :, None, :] + drawn.error, drawn.nuisance)
+        rewards = success * self.task.reward_of_success(end, contexts[..., None, :])
+        return np.asarray(rewards.mean(axis=(0, 2, 3)))
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,)"""
+        success, end = self.outcomes(parameters, action, nuisance)
+        return np.asarray((success * self.task.reward_of_success(end, contexts))[0])
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size)"""
+        return self._looked_up(parameters, action, nuisance).observation
+
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """Success (1, ...), and the end state (1, ..., k), 0 after a failure."""
+        lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
+        rows = (
+            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(math.prod(lead), -1 if a.shape[-1] else 0)
+            for a in (parameters, action, nuisance)
+        )
+        found = self._looked_up(*rows)
+        return found.success.reshape(1, *lead), found.end.reshape(1, *lead, -1)
+
+    @cached_property
+    def residual_std(self) -> Array:
+        """(size,) spread of the errors because parameters count as the nearest point, normalised: half of the
+        differences between neighbouring points.
+        """
+        return np.asarray(0.5 * np.sqrt((self._apart**2).mean(axis=(0, 1))))
+
+    @cached_property
+    def misfit_limit(self) -> float:
+        """The misfit that 95 % of the rollouts at a point have to the nearest of all other points."""
+        seen = self.task.observation
+        camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
+        std = np.sqrt(camera**2 + self.residual_std**2 + LEAST_STD**2)
+        paths = self._paths
+        squared = (((paths[:, :, None] - paths[:, None]) / std) ** 2).mean(axis=-1)
+        k = len(self.points)
+        squared[:, np.arange(k), np.arange(k)] = np.inf
+        return float(np.quantile(np.sqrt(squared.min(axis=2)), 0.95))
+
+    def remember(self, action: Array, nuisance: Array, rollouts: Rollouts) -> None:
+        """Take the rollouts of an action (a,) at every point of the grid as simulated."""
+        end = np.where(rollouts.succeeded[:, None], rollouts.end_state, 0.0)
+        self._known[_key(action, nuisance)] = _Known(
+            np.ones(len(self.points), dtype=bool), rollouts.succeeded.astype(np.float64), end, rollouts.observation
+        )
+
+    def _looked_up(self, parameters: Array, action: Array, nuisance: Array) -> _Known:
+        """The rollouts of N rows; the missing ones are simulated."""
+        at = self._nearest(parameters)
+        pairs = np.ascontiguousarray(np.concatenate([action, nuisance], axis=1))
+        _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
+        a, rows, order = action.shape[1], len(at), np.argsort(which, kind="stable")
+        found: _Known | None = None
+        for one, here in zip(first, np.split(order, np.cumsum(np.bincount(which))[:-1]), strict=True):
+            known = self._at(pairs[one, :a], pairs[one, a:], at[here])
+            if found is None:
+                k, size = known.end.shape[1], known.observation.shape[1]
+                found = _Known(np.ones(rows, dtype=bool), np.zeros(rows), np.zeros((rows, k)), np.zeros((rows, size)))
+            found.success[here] = known.success[at[here]]
+            found.end[here] = known.end[at[here]]
+            found.observation[here] = known.observation[at[here]]
+        if found is None:
+            raise ValueError("no rollouts were asked for")
+        return found
+
+    def _at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
+        """All that is known of an action, at least at `points`."""
+        task, key, count = self.task, _key(action, nuisance), len(self.points)
+        known = self._known.get(key)
+        missing = np.unique(points if known is None else points[~known.done[points]])
+        if len(missing):
+            context = np.asarray(task.reference_context, dtype=np.float64)
+            rolled = observed(task, [task.simulate(p, context, action, nuisance) for p in self.points[missing]])
+            if known is None:
+                k, size = rolled.end_state.shape[1], rolled.observation.shape[1]
+                known = _Known(
+                    np.zeros(count, dtype=bool), np.zeros(count), np.zeros((count, k)), np.zeros((count, size))
+                )
+                self._known[key] = known
+            known.done[missing] = True
+            known.success[missing] = rolled.succeeded
+            known.end[missing] = np.where(rolled.succeeded[:, None], rolled.end_state, 0.0)
+            known.observation[missing] = rolled.observation
+        assert known is not None
+        return known
+
+    def _nearest(self, parameters: Array) -> NDArray[np.intp]:
+        _, at = self._tree.query(self.task.margin.normalise(parameters))
+        return np.asarray(at, dtype=np.intp)
+
+    @cached_property
+    def _paths(self) -> Array:
+        """(PROBES, K, size) trajectories of the probes at every point."""
+        every, nuisance = np.arange(len(self.points)), cover(self.task.nuisance, PROBES, np.random.default_rng(0))
+        pairs = zip(self.probes, nuisance, strict=True)
+        return np.stack([self._at(action, drawn, every).observation for action, drawn in pairs])
+
+    @cached_property
+    def _apart(self) -> Array:
+        """(PROBES, K, size) differences of these trajectories between each point and the one nearest to it."""
+        _, near = self._tree.query(self.task.margin.normalise(self.points), k=2)
+        return np.asarray(self._paths - self._paths[:, near[:, 1]])
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.task.margin.normalise(self.points))
+
+    @property
+    def _varies(self) -> bool:
+        return bool(len(self.task.nuisance)) or bool(np.any(self.task.action_noise))
+
+
+def grid_solver(task: Task) -> Among:
+    """The solver with `GRID` points of the margin, whose policies choose among `ACTIONS` that fill their ranges."""
+    points, filling = (
+        cover(space, n, np.random.default_rng(0)) for space, n in ((task.margin, GRID), (task.action, ACTIONS))
+    )
+    return Among(GridSolver(task, points, filling[:PROBES]), filling)
+
+
+def _key(action: Array, nuisance: Array) -> bytes:
+    return np.ascontiguousarray(action).tobytes() + b"/" + np.ascontiguousarray(nuisance).tobytes()

@@ -1,0 +1,79 @@
+"""The parts to print: closed solids with the scene's mass, that the hand can hold."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import open3d
+import pytest
+
+from adaptsim_cli import app
+from adaptsim_cli.report import parts as sheet
+from adaptsim_cli.wiring.parts import parts as all_parts
+from hw.types import Array
+from sim.tasks.pushing import TASK as PUSHING
+from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
+from sim.tasks.tool_mesh import tool_mesh
+from sim.types import Part
+
+
+def outside_m(part: Part, points: Array) -> Array:
+    """Distance of points (n, 3) from the surface, negative inside."""
+    tensor: Any = open3d.core.Tensor
+    scene: Any = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(tensor(part.solid.vertices.astype(np.float32)), tensor(part.solid.faces.astype(np.uint32)))
+    return np.asarray(scene.compute_signed_distance(tensor(points.astype(np.float32))).numpy())
+
+
+@pytest.fixture(scope="module")
+def parts() -> dict[str, Part]:
+    return {part.name: part for part in all_parts()}
+
+
+def test_every_part_is_closed_and_fits_between_the_fingers(parts: dict[str, Part]) -> None:
+    assert set(parts) == {"pusher", "patch", "adapter", "board-holder"}
+    for part in parts.values():
+        assert part.solid.is_watertight
+        assert part.solid.body_count == 1
+        assert part.flat or 0.0 < (part.held_m or 0.0) < sheet.OPENING_M
+        assert sheet.printed(part).bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts: dict[str, Part]) -> None:
+    pusher = parts["pusher"]
+    assert pusher.mass is not None
+    share = sheet.infill(pusher)
+    assert share is not None
+    assert 0.3 < share < 1.0, "a print can have this mass"
+    assert np.abs(pusher.solid.center_mass - pusher.mass.com_m).max() < 0.003
+    vertices, _ = tool_mesh(PUSHING)
+    behind = vertices[vertices[:, 0] < 1e-6]
+    assert outside_m(pusher, behind).max() < 1e-4, "the mask of the tool covers the same body"
+    assert pusher.solid.bounds[1, 0] == pytest.approx(0.0, abs=1e-6), "nothing stands out of the plate's face"
+    size = np.sort(sheet.printed(pusher).extents)
+    assert size[-1] >= 1e3 * PLATE_WIDTH_M
+    assert (outside_m(pusher, np.array([GRIP_M, [-0.002, 0.0, PLATE_HEIGHT_M / 2]])) < 0.0).all()
+
+
+def test_a_handle_fits_into_the_adapter(parts: dict[str, Part]) -> None:
+    half = parts["adapter"]
+    assert half.solid.bounds[1, 2] < 0.0, "the halves do not touch: screws clamp the handle"
+    assert (outside_m(half, np.array([[0.0, 0.0115, -0.0088], [0.0, -0.0115, -0.0088]])) > 0.0).all()
+    assert (outside_m(half, np.array([[0.0, 0.018, -0.005], [0.0, 0.0, -0.013]])) < 0.0).all()
+
+
+def test_the_command_writes_solids_and_a_sheet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    out = tmp_path / "parts"
+    assert app.run(["parts", "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [Path(part["file"]).name for part in told["parts"]] == ["pusher.stl", "adapter.stl", "board-holder.stl"]
+    assert (out / "parts.pdf").read_bytes().startswith(b"%PDF")
+    assert all(len((out / f"{name}.stl").read_bytes()) > 84 for name in ("pusher", "adapter", "board-holder"))
+    assert app.run(["parts", "--out", str(out)]) == 2
+    assert "another folder" in capsys.readouterr().err

@@ -1,0 +1,166 @@
+"""Recorded trials from the files of others: tables, and MCAP written by the ROS 2 writer of the mcap packages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer
+from recordings import recordings, write_tables
+
+from adaptsim_cli.wiring.recorded.folder import digest, read_recorded
+from sim.errors import RecordingsRefused
+from sim.tasks.pendulum import TASK
+
+STATE = "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64 excess\n" + "\n".join(
+    (
+        "=" * 80,
+        "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id",
+        "=" * 80,
+        "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
+    )
+)
+COMMAND, TEXT = "float64[] data\n", "string data\n"
+LATE_S = 0.04
+
+MANIFEST = """
+task = "pendulum"
+
+[mcap]
+trajectory = "/joints"
+state = ["position[0]", "position[1]", "velocity[0]", "velocity[1]", "excess"]
+clock = "header"
+late_s = 0.04
+start = "/command"
+
+[mcap.fields]
+outcome = "/verdict:data"
+""" + "".join(f'{name} = "/command:data[{i}]"\n' for i, name in enumerate(TASK.action.names))
+
+
+def stamp(t_s: float) -> dict[str, int]:
+    ns = round(1e9 * t_s)
+    return {"sec": ns // 10**9, "nanosec": ns % 10**9}
+
+
+def write_mcap(folder: Path, n: int) -> Path:
+    """Trials that began at 1000 s, whose joints were stamped 40 ms late; every file also holds what nobody asks for."""
+    folder.mkdir()
+    (folder / "recorded.toml").write_text(MANIFEST)
+    for i, (action, track) in enumerate(zip(*recordings(n), strict=True)):
+        with (folder / f"swing-{i:02d}.mcap").open("wb") as file:
+            writer = Writer(file)
+            text = writer.register_msgdef("std_msgs/msg/String", TEXT)
+            command = writer.register_msgdef(
+                "lab_msgs/msg/Command", f"std_msgs/Header header\n{COMMAND}{STATE[STATE.index('=') :]}"
+            )
+            joints = writer.register_msgdef("lab_msgs/msg/Joints", STATE)
+            writer.write_message("/chatter", text, {"data": "hello"}, 999 * 10**9)
+            writer.write_message("/verdict", text, {"data": track.outcome.value}, 1000 * 10**9)
+            head = {"stamp": stamp(1000.0), "frame_id": ""}
+            writer.write_message("/command", command, {"header": head, "data": list(action)}, 1000 * 10**9)
+            for t_s, state in zip(track.t_s, track.state, strict=True):
+                at_s = 1000.0 + float(t_s) + LATE_S
+                message = {
+                    "header": {"stamp": stamp(at_s), "frame_id": "base"},
+                    "position": list(state[:2]),
+                    "velocity": list(state[2:4]),
+                    "excess": float(state[4]),
+                }
+                writer.write_message("/joints", joints, message, round(1e9 * (at_s + 0.3)))
+            writer.finish()
+    return folder
+
+
+def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_corrected(tmp_path: Path) -> None:
+    found = read_recorded(TASK, write_mcap(tmp_path / "mcap", 9))
+    actions, tracks = recordings(9)
+    assert found.names[0] == "swing-00"
+    assert np.array_equal(found.actions, actions)
+    for seen, track in zip(found.tracks, tracks, strict=True):
+        assert seen.outcome is track.outcome
+        assert seen.t_s == pytest.approx(track.t_s, abs=1e-6)
+        assert np.array_equal(seen.state, track.state)
+
+
+def test_the_same_trials_from_tables_have_the_same_values_and_free_columns_do_not_matter(tmp_path: Path) -> None:
+    found = read_recorded(TASK, write_tables(tmp_path / "tables", 9))
+    actions, tracks = recordings(9)
+    assert np.array_equal(found.actions, actions)
+    assert np.array_equal(found.tracks[4].state, tracks[4].state)
+    rows = (tmp_path / "tables/trials.csv").read_text().replace("Ada", "Grace")
+    assert digest(found) == digest(read_recorded(TASK, write_tables(tmp_path / "other", 9, trials_csv=rows)))
+    assert digest(found) != digest(read_recorded(TASK, write_tables(tmp_path / "fewer", 8)))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"position[1]"', '"position[7]"', "no field 'position[7]'"),
+        ('"/joints"', '"/arm"', "no message of topic /arm; its topics are /chatter, /command, /joints, /verdict"),
+        ('"header"\n', '"clock"\n', "mcap.clock"),
+        ('"/verdict:data"', '"/verdict"', "write topic:field"),
+        ('"/verdict:data"', '"/chatter:data"', "outcome 'hello' is not known"),
+        ("[mcap]\n", '[mcap]\nfiles = "*.bag"\n', "is called *.bag"),
+        ("late_s = 0.04", "late_s = 3.0", "its times must increase"),
+    ],
+)
+def test_a_wrong_name_in_the_manifest_of_mcap_files_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    folder = write_mcap(tmp_path / "mcap", 8)
+    assert old in MANIFEST
+    (folder / "recorded.toml").write_text(MANIFEST.replace(old, new))
+    with pytest.raises(RecordingsRefused) as refused:
+        read_recorded(TASK, folder)
+    assert message in str(refused.value)
+
+
+def test_a_damaged_mcap_file_is_refused(tmp_path: Path) -> None:
+    folder = write_mcap(tmp_path / "mcap", 8)
+    whole = (folder / "swing-03.mcap").read_bytes()
+    for content in (whole[: len(whole) // 2], b"", whole[:300] + bytes(100) + whole[400:]):
+        (folder / "swing-03.mcap").write_bytes(content)
+        with pytest.raises(RecordingsRefused, match=r"swing-03\.mcap"):
+            read_recorded(TASK, folder)
+
+
+HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"trials_csv": ""}, "trials.csv is empty"),
+        ({"trials_csv": "trial,trial\n"}, "names a column twice"),
+        ({"trials_csv": "trial,outcome\nrun0,settled\n"}, "k11 is missing"),
+        ({"trials_csv": "trial,outcome\nrun0\n"}, "line 2: 1 cells instead of 2"),
+        ({"trajectories_csv": "trial,t_s,q1\n"}, "has no column 'q2'"),
+        ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is no number"),
+        ({"trajectories_csv": HEAD + "run0,0,nan,0,0,0,0\n"}, "run0: state has values that are not finite"),
+        ({"trajectories_csv": HEAD + "other,0,0,0,0,0,0\n"}, "trial run0 has no sample"),
+        ({"manifest": 'task = "toss"\n[tables]\nstate = ["q1"]\n'}, "is of task toss, not of pendulum"),
+        ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap or sessions"),
+        ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: Field required"),
+        ({"manifest": "task = "}, "is not valid TOML"),
+        ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is no session"),
+        ({"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1"]\n'}, "needs 2 columns, and has 1"),
+        (
+            {"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1","q2"]\ncolumns = {outcome = "end"}\n'},
+            "has no column 'end'",
+        ),
+        ({"manifest": 'task = "pendulum"\noutcome = "won"\n[tables]\nstate = ["q1"]\n'}, "outcome: Input should be"),
+    ],
+)
+def test_tables_that_cannot_serve_are_refused_with_the_place(
+    tmp_path: Path, changes: dict[str, str], message: str
+) -> None:
+    with pytest.raises(RecordingsRefused) as refused:
+        read_recorded(TASK, write_tables(tmp_path / "lab", 8, **changes))
+    assert message in str(refused.value)
+
+
+def test_a_folder_without_a_manifest_names_the_page_that_explains_it(tmp_path: Path) -> None:
+    with pytest.raises(RecordingsRefused, match=r"recorded\.toml is missing.*recorded-trials\.md"):
+        read_recorded(TASK, tmp_path)
+    with pytest.raises(RecordingsRefused, match="there is no such folder"):
+        read_recorded(TASK, tmp_path / "gone")

@@ -1,0 +1,97 @@
+"""Sessions whose reality are recorded trials, by the program: begun, stopped, continued, judged by held-out trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import write_tables
+
+from adaptsim_cli import api, app
+from adaptsim_cli.session.store import SessionStore
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tables(tmp_path_factory.mktemp("lab") / "swings", 32)
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    return tmp_path
+
+
+def run(recorded: Path, *more: str) -> int:
+    return app.run(["run-iteration", "--task", "pendulum", "--recorded", str(recorded), "--yes", *more])
+
+
+def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_held_out(
+    recorded: Path, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(recorded, "-n", "3") == 0
+    assert "RECORDED" in capsys.readouterr().out
+    session = api.open_session("pendulum-swings-adaptsim-seed0")
+    actions = np.array([trial.action_array for trial in session.trials])
+    assert len(actions) == 6
+    assert len(np.unique(actions, axis=0)) == len(actions)
+    page = (session.folder / "report.html").read_text()
+    assert "Predicted against observed" in page
+    assert "16 recorded trials were held out" in page
+    assert "SIMULATED" not in page
+
+
+def test_a_session_goes_on_where_it_was_and_gets_the_same_numbers(recorded: Path) -> None:
+    assert run(recorded, "-n", "1", "--session", "twice") == run(recorded, "-n", "1", "--session", "twice") == 0
+    assert run(recorded, "-n", "2", "--session", "once") == 0
+    twice, once = (api.open_session(name) for name in ("twice", "once"))
+    assert [t.action for t in twice.trials] == [t.action for t in once.trials]
+    assert [t.reward for t in twice.trials] == [t.reward for t in once.trials]
+
+
+def test_it_can_be_begun_in_python_and_another_seed_holds_out_other_trials(recorded: Path) -> None:
+    shown = []
+    for seed in (0, 1):
+        session = api.begin("pendulum", recorded=str(recorded), held_out=0.25, seed=seed)
+        session.run_iteration()
+        shown.append({t.action["k11"] for t in session.trials})
+        assert session.facts.recorded == str(recorded)
+        assert session.facts.held_out == 0.25
+    assert shown[0] != shown[1]
+
+
+def test_a_changed_recording_stops_the_session(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = write_tables(tmp_path / "lab", 24)
+    assert run(folder) == 0
+    lines = (folder / "trajectories.csv").read_text().splitlines()
+    lines[1] = lines[1].replace(lines[1].split(",")[2], "-3.0", 1)
+    (folder / "trajectories.csv").write_text("\n".join(lines) + "\n")
+    assert run(folder) == 2
+    assert "the recording has changed since session" in capsys.readouterr().err
+
+
+def test_a_session_ends_with_one_line_when_all_recordings_are_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_tables(tmp_path / "few", 10)
+    assert run(folder, "-n", "5", "--held-out", "0") == 0
+    assert run(folder, "-n", "1", "--held-out", "0") == 3
+    assert "recorded trials" in capsys.readouterr().err
+
+
+def test_a_real_arm_and_another_solver_are_refused(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(recorded, "--solver", "naf") == 2
+    assert "leave out --solver naf" in capsys.readouterr().err
+
+
+def test_the_trials_of_a_session_are_recordings_for_another(home: Path, recorded: Path) -> None:
+    assert (
+        app.run(["run-iteration", "--task", "pendulum", "--world", "wd", "-n", "8", "--yes", "--session", "old"]) == 0
+    )
+    old = SessionStore.open(home / "data" / "sessions", "old")
+    assert run(old.folder, "-n", "2", "--held-out", "0.5") == 0
+    seen = {tuple(t.action.values()) for t in api.open_session("old").trials}
+    assert {tuple(t.action.values()) for t in api.open_session("pendulum-old-adaptsim-seed0").trials} <= seen

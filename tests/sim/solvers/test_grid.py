@@ -1,0 +1,92 @@
+"""The grid solver and the choice among listed actions, on a toy: a stone that slides until friction stops it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hw.types import Array, frozen_array
+from perception.types import ObjectTrack, Outcome
+from sim.errors import NotExecutable
+from sim.solvers.among import among
+from sim.solvers.grid import grid_solver
+from sim.tasks.pendulum import TASK as PENDULUM
+from sim.tasks.task import Observation, Task
+from sim.types import Dimension, Space
+
+CALLS: list[float] = []
+
+
+def slide(parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: object = None) -> ObjectTrack:
+    CALLS.append(float(action[0]))
+    end = action[0] / parameters[0]
+    return ObjectTrack(np.array([0.0, 1.0]), np.array([[0.0], [end]]), Outcome.SETTLED, np.full(3, np.nan), np.ones(2))
+
+
+TASK: Task = replace(
+    PENDULUM,
+    name="stone",
+    parameters=Space((Dimension("mu", "", 1.0, 2.0),)),
+    margin=Space((Dimension("mu", "", 1.0, 2.0),)),
+    context=Space((Dimension("goal", "m", 0.0, 1.0),)),
+    action=Space((Dimension("speed", "m/s", 0.0, 1.0),)),
+    action_noise=frozen_array([0.0]),
+    observation=Observation(
+        times_s=frozen_array([0.0, 1.0]),
+        columns=(0,),
+        low=frozen_array([0.0]),
+        high=frozen_array([1.0]),
+        noise_mean=frozen_array([0.0]),
+        noise_std=frozen_array([0.001]),
+        curves=("x [m]",),
+    ),
+    simulate=slide,
+    simulate_many=None,
+    reference_context=frozen_array([0.5]),
+    end_state=lambda track: track.state[-1],
+    succeeded=lambda track: True,
+    reward_of_success=lambda end, context: np.maximum(0.0, 1.0 - np.abs(end[..., 0] - context[..., 0])),
+    exact=grid_solver,
+)
+
+
+def test_a_pair_of_parameters_and_action_is_simulated_once_and_answers_for_the_nearest_point() -> None:
+    solver, nothing = grid_solver(TASK), np.zeros(0)
+    CALLS.clear()
+    points = solver.behind.points  # type: ignore[attr-defined]
+    near = np.array([[1.5], [1.5001], [1.9]])
+    success, end = solver.outcomes(near, np.array([[0.4]]), nothing)
+    closest = points[np.abs(points[:, 0][None] - near).argmin(axis=1), 0]
+    assert end[0, :, 0] == pytest.approx(0.4 / closest)
+    assert success.tolist() == [[1.0, 1.0, 1.0]]
+    assert len(CALLS) == len(set(closest.tolist())) == 2
+    solver.outcomes(near, np.array([[0.4]]), nothing)
+    assert solver.trajectories(near, np.array([[0.4]] * 3), np.zeros((3, 0)))[:, 1] == pytest.approx(0.4 / closest)
+    assert len(CALLS) == 2
+
+
+def test_the_misfit_limit_tells_a_trajectory_of_the_simulator_from_one_that_it_cannot_produce() -> None:
+    from sim.solvers.misfit import misfit  # noqa: PLC0415
+
+    solver, context, action = grid_solver(TASK), np.array([0.5]), np.array([0.5])
+    inside, outside = (np.array([0.0, end]) for end in (0.5 / 1.4, 0.9))
+    assert misfit(solver, context, action, inside) <= solver.misfit_limit
+    assert misfit(solver, context, action, outside) > 2.0 * solver.misfit_limit
+
+
+def test_a_policy_takes_the_best_listed_action_that_is_left() -> None:
+    listed = np.array([[0.1], [0.5], [0.9]])
+    solver = among(grid_solver(TASK), listed)
+    known, context = np.array([[[1.0]]]), np.array([0.9])
+    left = [0.1, 0.5, 0.9]
+    (policy,) = solver.policies(known, np.random.default_rng(0), lambda c, a: float(a[0]) in left)
+    assert policy(context).tolist() == [0.9]
+    left.remove(0.9)
+    assert policy(context).tolist() == [0.5]
+    assert policy.predict(context)[0] == pytest.approx(0.6, abs=0.02)
+    left.clear()
+    with pytest.raises(NotExecutable, match="none of the 3 listed actions is left"):
+        policy(context)
+    assert policy.actions(np.array([[0.1], [0.9]])).tolist() == [[0.1], [0.9]]

@@ -94,6 +94,7 @@ class Card(_Table):
     solver: Literal["emulator", "naf"] = "emulator"
     naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
     budget: Budget = Budget()
+    self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
 

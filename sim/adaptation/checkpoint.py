@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hw.bounded import Unreadable
 from sim.adaptation.prospects import Prospects, restore_prospects
+from sim.adaptation.self_test import SELF_TEST, predictions, require_finite, require_same
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.report import EmulatorReport
@@ -26,7 +27,7 @@ from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.simulating import simulating
 from sim.solvers.solver import Solver
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
-from sim.tasks import files_of, task_names
+from sim.tasks import files_of, get_task, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
 
@@ -110,6 +111,7 @@ class Card(_Table):
     solver: Literal["emulator", "naf"] = "emulator"
     naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
     budget: Budget = Budget()
+    self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
 
@@ -143,6 +145,7 @@ def _wrong(file: Path, error: ValidationError) -> CheckpointError:
 __all__ = [
     "MODEL",
     "Checkpoint",
+    "add_self_test",
     "list_checkpoints",
     "load_checkpoint",
     "read_card",
@@ -207,6 +210,7 @@ def save_checkpoint(
         "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
         **facts,
         "interface": interface(task),
+        **({SELF_TEST: predictions(emulator)} if emulator else {}),
     }
     write_toml(folder / CARD, card)
     return folder
@@ -228,7 +232,10 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     ahead = _part(tensors, PROSPECTS)
+    require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
+    if emulator is not None:
+        require_same(emulator, card.self_test, path / CARD)
     return Checkpoint(
         path=path,
         card=card,
@@ -237,6 +244,22 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         prospects=restore_prospects(task, ahead) if ahead else None,
         tensors=tensors,
     )
+
+
+def add_self_test(folder: Path) -> bool:
+    """Write the self-test into the card of a checkpoint made without one; False if it has no emulator.
+
+    Raises CheckpointError.
+    """
+    card = card_of(folder)
+    verify_weights(folder, card)
+    tensors = load_tensors(folder / MODEL)
+    require_finite(tensors, folder / MODEL)
+    own = _part(tensors, "emulator.")
+    if not own:
+        return False
+    write_toml(folder / CARD, card.facts() | {SELF_TEST: predictions(Emulator(get_task(card.task), own))})
+    return True
 
 
 def list_checkpoints() -> list[tuple[str, str, Path]]:

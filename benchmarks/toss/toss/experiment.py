@@ -266,7 +266,7 @@ def main() -> None:
     rows = list(rows_of(grid, trials, methods, asked.seeds, asked.out))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]
-        write(rows, methods, tosses, trials.at(held.actions), len(grid.points), asked.page)
+        write(rows, methods, tosses, trials.at(held.actions).tolist(), len(grid.points), asked.page)
     mean = partial(_mean, rows)
     print(json.dumps({**{n: mean(n) for n in ("udr", *methods, "best_recorded", "permuted")}, "seeds": len(rows)}))
 

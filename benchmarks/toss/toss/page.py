@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hw.types import Array
 from sim.storage.files import whole_file
 from toss import NEAR_M, TASK
 from toss.data import Tosses
@@ -30,7 +29,7 @@ TEMPLATE = Path(__file__).with_name("page.txt")
 
 
 def write(
-    rows: Sequence[dict[str, Any]], methods: Sequence[str], tosses: Tosses, held: Array, points: int, path: Path
+    rows: Sequence[dict[str, Any]], methods: Sequence[str], tosses: Tosses, held: Sequence[int], points: int, path: Path
 ) -> None:
     """Write the page and `figures/tosses.jpg` beside its folder; `held` are the rows of tosses that seed 0 held out."""
     known = {**REFERENCES, **{name: f"`{name}`, 20 tosses" for name in methods}}
@@ -62,7 +61,7 @@ def write(
     figure.parent.mkdir(parents=True, exist_ok=True)
     middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
     first = TASK.parameters.denormalise(np.array(rows[0]["posterior"]))
-    draw(tosses, [int(i) for i in held[:SHOWN]], (("prior", middle), ("posterior", first)), figure)
+    draw(tosses, held[:SHOWN], (("prior", middle), ("posterior", first)), figure)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

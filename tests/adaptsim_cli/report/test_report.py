@@ -80,7 +80,7 @@ def test_the_page_tells_what_the_operator_changed(store: SessionStore) -> None:
 
 def test_the_page_tells_where_the_numbers_come_from(store: SessionStore) -> None:
     html = page.render(store)
-    for fact in ("Converged: reward", "seed", "c" * 16, "h" * 16, "adaptsim 0.1.0", "next proposal"):
+    for fact in ("Converged: estimated reward", "seed", "c" * 16, "h" * 16, "adaptsim 0.1.0", "next proposal"):
         assert fact in html
 
 

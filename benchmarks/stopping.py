@@ -29,7 +29,7 @@ from sim.research.benchmark.tables import load_table
 from sim.research.benchmark.targets import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
-from sim.tasks.scene_key import scene_key
+from sim.tasks.fingerprint import scene_key
 
 POOR, LITTLE = 0.3, 0.2
 """What no action exceeds in a hopeless world, and what a session that should have said so earns."""

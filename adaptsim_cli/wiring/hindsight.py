@@ -85,7 +85,7 @@ class Hindsight:
 
     def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOut:
         """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
-        from sim.adaptation.best import final_policy
+        from sim.adaptation.judging import final_policy
         from sim.adaptation.methods import make_method
         from sim.adaptation.posterior import policies_of_udr, predicted
 

@@ -65,6 +65,8 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     go_on = f"adaptsim run-iteration --session {facts.name}"
     again = (go_on, f"iteration {done + 1}")
     use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
+    if facts.recorded:  # there is nothing to try a policy on
+        use = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
     match verdict.kind:
         case Kind.HOPELESS:

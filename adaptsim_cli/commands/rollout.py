@@ -97,6 +97,8 @@ def rollout(
         if param or task:
             raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        if found.config.recorded:
+            raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
         settings = settings.model_copy(update=changed)

@@ -99,6 +99,7 @@ def bundle(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Archive to write (.zip).")] = None,
     pictures: Annotated[bool, typer.Option("--with-pictures", help="Pack images, recordings and pages too.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an archive of that name.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
     """Pack a session for a bug report: records, versions, settings. Pictures stay out unless asked for.
@@ -121,7 +122,7 @@ def bundle(
         key: {"value": getattr(resolved.config, key), "from": source} for key, source in resolved.sources.items()
     }
     path = out or Path(f"{folder.name}-bundle.zip")
-    made = keeping.bundle(folder, path, settings, pictures=pictures)
+    made = keeping.bundle(folder, path, settings, pictures=pictures, force=force)
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})

@@ -16,6 +16,7 @@ def report(
         typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file named by --out.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Path of the page, as JSON on stdout.")] = False,
 ) -> None:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
@@ -27,11 +28,14 @@ def report(
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import store
+    from adaptsim_cli.storage import durable
     from adaptsim_cli.wiring.hindsight import Reports
 
     root = config.load().places.sessions
     opened = store.SessionStore.open(root, session or store.newest(root))
     screen = console.Screen(as_json=as_json)
+    if out is not None:
+        durable.require_new(out, force=force)
     with screen.busy("Drawing the report"):
         path = Reports().draw(opened, out)
     if as_json:

@@ -273,7 +273,7 @@ def _tables(asked: Asked) -> list[WorldTable | None]:
 def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
     """The key of the scene, for each physics among the targets."""
     from sim.lab.physics import in_physics
-    from sim.tasks.scene_key import scene_key
+    from sim.tasks.fingerprint import scene_key
 
     return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 

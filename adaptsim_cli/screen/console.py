@@ -21,6 +21,7 @@ from rich.text import Text
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
+from adaptsim_cli.screen.clean import CleanConsole
 from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
@@ -64,7 +65,7 @@ class Screen:
 
     def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
         loading.clear()
-        self._console = console or Console(stderr=as_json, highlight=False, markup=False)
+        self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._listeners: list[Listener] = []
         self._noted: list[str] = []
@@ -272,7 +273,7 @@ def ended(message: str) -> None:
 
 def _last_words(mark: str, style: str, message: str) -> None:
     loading.clear()
-    console = Console(stderr=True, highlight=False, markup=False)
+    console = CleanConsole(stderr=True, highlight=False, markup=False)
     if console.is_terminal:
         console.print()  # the line may hold a ^C or a half-answered question
     console.print(Text.assemble((mark, style), message), soft_wrap=True)

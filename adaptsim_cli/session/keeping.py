@@ -31,7 +31,17 @@ from adaptsim_cli.session.records import (
     ResultRecord,
     TrialRecord,
 )
-from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore, entries, folder_of
+from adaptsim_cli.session.store import (
+    MOTION,
+    PRUNED,
+    RESULT,
+    SUMMARY,
+    TRIAL,
+    SessionStore,
+    entries,
+    folder_of,
+    own_files,
+)
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from sim.errors import did_you_mean
@@ -253,7 +263,7 @@ def prune(store: SessionStore, *, rejected_only: bool = False) -> Room:
 
 def size_bytes(folder: Path) -> int:
     """Size of a session on the disk, in bytes."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in own_files(folder))
 
 
 def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path, list[Path]]]:
@@ -295,6 +305,7 @@ def _held(folder: Path) -> AbstractContextManager[None]:
 
 
 TEXT = (".json", ".toml", ".jsonl")
+SOLVER = "naf"  # the folder of a solver's own files
 PICTURES = (".jpg", ".mcap", ".html")
 """Files that show a lab: images, recordings, and pages with images."""
 
@@ -308,13 +319,19 @@ class Bundled:
     left_out: int  # number of files with pictures
 
 
-def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False) -> Bundled:
-    """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises SessionError, DiskFull.
+def bundle(
+    folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False, force: bool = False
+) -> Bundled:
+    """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises UsageError if it exists and not
+    `force`; SessionError, DiskFull.
 
     Folder names above the session are left out, because they may name a person.
     """
+    durable.require_new(out, force=force)
     chosen, left_out = list[Path](), 0
-    for path in _files(folder):
+    for path in own_files(folder):
+        if path.relative_to(folder).parts[0] == SOLVER:
+            continue
         if path.suffix in TEXT or pictures:
             chosen.append(path)
         elif path.suffix in PICTURES:
@@ -335,22 +352,13 @@ def bundle(folder: Path, out: Path, settings: Mapping[str, object], *, pictures:
             name = f"{folder.name}/{path.relative_to(folder)}"
             with durable.explained(path):
                 content = path.read_bytes()
-            archive.writestr(name, _anonymous(content.decode()).encode() if path.suffix in TEXT else content)
+            archive.writestr(
+                name, _anonymous(content.decode(errors="replace")).encode() if path.suffix in TEXT else content
+            )
         names = tuple(archive.namelist())
     durable.make_folder(out.absolute().parent)
     durable.replace_file(out.absolute(), stream.getvalue())
     return Bundled(out.absolute(), names, left_out)
-
-
-def _files(folder: Path) -> list[Path]:
-    """Every file in `folder`, without leftovers and the files of solvers."""
-    found = []
-    for entry in entries(folder):
-        if entry.is_dir():
-            found += _files(entry) if entry.name != "naf" else []
-        else:
-            found.append(entry)
-    return found
 
 
 def _anonymous(text: str) -> str:

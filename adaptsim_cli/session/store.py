@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import re
+import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -366,10 +367,29 @@ def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def entries(folder: Path) -> list[Path]:
-    """The contents of a folder in alphabetical order, without leftovers of killed processes."""
+    """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
+
+    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
+    """
     if not folder.is_dir():
         return []
-    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith(".") and _is_own(entry))
+
+
+def own_files(folder: Path) -> list[Path]:
+    """Every regular file in `folder` and in its own folders, by `entries`."""
+    found = []
+    for entry in entries(folder):
+        found += own_files(entry) if entry.is_dir() else [entry]
+    return found
+
+
+def _is_own(path: Path) -> bool:
+    try:
+        mode = path.lstat().st_mode
+    except OSError:  # gone meanwhile
+        return False
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
 
 
 def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:

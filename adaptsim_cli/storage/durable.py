@@ -36,6 +36,12 @@ def replace_file(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
+def require_new(path: Path, *, force: bool) -> None:
+    """Raise UsageError if `path` exists, unless the operator said --force."""
+    if path.exists() and not force:
+        raise UsageError(f"{path} exists already: give another --out, or --force to replace it")
+
+
 def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
     """Write a folder of `files` (name -> content) as `path`, which must not exist. Raises DiskFull or SessionError."""
     with explained(path):

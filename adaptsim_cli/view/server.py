@@ -86,10 +86,10 @@ class Page:
 
             def do_GET(self) -> None:
                 """The page, a picture, or the stream of states."""
-                if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in _OURS:  # from another site's page
+                if _host(self.headers.get("Host", "")) not in _OURS:  # from another site's page
                     self.send_error(HTTPStatus.FORBIDDEN)
                     return
-                path = urlsplit(self.path).path
+                path = self.path.partition("?")[0]
                 if path == "/":
                     self._whole("text/html; charset=utf-8", page._html)
                 elif path == "/state":
@@ -132,14 +132,29 @@ class Page:
         return Handler
 
 
+class _Quiet(ThreadingHTTPServer):
+    """A connection that fails (a reset, a closed page) ends alone, without a traceback in the operator's terminal."""
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing: nobody waits for an answer any more."""
+
+
+def _host(stated: str) -> str | None:
+    """The host's name in a header; None if the header is malformed."""
+    try:
+        return urlsplit(f"//{stated}").hostname
+    except ValueError:
+        return None
+
+
 def _listening(handler: Callable[..., BaseHTTPRequestHandler], wanted: int | None) -> ThreadingHTTPServer:
     try:
-        server = ThreadingHTTPServer((HOST, PORT if wanted is None else wanted), handler)
+        server = _Quiet((HOST, PORT if wanted is None else wanted), handler)
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
             raise
         if wanted is not None:
             raise UsageError(f"--view-port {wanted} is taken: name another, or leave it out") from error
-        server = ThreadingHTTPServer((HOST, 0), handler)
+        server = _Quiet((HOST, 0), handler)
     server.daemon_threads = True
     return server

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.best import assess, final_policy
+from sim.adaptation.judging import assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim

@@ -7,6 +7,7 @@ import io
 import json
 import re
 import socket
+import struct
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -80,6 +81,18 @@ def test_it_listens_on_this_computer_alone(page: Page) -> None:
 )
 def test_another_sites_page_reads_nothing(page: Page, host: str, status: int) -> None:
     assert get(page, "/", host)[0] == status
+
+
+def test_resets_and_malformed_hosts_leave_the_terminal_alone(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
+    for sent in (b"GET / HTTP/1.1\r\nHost: [\r\n\r\n", b"GET //[ HTTP/1.1\r\nHost: localhost\r\n\r\n", b"GET"):
+        with socket.create_connection(("127.0.0.1", page.port), timeout=20) as one:
+            one.sendall(sent)
+            if sent.endswith(b"\n"):
+                one.recv(64)
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closes by a reset
+    assert get(page, "/", "[")[0] == 403
+    assert get(page, "/")[0] == 200
+    assert capfd.readouterr().err == ""
 
 
 def test_the_page_may_load_nothing_from_elsewhere(page: Page) -> None:

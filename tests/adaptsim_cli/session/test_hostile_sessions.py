@@ -1,0 +1,97 @@
+"""What does not belong to a session: links out of it, pipes, cut logs, commands to the terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import pytest
+from rich.text import Text
+
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.clean import CleanConsole, clean
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session import keeping, watching
+from adaptsim_cli.session.store import entries, own_files
+from adaptsim_cli.storage import durable
+
+
+def session(folder: Path) -> Path:
+    (folder / "iteration-01" / "trial-01").mkdir(parents=True)
+    (folder / "iteration-01" / "trial-01" / "trial.json").write_text("{}")
+    (folder / "log.jsonl").write_bytes(b"\xff\xfe broken\n")
+    return folder
+
+
+def test_links_and_pipes_are_no_part_of_a_session(tmp_path: Path) -> None:
+    folder, secret = session(tmp_path / "s"), tmp_path / "elsewhere"
+    secret.mkdir()
+    (secret / "recording.json").write_text("private")
+    (folder / "linked").symlink_to(secret, target_is_directory=True)
+    (folder / "linked.json").symlink_to(secret / "recording.json")
+    os.mkfifo(folder / "pipe.json")
+    assert {path.name for path in own_files(folder)} == {"trial.json", "log.jsonl"}
+    assert {path.name for path in entries(folder)} == {"iteration-01", "log.jsonl"}
+    made = keeping.bundle(folder, tmp_path / "out.zip", {})  # hangs where a pipe is opened
+    assert not any("linked" in name or "pipe" in name for name in made.files)
+    assert keeping.size_bytes(folder) < 100
+
+
+def test_an_archive_is_not_replaced_silently(tmp_path: Path) -> None:
+    folder = session(tmp_path / "s")
+    keeping.bundle(folder, tmp_path / "out.zip", {})
+    with pytest.raises(UsageError, match="--force"):
+        keeping.bundle(folder, tmp_path / "out.zip", {})
+    keeping.bundle(folder, tmp_path / "out.zip", {}, force=True)
+    with pytest.raises(UsageError, match="exists already"):
+        durable.require_new(tmp_path / "out.zip", force=False)
+
+
+def written(folder: Path, count: int = 4) -> Path:
+    folder.mkdir()
+    log = watching.SessionLog(folder, Screen(console=CleanConsole(file=io.StringIO())))
+    for number in range(count):
+        log.noted(f"line {number}")
+    return folder / watching.FILE
+
+
+def test_a_whole_log_is_whole_and_goes_on(tmp_path: Path) -> None:
+    path = written(tmp_path / "s")
+    assert watching.damage(path.parent) == ""
+    watching.SessionLog(path.parent, Screen(console=CleanConsole(file=io.StringIO()))).noted("later")
+    assert watching.damage(path.parent) == ""
+
+
+@pytest.mark.parametrize("what", ["cut", "line removed", "line changed"])
+def test_a_cut_or_changed_log_is_noticed(tmp_path: Path, what: str) -> None:
+    path = written(tmp_path / "s")
+    lines = path.read_text().splitlines(keepends=True)
+    kept = {
+        "cut": lines[:2],
+        "line removed": [lines[0], *lines[2:]],
+        "line changed": [lines[0].replace("line 0", "line 9"), *lines[1:]],
+    }[what]
+    path.write_text("".join(kept))
+    assert watching.damage(path.parent)
+    told = io.StringIO()
+    watching.SessionLog(path.parent, Screen(console=CleanConsole(file=told, width=300)))
+    assert "was c" in told.getvalue()
+
+
+def test_a_line_that_a_power_cut_truncated_is_no_damage(tmp_path: Path) -> None:
+    path = written(tmp_path / "s")
+    path.write_text(path.read_text() + '{"at": "2026')
+    assert watching.damage(path.parent) == ""
+
+
+def test_escape_sequences_never_reach_the_terminal() -> None:
+    told = io.StringIO()
+    screen = Screen(console=CleanConsole(file=told, width=200))
+    for text in ("\x1b[2Jgone", "\x9b31m", "back\rwards", "bell\x07", "\x1b]0;title\x07"):
+        screen.plain(text)
+        screen.note(text)
+        screen.show(Text(text))
+    assert not any(one in told.getvalue() for one in "\x1b\x9b\r\x07")
+    assert "\\x1b[2Jgone" in told.getvalue()
+    assert clean("plain ° text\n") == "plain ° text\n"

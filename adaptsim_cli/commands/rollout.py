@@ -89,14 +89,13 @@ def rollout(
     resolved = load({"task": task, "realtime": realtime or None, **named})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
-    if best != (session is not None):
-        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    if trials > 1 and (session is None or context or out):
-        raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
+    _together(best == (session is not None), trials == 1 or not (session is None or context or out))
     if session is not None:
         if param or task:
             raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        if found.config.recorded:
+            raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
         settings = settings.model_copy(update=changed)
@@ -122,6 +121,16 @@ def rollout(
         screen.next(*pages, (f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
     else:
         _measured(screen, session, rewards, pages)
+
+
+def _together(best_of_session: bool, trials_alone: bool) -> None:
+    """Raises UsageError for options that do not go together."""
+    from adaptsim_cli.errors import UsageError
+
+    if not best_of_session:
+        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
+    if not trials_alone:
+        raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
 def _measured(screen: Screen, session: str, rewards: list[float], pages: tuple[tuple[str, str], ...]) -> None:

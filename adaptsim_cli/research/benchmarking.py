@@ -57,15 +57,18 @@ class Asked:
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
-            **({} if self.recorded is None else self._recorded_plan),
             **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
+            **self._recorded_plan,
         }
 
     @property
     def _recorded_plan(self) -> dict[str, Any]:
         from adaptsim_cli.wiring.recorded.folder import digest
 
-        return {"recorded": digest(self.recorded), "held_out": self.resolved.config.held_out} if self.recorded else {}
+        if self.recorded is None:
+            return {}
+        share = self.resolved.config.held_out
+        return {"trials": "recorded", "recorded": digest(self.recorded), "held_out": share}
 
     @property
     def folder(self) -> Path:

@@ -66,8 +66,9 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     go_on = f"adaptsim run-iteration --session {facts.name}"
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
-    use = (best, "one trial with the best policy so far")
-    confirm = (f"{best} --trials 5", "measures what is predicted")
+    use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
+    if facts.recorded:  # there is nothing to try a policy on
+        use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
     match verdict.kind:
         case Kind.HOPELESS:

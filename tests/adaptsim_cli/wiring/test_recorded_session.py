@@ -38,6 +38,8 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
     actions = np.array([trial.action_array for trial in session.trials])
     assert len(actions) == 6
     assert len(np.unique(actions, axis=0)) == len(actions)
+    assert app.run(["rollout", "--session", session.name, "--best", "--yes"]) == 2
+    assert "ran on recorded trials" in capsys.readouterr().err
     page = (session.folder / "report.html").read_text()
     assert "Predicted against observed" in page
     assert "16 recorded trials were held out" in page

@@ -510,6 +510,7 @@ def one_camera(kind: str, rng: np.random.Generator) -> Outcome:
                 if kind == "camera: clock skips" and i == at:
                     fake_k4a.BOOT_S = boot_s - skip_s
                 if kind == "camera: lost frames" and during:
+                    fake.clock.advance_to(start_s + i * PERIOD_S + DELAY_S)
                     continue
                 fake.show(
                     Shown(

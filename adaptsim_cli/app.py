@@ -175,6 +175,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (perception.errors.PerceptionError, 6),
         (errors.StoppedByOperator, 7),
         (errors.SessionError, 8),
+        (sim.errors.RecordingsRefused, 8),
         (sim.errors.DatasetError, 8),
         (sim.errors.CheckpointError, 8),
         (sim.errors.SimError, 1),  # any other failure of a simulation

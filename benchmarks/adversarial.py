@@ -1,17 +1,19 @@
 """Hard paths against both arms, judged by code of its own: does anything beyond a limit reach a driver?
 
-    PYTHONPATH=tests/support python benchmarks/adversarial.py --count 10000
+    PYTHONPATH=tests/support python benchmarks/adversarial.py --count 10000 --out hunt.jsonl
 
 Half of them for each arm, in blocks with a seed each; every accepted path is also stopped at a random moment, and the
 stop judged (`tests/support/hunt.py`, `own_judge.py`). Prints the sum after every block; ends with status 1 if anything
-was wrong.
+was wrong. `--out` keeps a line for each block; the same command skips those and goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections import Counter
+from pathlib import Path
 
 from hunt import Found, hunt
 
@@ -22,16 +24,23 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
+    lines = asked.out.read_text().splitlines() if asked.out and asked.out.exists() else []
+    known = {done.pop("seed"): done for done in map(json.loads, lines)}
     total = Found()
     for block in range(-(-asked.count // BLOCK)):
-        model = ("panda", "fr3")[block % 2]
-        found = hunt(model, min(BLOCK, asked.count - block * BLOCK), asked.seed + block)
-        total.reached += found.reached
-        total.refused += found.refused
-        total.stops += found.stops
-        total.longest_stop_s = max(total.longest_stop_s, found.longest_stop_s)
-        total.wrong += found.wrong
+        seed = asked.seed + block
+        if (done := known.get(seed)) is None:
+            done = vars(hunt(("panda", "fr3")[block % 2], min(BLOCK, asked.count - block * BLOCK), seed))
+            if asked.out:
+                with asked.out.open("a") as out:
+                    out.write(json.dumps({"seed": seed, **done}) + "\n")
+        total.reached.update(done["reached"])
+        total.refused.update(done["refused"])
+        total.stops += done["stops"]
+        total.longest_stop_s = max(total.longest_stop_s, done["longest_stop_s"])
+        total.wrong += done["wrong"]
         tell(total)
     for text in total.wrong:
         sys.stdout.write(f"WRONG {text}\n")

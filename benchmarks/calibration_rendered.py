@@ -41,8 +41,7 @@ from perception.board import draw
 from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.lab.board import HeldBoard
-from sim.lab.calibrating import CalibrationLab
-from sim.lab.calibration import nominal_of
+from sim.lab.calibrating import CalibrationLab, nominal_of
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, World, load_world

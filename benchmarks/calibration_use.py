@@ -40,7 +40,7 @@ from perception.board import draw
 from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
-from sim.lab.calibration import nominal_of
+from sim.lab.calibrating import nominal_of
 from sim.lab.chance import joint_zeros
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab

@@ -1,10 +1,12 @@
 """A campaign of faults: kinds x moments over arm, pedal, hand, disk, process, clock, terminal and camera, seeded.
 
-    PYTHONPATH=tests/support python benchmarks/faults.py --motions 500 --sessions 60
+    PYTHONPATH=tests/support python benchmarks/faults.py --motions 500 --cameras 60 --sessions 60 --out faults.jsonl
 
 A motion is one of a real lab's arm: consent, pedal protocol, checks, player and the pipe between them are the program's
-own, in simulated time; only the SDK is a stand-in (`tests/support/sdk_fake.py`). A session is a whole toy session that
-a fault stops at a random moment and that the same command then continues. A fault that changed nothing does not count.
+own, in simulated time; only the SDK is a stand-in (`tests/support/sdk_fake.py`). A recording is one of the camera's
+driver over a stand-in of libk4a. A session is a whole toy session that a fault stops at a random moment and that the
+same command then continues. A fault that changed nothing does not count. `--out` keeps a line for each fault; the same
+command goes on after the last.
 
 After each fault:
 
@@ -13,6 +15,7 @@ After each fault:
   to hear silence;
 * nothing was commanded without the typed model;
 * a motion that did not end is remembered, and nothing moves before a recovery;
+* a recording is an error, or each of its frames has its true time and at most a quarter of them is missing;
 * of a session no completed trial changed, none is missing and none counted twice.
 """
 
@@ -21,20 +24,25 @@ from __future__ import annotations
 import argparse
 import errno
 import io
+import json
 import os
 import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
+import fake_k4a
 import numpy as np
 import toy_rig
 import toy_session
 from cells import cell
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, running
 from hard_paths import LOADED, SCENE, smooth
 from in_process import InProcess
 from own_judge import wrong
@@ -471,6 +479,82 @@ def one_session(kind: str, rng: np.random.Generator, home: Path) -> Outcome:
     return Outcome(kind, stopped, notes)
 
 
+FRAMES = 30
+LATENCY_S = DELAY_S - 0.5 * 8330e-6
+SKIPS_S = (-3600.0, -120.0, -5.0, -0.3, -0.05, 0.05, 0.3, 5.0, 120.0, 1.7e9)
+CAMERAS = (
+    "camera: unplugged",
+    "camera: silent",
+    "camera: no colour",
+    "camera: lost frames",
+    "camera: late",
+    "camera: clock skips",
+    "camera: unstamped",
+)
+
+
+def one_camera(kind: str, rng: np.random.Generator) -> Outcome:
+    """A recording of `FRAMES` images, each with its number as its depth; the fault comes at one of them."""
+    fake, at, count = FakeK4a("A1"), int(rng.integers(1, FRAMES)), int(rng.integers(1, 15))
+    boot_s, skip_s = fake_k4a.BOOT_S, float(rng.choice(SKIPS_S))
+    try:
+        with running(fake, latency_s=LATENCY_S) as camera:
+            camera.start_recording()
+            start_s = fake.clock.now_s() + 0.01
+            for i in range(FRAMES):
+                during = at <= i < at + count
+                if kind in CAMERAS[:2] and i == at:
+                    for _ in range(1 if kind == CAMERAS[0] else 4):
+                        fake.fail("unplugged" if kind == CAMERAS[0] else "timeout")
+                    break
+                if kind == "camera: clock skips" and i == at:
+                    fake_k4a.BOOT_S = boot_s - skip_s
+                if kind == "camera: lost frames" and during:
+                    fake.clock.advance_to(start_s + i * PERIOD_S + DELAY_S)
+                    continue
+                fake.show(
+                    Shown(
+                        start_s + i * PERIOD_S,
+                        late_s=0.2 if kind == "camera: late" and during else 0.0,
+                        depth_mm=500 + i,
+                        has_colour=not (
+                            kind == "camera: no colour" and during and (i - at) % 4
+                        ),  # four in a row: it is gone
+                        stamped=not (kind == "camera: unstamped" and during),
+                    )
+                )
+            try:
+                film = _shown_meanwhile(fake, camera.stop_recording, kind in CAMERAS[:2])
+            except HardwareError:
+                return Outcome(kind, True, [])
+    finally:
+        fake_k4a.BOOT_S = boot_s
+    if film is None:
+        return Outcome(kind, True, ["the recording never ended"])
+    numbers = [int(frame.depth_mm[0, 0]) - 500 for frame in film]
+    off_s = [abs(frame.t_s - start_s - i * PERIOD_S) for i, frame in zip(numbers, film, strict=True)]
+    notes = [f"a frame {max(off_s):.3f} s off (skip {skip_s:g} s, image {at})"] if max(off_s) > 0.02 else []
+    whole = {i for i in numbers if i < FRAMES}
+    if len(whole) < 0.7 * FRAMES:  # the driver counts those after them too
+        notes.append(f"{FRAMES - len(whole)} of {FRAMES} images are missing and nothing is said")
+    return Outcome(kind, len(whole) < FRAMES or max(off_s) > 1e-4, notes)
+
+
+def _shown_meanwhile(fake: FakeK4a, ask: Callable[[], Any], is_gone: bool) -> Any:
+    """What the camera answers while it shows more images; None: nothing after 90 of them."""
+    fake.clock.asked.clear()
+    with ThreadPoolExecutor(1) as pool:
+        answer: Future[Any] = pool.submit(ask)
+        fake.clock.asked.wait()
+        for i in range(90):
+            if is_gone or answer.done():
+                return answer.result()
+            fake.show(Shown(fake.clock.now_s() + 0.003, depth_mm=500 + FRAMES + i))
+            wait([answer], 0.1)  # a busy computer
+        fake.end()
+        return None
+
+
 def run(home: Path, lab: ToyLab) -> None:
     """One iteration of one particle, as `run-iteration --yes`."""
     settings = toy_session.resolved(home, particles=1)
@@ -485,30 +569,60 @@ def completed(home: Path) -> dict[str, bytes]:
     return {str(p.relative_to(root)): p.read_bytes() for record in records for p in sorted(record.parent.iterdir())}
 
 
+def faults(asked: argparse.Namespace) -> Generator[Callable[[], Outcome], Outcome, None]:
+    """The faults of the three campaigns in turn, each with a seed of its own."""
+    kinds = [*((k, 1) for k in IN_MOTION), *((k, -1) for k in BEFORE), *((k, 0) for k in BEFORE if k != "arm: heavier")]
+    kinds += [(k, -1) for k in (*TYPED, *HANDS, *DISKS)]
+    session_kinds = (*SESSION_ERRORS, "session: killed")
+
+    def one(campaign: str, number: int) -> Outcome:
+        rng = np.random.default_rng([asked.seed, CAMPAIGNS.index(campaign), number])
+        with tempfile.TemporaryDirectory() as folder:
+            if campaign == "cameras":
+                return one_camera(CAMERAS[number % len(CAMERAS)], rng)
+            if campaign == "sessions":
+                return one_session(session_kinds[number % len(session_kinds)], rng, Path(folder))
+            kind, when = kinds[number % len(kinds)]
+            at = int(rng.integers(1, 650)) if when > 0 else when
+            return one_motion(kind, at, ("panda", "fr3")[int(rng.integers(2))], rng, Path(folder))
+
+    for campaign in CAMPAIGNS:
+        effective = number = 0
+        while effective < getattr(asked, campaign):
+            outcome = yield partial(one, campaign, number)
+            effective, number = effective + outcome.effective, number + 1
+
+
+CAMPAIGNS = ("cameras", "sessions", "motions")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--motions", type=int, default=500, help="effective faults of motions")
+    parser.add_argument("--cameras", type=int, default=60, help="effective faults of recordings")
     parser.add_argument("--sessions", type=int, default=60, help="effective faults of sessions")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    rng, found = np.random.default_rng(asked.seed), list[Outcome]()
-    kinds = [*((k, 1) for k in IN_MOTION), *((k, -1) for k in BEFORE), *((k, 0) for k in BEFORE if k != "arm: heavier")]
-    kinds += [(k, -1) for k in (*TYPED, *HANDS, *DISKS)]
-    count = 0
-    while sum(one.effective for one in found) < asked.motions:
-        kind, when = kinds[count % len(kinds)]
-        model = ("panda", "fr3")[int(rng.integers(2))]
-        with tempfile.TemporaryDirectory() as folder:
-            at = int(rng.integers(1, 650)) if when > 0 else when
-            found.append(one_motion(kind, at, model, rng, Path(folder)))
-        count += 1
-        if count % 50 == 0:
-            tell(found)
-    session_kinds = (*SESSION_ERRORS, "session: killed")
-    while sum(one.effective for one in found) < asked.motions + asked.sessions:
-        with tempfile.TemporaryDirectory() as folder:
-            found.append(one_session(session_kinds[count % len(session_kinds)], rng, Path(folder)))
-        count += 1
+    lines = asked.out.read_text().splitlines() if asked.out and asked.out.exists() else []
+    known, found = [Outcome(**json.loads(line)) for line in lines], list[Outcome]()
+    coming = faults(asked)
+    inject = next(coming, None)
+    while inject is not None:
+        if len(found) < len(known):
+            outcome = known[len(found)]
+        else:
+            outcome = inject()
+            if asked.out:
+                with asked.out.open("a") as out:
+                    out.write(json.dumps(asdict(outcome)) + "\n")
+            if len(found) % 50 == 49:
+                tell([*found, outcome])
+        found.append(outcome)
+        try:
+            inject = coming.send(outcome)
+        except StopIteration:
+            inject = None
     tell(found)
     effective, injected = Counter(o.kind for o in found if o.effective), Counter(o.kind for o in found)
     for kind in injected:

@@ -24,8 +24,7 @@ from worlds import UDR_DRAWS, rewards_of
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.udr import udr_policies
 from sim.lab.drawn import as_toml, draw_world, effects_of
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import World, load_world
+from sim.lab.world import World, load_world, rollouts_in
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy

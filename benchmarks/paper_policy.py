@@ -20,9 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from sim.research.methods.memory import tensors_of
-from sim.research.pretraining.acting import fill_library
-from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.methods.q_policy import tensors_of
+from sim.research.pretraining.acting import EmulatedRolls, fill_library
 from sim.research.pretraining.episodes import Simulator
 from sim.research.pretraining.gate import Gate, learning_gate
 from sim.research.pretraining.logs import silent

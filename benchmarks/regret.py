@@ -33,7 +33,7 @@ from sim.adaptation.methods.udr import Udr
 from sim.lab.world import shipped_worlds
 from sim.rollouts.draws import cover, sobol
 from sim.tasks import get_task
-from sim.tasks.scene_key import scene_key
+from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
 FINE = 8192

@@ -55,23 +55,21 @@ class Part:
 
 
 WHOLE = (
-    Part("scooping", {",".join(FOODS): 3, "drawn": 1, "named,mujoco": 1}),
-    Part("pushing", {"drawn": 1, "named,mujoco": 1}),
-    Part("pendulum", {"drawn": 1, "named": 3}, budget=10, needs_tables=False),
+    Part("scooping", {",".join(FOODS): 3, "drawn": 1}),
+    Part("pushing", {"drawn": 1}),
+    Part("pendulum", {"drawn": 1}, budget=10, needs_tables=False),
 )
 SHORT = (
     Part("pendulum", {"wd,ood-1": 1}, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
 )
 
 HEAD = """Written by `{command}`. Mean reward of the policy that a session ends with, with its 95 % interval over
-worlds. The *foods* are those of the paper. A rule *drew* forty worlds, none discarded. *Table A2* holds the paper's
-five simulated targets. A search *selected* others because UDR fails there. The last are simulated in MuJoCo, which
-training has never seen. Methods are explained in [paper](../why/paper.md#baselines), worlds and scores in
-[benchmark](../reference/benchmark.md). `oracle` and `best-action` are limits, not methods.
-Bold: the best method. –: not run.
+worlds. The *foods* are those of the paper. A rule *drew* forty worlds, none discarded. Methods are explained in
+[paper](../why/paper.md#baselines), worlds and scores in [benchmark](../reference/benchmark.md). `oracle` and
+`best-action` are limits, not methods. Bold: the best method. –: not run.
 
-The comparison is uneven in one point: `adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω,
-which holds the OOD targets of Table A2. The other methods, and `oracle`, know Ω alone."""
+The comparison is uneven in one point: `adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω.
+The other methods, and `oracle`, know Ω alone."""
 
 REPORTED = """## Reported by the paper, on a real arm
 

@@ -32,7 +32,7 @@ from two_steps import Later
 from hw.types import Array
 from sim.lab.physics import Physics, simulate_of
 from sim.tasks import get_task
-from sim.tasks.scene_key import scene_key
+from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
 COARSER = 4

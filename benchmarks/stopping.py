@@ -29,7 +29,7 @@ from sim.research.benchmark.tables import load_table
 from sim.research.benchmark.targets import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
-from sim.tasks.scene_key import scene_key
+from sim.tasks.fingerprint import scene_key
 
 POOR, LITTLE = 0.3, 0.2
 """What no action exceeds in a hopeless world, and what a session that should have said so earns."""
@@ -48,7 +48,7 @@ class Session:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="pushing")
-    parser.add_argument("--targets", default="drawn", help="a set of worlds that has tables")
+    parser.add_argument("--targets", default="drawn", help="worlds that have tables: a set, or names")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--fresh", type=int, default=0, help="true rollouts behind each score; 0: look all up")
     asked = parser.parse_args()
@@ -64,7 +64,7 @@ def played(name: str, targets: str, seed: int, fresh: int) -> Sequence[Session]:
     assert e is not None
     shown = policy_for(checkpoint.solver, e.candidates[:1])
     root, scene = tables_folder(config.load({"task": name})), scene_key(task)
-    for target in targets_of(task, [targets]):
+    for target in targets_of(task, targets.split(",")):
         table = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
         place = Simulated(checkpoint.solver, target.world) if fresh else table
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)

@@ -28,8 +28,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import World, load_world, shipped_worlds
+from sim.lab.world import World, load_world, rollouts_in, shipped_worlds
 from sim.research.pretraining.evaluation import LEAST_GAP, EvaluationSettings, run_session
 from sim.rollouts import process_pool, run_many
 from sim.rollouts.draws import cover, trial_requests

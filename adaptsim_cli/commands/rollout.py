@@ -47,6 +47,7 @@ def rollout(
         ),
     ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
+    trials: Annotated[int, typer.Option("--trials", min=1, help="With --best: that many, at drawn contexts.")] = 1,
     out: Annotated[Path | None, typer.Option("--out", help="New folder for the record and the recording.")] = None,
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")
@@ -64,7 +65,8 @@ def rollout(
 ) -> None:
     """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
-    `--session NAME --best` takes task, world and the best policy of a session; `adaptsim rollouts list` lists rollouts.
+    `--session NAME --best` takes task, world and the best policy of a session. With `--trials 5` its reward is measured
+    at five drawn contexts, and the session's report says so. `adaptsim rollouts list` lists rollouts.
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
@@ -87,47 +89,72 @@ def rollout(
     resolved = load({"task": task, "realtime": realtime or None, **named})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
-    if best != (session is not None):
-        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
+    _together(best == (session is not None), trials == 1 or not (session is None or context or out))
     if session is not None:
         if param or task:
             raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
         found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        if found.config.recorded:
+            raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
         param, settings, history = found.as_typed(), found.config, found.history
         changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
         settings = settings.model_copy(update=changed)
-    name = f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
-    folder = out or resolved.places.data / "rollouts" / name
-    chosen = single.Chosen(context or [], action or [], param or [], history)
-    single.typed(get_task(settings.task), chosen)  # raises before anything is loaded or connected
+    task_meant = get_task(settings.task)
+    contexts = [context or []] if trials == 1 else single.drawn(task_meant, (settings.seed, len(history)), trials)
+    wanted = [single.Chosen(c, action or [], param or [], session, history, 1 + i) for i, c in enumerate(contexts)]
+    single.typed(task_meant, wanted[0])  # raises before anything is loaded or connected
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(wiring.open_parts(settings, Path(learnt), screen=screen))
         screen.show(views.badge(settings.hw, parts.target.title))
-        watcher = None
-        if view or view_port is not None:
-            watcher = stack.enter_context(wiring.beside_one(screen, folder.name, settings.hw, parts, view_port))
-        record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
-    if as_json:
-        screen.data("rollout", record)
-    _tell(screen, record)
-    screen.plain(f"Stored: {folder}")
-    page = ((f"adaptsim rollouts report {name}", "the path, on a page"),)
-    on = f"--session {session}" if session else same_lab(settings.task, settings.hw, settings.world)
-    adapt = (f"adaptsim run-iteration {on}", "goes on with it" if session else "adapts in about twenty such trials")
-    screen.next(*(() if out else page), adapt)
+        watcher, rewards = None, list[float]()
+        for chosen in wanted:
+            folder = out or resolved.places.data / "rollouts" / f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+            if (view or view_port is not None) and watcher is None:
+                watcher = stack.enter_context(wiring.beside_one(screen, folder.name, settings.hw, parts, view_port))
+            record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
+            rewards.append(record.reward)
+            _tell(screen, record, folder, as_json=as_json)
+    lab = same_lab(settings.task, settings.hw, settings.world)
+    pages = () if out else ((f"adaptsim rollouts report {folder.name}", "the path, on a page"),)
+    if session is None:
+        screen.next(*pages, (f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
+    else:
+        _measured(screen, session, rewards, pages)
 
 
-def _tell(screen: Screen, record: Rollout) -> None:
+def _together(best_of_session: bool, trials_alone: bool) -> None:
+    """Raises UsageError for options that do not go together."""
+    from adaptsim_cli.errors import UsageError
+
+    if not best_of_session:
+        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
+    if not trials_alone:
+        raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
+
+
+def _measured(screen: Screen, session: str, rewards: list[float], pages: tuple[tuple[str, str], ...]) -> None:
+    """Print what the best policy of a session has earned, and what comes next."""
+    if len(rewards) > 1:
+        mean = sum(rewards) / len(rewards)
+        screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
+        pages = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
+    screen.next(*pages, (f"adaptsim run-iteration --session {session}", "goes on with it"))
+
+
+def _tell(screen: Screen, record: Rollout, folder: Path, *, as_json: bool) -> None:
     """Print the result of the trial."""
     from math import dist
 
+    if as_json:
+        screen.data("rollout", record)
     outcome = record.outcome.value.replace("_", " ")
     if record.goal_m is not None:
         outcome += f", {1e3 * dist(record.track.state[-1][:2], record.goal_m):.0f} mm from the goal"
     screen.plain(f"{outcome}, reward {record.reward:.2f}")
     for flag in record.flags:
         screen.note(f"note: {flag}")
+    screen.plain(f"Stored: {folder}")
 
 
 def preview(

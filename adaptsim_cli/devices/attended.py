@@ -146,7 +146,7 @@ class PersonBeside:
 
     def _home(self) -> None:
         """Move slowly from the arm's present posture, around all obstacles, to the start posture of trials."""
-        from sim.panda.detours import free_path
+        from sim.panda.moves import free_path
 
         lab, q_rad = self.mounted, self.arm.state().q_rad
         if np.abs(q_rad - lab.home_rad).max() <= AT_HOME_RAD:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def nominal_hand_eye(world: World, seed: int) -> HandEye:
     """The nominal calibration of a world, with the world's error."""
-    from sim.lab.calibration import nominal_of
+    from sim.lab.calibrating import nominal_of
 
     shipped = nominal_of(world, seed)
     return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)

@@ -156,6 +156,8 @@ class Rollout(Output):
     seed: int = said("seed of all random numbers")
     units: dict[str, str] = said(UNITS)
     params: Quantities | None = said("parameters of the policy; null if the action was chosen by hand")
+    session: str | None = said("the session whose best policy acted; null: none")
+    iterations: int = said("complete iterations behind that policy")
     context: Quantities = said("context as measured, in `units`")
     goal_m: tuple[float, ...] | None = said("(x, y) of the goal, for a task with a goal on the table")
     action: Quantities = said("commanded action, in `units`")

@@ -91,18 +91,25 @@ def write(
     out: Path | None = None,
     judgement: Judgement | str = "",
     reference: Reference | None = None,
+    confirmed: Sequence[float] = (),
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
-    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing.
+    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the
+    rewards of trials that the best policy of the session has made since.
     """
     path = out if out is not None else store.folder / "report.html"
     durable.make_folder(path.absolute().parent)
-    durable.replace_file(path.absolute(), render(store, judgement, reference).encode())
+    durable.replace_file(path.absolute(), render(store, judgement, reference, confirmed).encode())
     return path
 
 
-def render(store: SessionStore, judgement: Judgement | str = "", reference: Reference | None = None) -> str:
+def render(
+    store: SessionStore,
+    judgement: Judgement | str = "",
+    reference: Reference | None = None,
+    confirmed: Sequence[float] = (),
+) -> str:
     """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, known = store.facts, None if isinstance(judgement, str) else judgement
     views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
@@ -110,7 +117,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
-    rows = levels(facts, trials, results, known, reference)
+    rows = levels(facts, trials, results, known, reference, confirmed)
     return fill(
         "page.html.j2",
         facts=facts,
@@ -137,6 +144,7 @@ def render(store: SessionStore, judgement: Judgement | str = "", reference: Refe
             trials, known.predictions if known else None, known is not None and known.is_place, trial_std(facts.task)
         ),
         measured_udr=reference is not None,
+        confirmed=len(confirmed),
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
             (title, space)
@@ -179,8 +187,9 @@ def levels(
     results: Sequence[ResultRecord],
     known: Judgement | None,
     reference: Reference | None,
+    confirmed: Sequence[float],
 ) -> tuple[Level, ...]:
-    """Measured and expected rewards of first policy, adapted policy and uniform domain randomisation."""
+    """Measured and predicted rewards of first policy, adapted policy and uniform domain randomisation."""
     if not trials:
         return ()
     std = trial_std(facts.task)
@@ -188,9 +197,19 @@ def levels(
     rows = [_measured("First policy", first, "in iteration 1", _FIRST)]
     if results:
         best = results[-1].best
+        if len(results) > 1:
+            newest = mean_of([t.reward for t in trials if t.iteration == len(results)], std)
+            rows.append(_measured("Last iteration", newest, f"in iteration {len(results)}", _ADAPTED))
         pooled = Measured(best.mean_reward, *best.ci95, best.trials)
-        of = "at its parameters and near by" if results[-1].outlook is None else "of this session"
-        rows.append(_measured("Adapted policy", pooled, of, _ADAPTED))
+        if results[-1].outlook is None:
+            rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
+        else:
+            told = f"predicted from {best.trials} trials" + ("" if confirmed else ", not yet tried")
+            rows.append(
+                Level("Adapted policy", "predicted", told, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
+            )
+        if confirmed:
+            rows.append(_measured("Adapted policy", mean_of(confirmed, std), "after the session", _ADAPTED))
     if reference is not None:
         of_udr = mean_of(reference.rewards, std)
         rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
@@ -198,8 +217,8 @@ def levels(
         expected = (("First policy", known.first, _FIRST), ("Adapted policy", known.adapted, _ADAPTED))
         for label, earned, colour in (*expected, ("UDR", known.udr, _UDR)):
             if earned is not None:
-                told = "expected in the simulator"
-                rows.append(Level(label, "expected", told, earned.mean, earned.low, earned.high, colour, is_open=True))
+                told = "predicted by the simulator alone"
+                rows.append(Level(label, "simulator", told, earned.mean, earned.low, earned.high, colour, is_open=True))
     return tuple(rows)
 
 

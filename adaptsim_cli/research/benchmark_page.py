@@ -15,7 +15,7 @@ from rich.table import Table
 
 from adaptsim_cli.report.svg import Canvas, Scale
 from adaptsim_cli.storage import durable
-from sim.research.benchmark.jobs import LIMITS, UDR, Row
+from sim.research.benchmark.jobs import UDR, Row
 from sim.research.benchmark.sessions import UDR_POLICIES
 from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, MethodSummary, SetSummary
 
@@ -102,8 +102,7 @@ def render(found: Comparison) -> str:
 
 
 def _view(summary: SetSummary) -> SetView:
-    known = {method.method: method for method in summary.methods}
-    levels = {name: known[name].reward for name in (UDR, *LIMITS) if name in known}
+    levels = {method.method: method.reward for method in summary.methods if not method.trials[-1]}
     sessions: list[MethodSummary] = [m for m in summary.methods if m.method not in levels]
     compared = [m for m in summary.methods if m.above_udr is not None and m.method != UDR]
     return SetView(

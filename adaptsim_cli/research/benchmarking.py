@@ -57,15 +57,18 @@ class Asked:
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
-            **({} if self.recorded is None else self._recorded_plan),
             **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
+            **self._recorded_plan,
         }
 
     @property
     def _recorded_plan(self) -> dict[str, Any]:
         from adaptsim_cli.wiring.recorded.folder import digest
 
-        return {"recorded": digest(self.recorded), "held_out": self.resolved.config.held_out} if self.recorded else {}
+        if self.recorded is None:
+            return {}
+        share = self.resolved.config.held_out
+        return {"trials": "recorded", "recorded": digest(self.recorded), "held_out": share}
 
     @property
     def folder(self) -> Path:
@@ -270,7 +273,7 @@ def _tables(asked: Asked) -> list[WorldTable | None]:
 def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
     """The key of the scene, for each physics among the targets."""
     from sim.lab.physics import in_physics
-    from sim.tasks.scene_key import scene_key
+    from sim.tasks.fingerprint import scene_key
 
     return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 

@@ -29,7 +29,8 @@ def in_words(verdict: Verdict, object_name: str) -> str:
     """The verdict in one to three sentences."""
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
-    reward = f"reward {verdict.reward:.2f}, 95 % interval {verdict.ci95[0]:.2f} to {verdict.ci95[1]:.2f}"
+    kind = "estimated" if verdict.gain is None else "predicted"
+    reward = f"{kind} reward {verdict.reward:.2f} (95 % {verdict.ci95[0]:.2f} to {verdict.ci95[1]:.2f})"
     told = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if Reason.FAILURES in verdict.reasons:
         told.append("The latest trials all failed.")
@@ -52,7 +53,7 @@ def _worth(verdict: Verdict) -> str:
     """What another iteration is worth, for a method with a forecast."""
     if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
         return ""
-    worth = f"; another iteration is worth {verdict.gain:.2f}"
+    worth = f"; another iteration is predicted to gain {verdict.gain:.2f}"
     if verdict.kind is Kind.ENOUGH:
         return worth
     chance = f"{100.0 * verdict.likely:.0f} %"
@@ -64,7 +65,10 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     verdict, done = result.verdict, result.iteration
     go_on = f"adaptsim run-iteration --session {facts.name}"
     again = (go_on, f"iteration {done + 1}")
-    use = (f"adaptsim rollout --session {facts.name} --best", "one trial with the best policy so far")
+    best = f"adaptsim rollout --session {facts.name} --best"
+    use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
+    if facts.recorded:  # there is nothing to try a policy on
+        use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
     match verdict.kind:
         case Kind.HOPELESS:
@@ -75,7 +79,7 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
             ranges = "the ranges; to set your own: docs/guide/own-objects.md"
             return ((f"adaptsim lab list --task {facts.task}", ranges), use)
         case Kind.ENOUGH | Kind.CONVERGED:
-            steps: Steps = (use, (go_on, "only to know the reward more precisely"))
+            steps: Steps = (confirm, (go_on, "only to know the reward more precisely"))
         case Kind.NOT_CONVERGED if done >= ENOUGH_ITERATIONS:
             steps = (use, (go_on, f"{done} iterations are done; more rarely help"))
         case _:

@@ -176,11 +176,11 @@ class Facts(Record):
     task: str
     hw: str
     world: str
-    world_sha256: str = ""  # of the world, or of the recorded trials
+    world_sha256: str = ""  # hash of the world's file, or of the recorded trials
     recorded: str = ""  # folder of the recorded trials; empty: trials happen
-    held_out: float = 0.0  # share of them that only scores
+    held_out: float = 0.0  # share of the recorded trials that only scores
     start_from: str = ""  # session whose posterior this one began with
-    start_from_sha256: str = ""  # of that posterior
+    start_from_sha256: str = ""  # hash of that posterior
     seed: int
     method: str
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver

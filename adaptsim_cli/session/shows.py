@@ -102,9 +102,9 @@ def adapted(
     best = result.best
     amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
     estimate = Text.assemble(
-        "Best so far: ",
-        (f"reward {best.mean_reward:.2f}", "bold"),
-        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, {best.trials} trial{'s' * (best.trials != 1)}) at ",
+        "Best policy so far, " + ("estimated" if result.outlook is None else "not yet tried: predicted"),
+        (f" reward {best.mean_reward:.2f}", "bold"),
+        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
     verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))

@@ -31,8 +31,6 @@ from sim.adaptation.method import Iteration, Particle
 from sim.errors import NotExecutable
 from sim.tasks.task import Task
 
-_STAGE = RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(1, 0), interrupted=False)
-
 
 @dataclass(frozen=True)
 class Chosen:
@@ -41,7 +39,14 @@ class Chosen:
     context: Sequence[str]
     action: Sequence[str]  # missing ones come from the policy
     parameters: Sequence[str]  # the policy is trained for them; missing ones: the middle of Omega
-    history: tuple[Iteration, ...] = ()  # if given: use the final policy of this session instead
+    session: str | None = None  # if given: use its final policy instead, after `history`
+    history: tuple[Iteration, ...] = ()
+    number: int = 1  # of this one among several, for the lab's chance
+
+    @property
+    def stage(self) -> RunTrial:
+        """The trial in the terms of a session."""
+        return RunTrial(iteration=0, particle=0, trial=0, key=TrialKey(self.number, 0), interrupted=False)
 
 
 def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
@@ -54,6 +59,12 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
     mean = views.point(task.parameters, chosen.parameters, middle, "--param")
     views.point(task.action, chosen.action, task.action.low, "--action")
     return drawn, mean
+
+
+def drawn(task: Task, seed: tuple[int, int], count: int) -> list[list[str]]:
+    """So many random contexts as name=value; the same seed draws the same ones."""
+    rows = task.context.sample(np.random.default_rng(seed), count)
+    return [[f"{name}={float(v)!r}" for name, v in zip(task.context.names, row, strict=True)] for row in rows]
 
 
 def rollout(
@@ -77,7 +88,7 @@ def rollout(
         console.require_terminal()
     operator = Unattended(screen) if unattended else Attended(screen)
     looking_on = AllOf((InTerminal(screen), watcher or Unwatched()))
-    drawn, mean = typed(task, chosen)
+    context, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
     durable.require_writable(folder.parent)
@@ -87,14 +98,14 @@ def rollout(
     with screen.busy("Training the task policy", "training"):
         learner, history = parts.learner, chosen.history
         policy = learner.final(history) if history else learner.train(Particle(mean[None]), ())
-    placed = _place(target, drawn, operator, screen)
+    placed = _place(target, chosen.stage, context, operator, screen)
     with screen.busy("Choosing the action: the best that the arm can do", "choosing"):
         proposed = policy(placed.context)
     action = views.point(task.action, chosen.action, proposed, "--action")
     planned = _plan(task, target, placed, action, screen)
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:
-        proposal = propose(task, _STAGE, mean, policy, planned, partial(_keep, picture))
+        proposal = propose(task, chosen.stage, mean, policy, planned, partial(_keep, picture))
         screen.show(shows.proposal(task, proposal))
         looking_on.proposed(proposal, planned.preview)
         operator.approve(proposal, target.is_real)
@@ -110,15 +121,14 @@ def rollout(
     seen = target.track(placed.context, action, folder, screen.busy)
     record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
     looking_on.tracked(record, seen)
-    shown = _shown(config, parts, record, by_hand=bool(chosen.action))
+    shown = _shown(config, parts, record, chosen)
     content = json.dumps(shown.model_dump(mode="json"), allow_nan=False, indent=1).encode()
     durable.complete_folder(folder, seen.files, "trial.json", content)
     return shown
 
 
-def _place(target: Target, drawn: Array, operator: Operator, screen: Screen) -> Placed:
+def _place(target: Target, stage: RunTrial, drawn: Array, operator: Operator, screen: Screen) -> Placed:
     """Have the object placed; if it is not found, try again as often as the operator wants."""
-    stage = _STAGE
     while True:
         try:
             return target.place(drawn, stage.key, operator, screen.busy)
@@ -147,7 +157,7 @@ def _keep(path: Path, overlay: bytes) -> Path:
     return path
 
 
-def _shown(config: Config, parts: Parts, record: TrialRecord, *, by_hand: bool) -> Rollout:
+def _shown(config: Config, parts: Parts, record: TrialRecord, chosen: Chosen) -> Rollout:
     """The trial as it is stored and printed."""
     task = parts.task
     spaces = (task.parameters, task.context, task.action)
@@ -157,7 +167,9 @@ def _shown(config: Config, parts: Parts, record: TrialRecord, *, by_hand: bool) 
         world=config.lab_world,
         seed=config.seed,
         units={d.name: d.unit for space in spaces for d in space.dimensions},
-        params=None if by_hand else record.parameters,
+        params=None if chosen.action else record.parameters,
+        session=None if chosen.action else chosen.session,
+        iterations=len(chosen.history),
         context=record.context,
         goal_m=record.goal_m,
         action=record.action,

@@ -21,7 +21,7 @@ from hw.contact import began
 from hw.errors import HandError, NoContact
 from hw.kinematics import forward
 from hw.types import Array, Contact, Guard
-from sim.panda.detours import free_path
+from sim.panda.moves import free_path
 from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 
 ABOVE_M = 0.022

@@ -9,8 +9,7 @@ from adaptsim_cli.config import is_simulated
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
 from sim.panda.feelers import Touching, touchable
-from sim.panda.touch_plan import table_probes, tool_probes
-from sim.panda.touching import HeldTool, Probe
+from sim.panda.touching import HeldTool, Probe, table_probes, tool_probes
 
 
 @dataclass(frozen=True, eq=False)

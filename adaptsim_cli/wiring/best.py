@@ -99,7 +99,7 @@ def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPoli
 
     Raises SessionError before the first complete iteration, CheckpointError.
     """
-    from sim.adaptation.best import final_policy
+    from sim.adaptation.judging import final_policy
     from sim.adaptation.methods import make_method
 
     best, task = best_of(store, load().config), checkpoint.solver.task

@@ -40,7 +40,7 @@ def checkpoint_of(config: Config) -> Checkpoint:
 
 def own_checkpoints() -> list[Path]:
     """Folders of the checkpoints that `adaptsim pretrain` made in its default place, newest last."""
-    from sim.adaptation.card import CARD
+    from sim.adaptation.checkpoint import CARD
 
     cards = places().pretraining.glob(f"*/checkpoint/{CARD}")
     return [card.parent for card in sorted(cards, key=lambda card: card.stat().st_mtime_ns)]

@@ -16,6 +16,7 @@ from adaptsim_cli.report.agreement import end_error
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore, history_of, names, particles_of
+from adaptsim_cli.session.summary import ROLLOUTS, rollout_names, rollout_record
 from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from adaptsim_cli.wiring.earlier import recordings_of
@@ -84,7 +85,7 @@ class Hindsight:
 
     def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOut:
         """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
-        from sim.adaptation.best import final_policy
+        from sim.adaptation.judging import final_policy
         from sim.adaptation.methods import make_method
         from sim.adaptation.posterior import policies_of_udr, predicted
 
@@ -144,7 +145,7 @@ class Reports:
 
         If its checkpoint is gone or has no parts for inference, the page says so.
         """
-        return page.write(store, out, self.judgement(store), measured_udr(store))
+        return page.write(store, out, self.judgement(store), measured_udr(store), confirmed(store))
 
     def judgement(self, store: SessionStore) -> Judgement | str:
         """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
@@ -164,6 +165,18 @@ class Reports:
 def _is_place(task: Task) -> bool:
     """Whether the first two observed columns are a place on the table."""
     return task.goal_m is not None or not task.observation.curves
+
+
+def confirmed(store: SessionStore) -> tuple[float, ...]:
+    """Rewards of the rollouts of the session's present best policy. Unreadable ones are skipped."""
+    root, found = store.folder.parents[1] / ROLLOUTS, list[float]()
+    complete = sum(store.result(i) is not None for i in range(store.iterations()))
+    for name in rollout_names(root):
+        with suppress(SessionError):
+            record = rollout_record(root, name)
+            if (record.session, record.iterations) == (store.facts.name, complete):
+                found.append(record.reward)
+    return tuple(found)
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:

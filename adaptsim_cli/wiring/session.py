@@ -190,8 +190,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
         )
     if config.pace < FULL:
         raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
-    from sim.lab.rollouts import rollouts_in
-    from sim.lab.world import load_world
+    from sim.lab.world import load_world, rollouts_in
 
     world = load_world(config.world, task)
     there = rollouts_in(world)
@@ -237,7 +236,7 @@ class _SolverLearner:
         return policy_of(self.method, self.policies, particle, history, self.executable)
 
     def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
-        from sim.adaptation.best import final_policy
+        from sim.adaptation.judging import final_policy
 
         return final_policy(self.method, self.policies, self.expectations.task, history, self.executable)
 
@@ -248,8 +247,7 @@ class _SolverLearner:
         return None if self.belief is None else posterior(self.belief, history)
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
-        from sim.adaptation.best import assess
-        from sim.adaptation.judging import judge
+        from sim.adaptation.judging import assess, judge
 
         task = self.expectations.task
         best, ahead = assess(self.method, task, history)

@@ -22,7 +22,7 @@ from hw.types import Array, CameraModel, Execution, Frame
 from perception.errors import PerceptionError
 from perception.types import Outcome
 from sim.errors import NotExecutable
-from sim.lab.calibration import nominal_calibration
+from sim.lab.calibrating import nominal_calibration
 from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
@@ -34,8 +34,8 @@ from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
 from sim.tasks.pushing import HARDWARE, TASK
-from sim.tasks.pushing.looks import bottle_visual, pusher_visuals
 from sim.tasks.pushing.params import START_M
+from sim.tasks.pushing.scene import bottle_visual, pusher_visuals
 from sim.tasks.shared.readings import READ_EVERY_S
 from sim.tasks.shared.shapes import box, table_visual
 from sim.types import Visual

@@ -13,15 +13,15 @@ from hw.kinematics import forward
 from hw.types import Array, CameraModel, Execution, Frame
 from perception.piece import find_piece, track_piece
 from sim.errors import NotExecutable
-from sim.lab.calibration import nominal_calibration
+from sim.lab.calibrating import nominal_calibration
 from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
 from sim.tasks.scooping import HARDWARE, TASK
-from sim.tasks.scooping.looks import piece_visual, spatula_visuals
 from sim.tasks.scooping.piece import make_piece
+from sim.tasks.scooping.scene import piece_visual, spatula_visuals
 from sim.tasks.shared.shapes import table_visual
 from sim.tasks.tool_mesh import tool_mesh
 

@@ -16,6 +16,8 @@ WINDOW_S = 20.0
 """A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
 LEAST_PAIRS = 15
 """Half a second of images. With fewer, even the smallest difference may belong to a late image."""
+JUMP_S = 0.02
+"""No image can arrive so much faster than the fastest of half a second: the device's clock has jumped ahead."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,17 @@ class DeviceClock:
             )
         self._delay_s, self._window_s = delay_s, window_s
         self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
+        self.jumps = 0  # times that the device's clock was set while it ran
 
     def add(self, device_s: float, arrived_s: float) -> None:
         """Add one image: the middle of its exposure on the device's clock, and its arrival on the host's.
 
-        A device clock that jumps back was restarted: earlier pairs are dropped.
+        A device clock that jumps back or ahead was set anew: earlier pairs are dropped.
         """
-        if self._pairs and device_s < self._pairs[-1][0]:
+        back = bool(self._pairs) and device_s < self._pairs[-1][0]
+        if back or (self.is_settled and arrived_s - device_s < self.map().offset_s + self._delay_s - JUMP_S):
             self._pairs.clear()
+            self.jumps += 1
         self._pairs.append((device_s, arrived_s - device_s))
         while self._pairs[0][0] < device_s - self._window_s:
             self._pairs.popleft()

@@ -54,7 +54,7 @@ class Grabber:
         self._error: HardwareError | None = None
         self._newest: Captured | None = None
         self._kept: list[Captured] | None = None
-        self._since_s = 0.0
+        self._since_s, self._jumps = 0.0, 0
 
     def start(self) -> None:
         """Start, and return once the two clocks are mapped, half a second later. Raises CameraError."""
@@ -80,7 +80,7 @@ class Grabber:
             if self._kept is not None:
                 raise CameraError("the camera is recording already: call stop_recording first")
             self._wait(lambda: True)
-            self._kept, self._since_s = [], t_s
+            self._kept, self._since_s, self._jumps = [], t_s, self._clock.jumps
 
     def film_until(self, t_s: float) -> Film:
         """End the recording: everything exposed from its start to `t_s`. Raises CameraError."""
@@ -91,7 +91,12 @@ class Grabber:
                 self._wait(lambda: self._newest_s() >= t_s)
             finally:
                 kept, self._kept = self._kept, None
-            clock = self._clock.map()
+            clock, jumps = self._clock.map(), self._clock.jumps - self._jumps
+        if jumps:
+            raise CameraError(
+                "the camera's clock jumped during the recording, so the times of its images are unknown: repeat the "
+                "trial; if it happens again, plug the camera in again"
+            )
         if t_s - self._since_s > LONGEST_S:
             raise CameraError(
                 f"the recording took {t_s - self._since_s:.0f} s, limit {LONGEST_S:g} s: record a shorter motion"

@@ -36,6 +36,7 @@ class Connection:
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
         self.notes: tuple[str, ...] = ()
+        self.alone: object = None  # what keeps other programs away, as long as this lives
         # The errors of both SDKs. Of these, only pylibfranka's version mismatch is not a RuntimeError.
         self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
         config = sdk.RealtimeConfig.kEnforce if realtime else sdk.RealtimeConfig.kIgnore

@@ -9,6 +9,7 @@ the pipe, or its end, stops the motion too, so a program that hangs or was kille
 from __future__ import annotations
 
 import gc
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -26,6 +27,8 @@ from hw.listening import Listener
 from hw.types import Guard
 
 REST_READINGS = 2000
+HANDOVER_S = 5.0
+"""How long a player may wait for the one before it, which may still have to brake."""
 
 DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
 
@@ -108,15 +111,37 @@ def connect(request: Connect) -> Driver:
     """Connect to the real arm: real-time priority, SDK, arm. Raises Failure."""
     model, timing = request.model, request.timing
     try:
+        alone = sole(request.settings.host)
         if timing.realtime:
             realtime.claim()
         sdk = versions.load(versions.PACKAGES[model])
     except DeviceUnavailable as error:
         raise Failure(UNAVAILABLE, str(error)) from error
     driver = connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
+    driver.alone = alone
     if timing.realtime:
         driver.notes = realtime.settle()  # once everything is loaded
     return driver
+
+
+def sole(host: str, within_s: float = HANDOVER_S) -> socket.socket:
+    """The arm at `host` for this process alone, among those of this computer, until the socket is closed.
+
+    The name of a Unix socket goes with its process, however that ends. Raises DeviceUnavailable.
+    """
+    alone, until_s = socket.socket(socket.AF_UNIX), time.monotonic() + within_s
+    while True:
+        try:
+            alone.bind(f"\0adaptsim-arm-{host}")
+        except OSError as error:
+            if time.monotonic() > until_s:
+                alone.close()
+                raise DeviceUnavailable(
+                    f"another program on this computer is connected to the arm at {host}: end that one first"
+                ) from error
+            time.sleep(0.05)
+        else:
+            return alone
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:

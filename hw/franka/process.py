@@ -41,7 +41,11 @@ class PlayerProcess:
         self._child = Child("hw.franka.player", str(timing.silence_s))
         self._asking = threading.Lock()
         try:
-            self._connected = _known(self._ask(Connect(model, settings, timing)), Connected)
+            silent = (
+                f"{model} at {settings.host} accepts the connection and then does not answer: if another program, on "
+                "any computer, is connected to the arm, end that one; otherwise restart the arm"
+            )
+            self._connected = _known(self._ask(Connect(model, settings, timing), silent), Connected)
         except Failure:
             self.close()
             raise
@@ -98,12 +102,12 @@ class PlayerProcess:
         """End the process by closing its pipes."""
         self._child.close()
 
-    def _ask(self, request: Request) -> Any:
+    def _ask(self, request: Request, silent: str = "the arm's player does not answer") -> Any:
         with self._asking:
             self._send(request)
             if not self._child.answers(ANSWER_S):
                 self._child.kill()
-                raise Failure(LOST, f"the arm's player did not answer within {ANSWER_S:g} s")
+                raise Failure(LOST, f"{silent} ({ANSWER_S:g} s)")
             return self._receive()
 
     def _send(self, request: Request) -> None:

@@ -7,28 +7,140 @@ ones are in `sim/checkpoints`.
 
 from __future__ import annotations
 
-import datetime
 import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sim.adaptation.card import CARD, FORMAT, Card, card_of
+from hw.bounded import Unreadable
 from sim.adaptation.prospects import Prospects, restore_prospects
 from sim.adaptation.self_test import SELF_TEST, predictions, require_finite, require_same
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.simulating import simulating
 from sim.solvers.solver import Solver
-from sim.storage.files import sha256, write_toml
-from sim.storage.tensors import Tensors, load_tensors, save_tensors
+from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, get_task, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
+
+CARD = "card.toml"
+FORMAT = 1
+
+Targets = Literal["paper", "wide"]
+"""Where targets are drawn: in the paper's ranges, or beyond them too."""
+
+
+@dataclass(frozen=True)
+class MethodScore:
+    """The score of a method after each iteration: of its final policy at that point, by true rollouts."""
+
+    name: str
+    reward: tuple[float, ...]  # mean over the targets
+    gap_closed: tuple[float, ...]  # pooled over the targets with a gap; 0 if there is none
+    gap_closed_ci95: tuple[tuple[float, float], ...]  # bootstrap over targets
+    above_udr_ci95: tuple[float, float]  # of the mean difference to UDR after the last iteration, all targets
+
+
+@dataclass(frozen=True)
+class EvaluationReport:
+    """Mean rewards over the targets, all by true rollouts."""
+
+    kind: Targets
+    targets: int
+    trials: int  # per session
+    rollouts: int  # behind each reward
+    udr: float  # mean over several of its policies
+    oracle: float  # the best E in Omega: proposed by the solver, confirmed by true rollouts
+    targets_with_gap: int  # oracle - udr at least LEAST_GAP
+    methods: tuple[MethodScore, ...]
+    pairs: int  # of (policy, target), behind the next two figures
+    emulator_correlation: float  # of the solver's rewards with true ones over the pairs; 1 for an exact solver
+    emulator_bias: float  # mean of the solver's - true; 0 for an exact solver
+
+
+class _Table(BaseModel):
+    """A table of the card. What this version does not know is kept as it is."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+
+class Judging(_Table):
+    """The sessions of the evaluation."""
+
+    kind: Targets = "paper"
+    particles: int = 2
+    iterations: int = 5
+
+
+class Learning(_Table):
+    """The training of the adaptation policies."""
+
+    targets: Targets = "paper"
+
+
+class Budget(_Table):
+    """The size of each stage, as far as others ask for it."""
+
+    rollouts: int = 0  # of the dataset, spread evenly
+    denser: int = 0  # further ones where the outcome is uncertain
+    meta: Learning = Learning()
+    evaluation: Judging = Judging()
+
+
+class Card(_Table):
+    """Everything about a checkpoint except its weights."""
+
+    format: Literal[1]
+    task: str
+    object: str | None = None  # of its ranges; None: not stated
+    fingerprint: str  # of the task
+    interface: dict[str, Any]  # behind the fingerprint: spaces, observation, noise
+    sha256: str  # of the weights
+    created: datetime | None = None
+    versions: dict[str, str] = {}  # of the packages that it was made with
+    seed: int | None = None
+    simulations: int = 0
+    solver: Literal["emulator", "naf"] = "emulator"
+    naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
+    budget: Budget = Budget()
+    self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
+    emulator: EmulatorReport | None = None  # None: no emulator was trained
+    evaluation: EvaluationReport | None = None  # None: not asked for
+
+    def facts(self) -> dict[str, Any]:
+        """The card as it was written, ready for TOML."""
+        return self.model_dump(exclude_unset=True)
+
+
+def card_of(path: Path) -> Card:
+    """The card of the checkpoint in the folder `path`. Raises FileNotFoundError, CheckpointError."""
+    try:
+        raw = read_toml(path / CARD)
+        if (found := raw.get("format", FORMAT)) != FORMAT:
+            raise CheckpointError(f"{path} has checkpoint format {found}, this version reads {FORMAT}: pretrain again")
+        return Card.model_validate(raw)
+    except Unreadable as error:
+        raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
+    except ValidationError as error:
+        raise _wrong(path / CARD, error) from error
+
+
+def _wrong(file: Path, error: ValidationError) -> CheckpointError:
+    found = {".".join(map(str, one["loc"])): one for one in error.errors()}
+    missing = ", ".join(sorted(name for name, one in found.items() if one["type"] == "missing"))
+    if missing:
+        return CheckpointError(f"{file} has no {missing}: install or make the checkpoint again")
+    name, first = next(iter(found.items()))
+    return CheckpointError(f"{file} has a wrong {name} ({first['msg']}): install or make the checkpoint again")
+
 
 __all__ = [
     "MODEL",
@@ -93,7 +205,7 @@ def save_checkpoint(
         "task": task.name,
         "object": task.object_name,
         "fingerprint": fingerprint(task),
-        "created": datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        "created": datetime.now(UTC).replace(microsecond=0),
         "sha256": sha256(folder / MODEL),
         "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
         **facts,

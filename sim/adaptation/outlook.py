@@ -22,6 +22,11 @@ CONTEXTS = 16
 CAUTION = 0.5
 """Caution of the first particle and of the final policy, in standard deviations."""
 
+WIDER = 2.0
+"""The interval of the expected reward is so much wider than that of the draws, which held too few rewards of developed
+worlds (docs/decisions/0011).
+"""
+
 _EFFECTIVE = 12.0
 """Least effective number of draws behind a choice: fewer would choose by their own errors."""
 _EASED = 0.8 ** np.arange(40)
@@ -44,11 +49,12 @@ def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> Outlook:
     earned = np.stack([answers.rewards(context) for context in contexts])  # (n, A, KEPT)
     chosen = _chosen(earned, np.full((KEPT, KEPT), 1.0 / KEPT))[:, 0]
     now = earned[np.arange(n), chosen].mean(axis=0)
-    low, high = np.quantile(now, [0.025, 0.975])
+    mean = float(now.mean())
+    low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
     gains = _gains(reality, earned, _next_trials(earned, optimism, task.adaptation.trials_per_iteration))
     off = answers.actions[chosen] - for_e.actions(contexts)
     return Outlook(
-        reward=float(now.mean()),
+        reward=mean,
         ci95=(float(low), float(high)),
         gain=max(0.0, float(gains.mean())),
         likely=float((gains > WORTHWHILE).mean()),

@@ -16,7 +16,7 @@ from hw.types import Array
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver
-from sim.storage.tensors import Tensors
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 UNSURE = 0.1

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hw.braking import brake
-from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
+from hw.errors import ArmFault, DeviceUnavailable, HandError, StoppedByPedal
+from hw.grasping import fits
+from hw.joint_limits import LIMITS
 from hw.refusal import refuse_unless_safe
-from hw.types import ArmState, Array, Execution, JointPath
+from hw.types import ArmState, Array, Execution, HandState, JointPath
 from hw.workcell import Workcell
+from sim.errors import SimError
+from sim.lab.board import THICKNESS_M, HeldBoard
 from sim.lab.motion import DivergedError
 from sim.lab.room import Room
+from sim.panda.model import postures
 
 
 class LabArm:
@@ -82,3 +89,133 @@ class LabArm:
     def _need_connection(self) -> None:
         if not self._connected:
             raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")
+
+
+PLACE_M = (0.62, 0.0)
+"""Approximate place of the board's centre, in the base."""
+PLACE_STD_M, TURN_STD_RAD = 0.01, 0.05
+AIM_STD_M = 3e-4
+"""Accuracy of a guided tip at a corner, per axis, m."""
+TIP_M = (0.002, -0.001, 0.165)
+"""The tip in the flange: a slightly tilted pin in the closed fingers."""
+LEAN_RAD = 0.5
+NEAR_RAD = (0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785)
+_LEAN_STD_RAD = 0.05
+_LEAN_SHARES = (1.0, 0.7, 0.4, 0.0)
+_AZIMUTHS_RAD = (0.0, np.pi, np.pi / 2, -np.pi / 2)  # towards the camera, away from it, left, right
+
+
+def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
+    """(4, 4) X_BM of the board flat on the table, face up, upright in the view of the camera opposite the arm."""
+    width, height = board.size_m
+    upright = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # print's right: +Y, down: +X, into: -Z
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, TURN_STD_RAD * rng.standard_normal()]).as_matrix() @ upright
+    middle = np.array([*(PLACE_M + PLACE_STD_M * rng.standard_normal(2)), THICKNESS_M])
+    X[:3, 3] = middle - X[:3, :3] @ np.array([width / 2, height / 2, 0.0])
+    return X
+
+
+def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array:
+    """(7,) true joints with the tip at `p_B_m` (3,), with the accuracy of a hand, tilted to the side of `number`.
+
+    The tilt is smaller if the arm cannot reach, as a person would do it. Raises SimError if it cannot reach even
+    upright.
+    """
+    lean = LEAN_RAD + _LEAN_STD_RAD * rng.standard_normal()
+    azimuth = _AZIMUTHS_RAD[number % len(_AZIMUTHS_RAD)] + _LEAN_STD_RAD * rng.standard_normal()
+    aimed_m = p_B_m + AIM_STD_M * rng.standard_normal(3)
+    for share in _LEAN_SHARES:
+        q = _within_limits(aimed_m, share * lean, azimuth)
+        if len(q):
+            return np.asarray(q[np.linalg.norm(q - NEAR_RAD, axis=1).argmin()])
+    raise SimError(f"the tip cannot be guided to {np.round(p_B_m, 3)} m: the board lies outside the arm's reach")
+
+
+def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:
+    """(N, 7) joints, away from their limits, with the tip at that place and the hand at that tilt."""
+    axis = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
+    X_BF = np.eye(4)
+    X_BF[:3, :3] = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])
+    X_BF[:3, 3] = p_B_m - X_BF[:3, :3] @ np.array(TIP_M)
+    limits = LIMITS["panda"]
+    q = postures(X_BF, limits, 61)
+    return np.asarray(q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)])
+
+
+WIDEST_M = 0.08
+STRONGEST_N = 70.0
+"""Continuous force of the Franka Hand (the maker's data sheet)."""
+
+
+@dataclass(eq=False)
+class Grip:
+    """The object between the fingers, and the grasping force; shared with the arm that carries it."""
+
+    handle_m: float  # thickness of the tool's handle
+    offered: bool = False  # somebody holds the tool between the fingers
+    holds: bool = False
+    force_N: float = 0.0
+
+
+class LabHand:
+    """Opens, closes, and holds the object between its fingers."""
+
+    def __init__(self, grip: Grip) -> None:
+        self._grip = grip
+        self._width_m, self._homed, self._connected = WIDEST_M, False, False
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> HandState:
+        """See `hw.ports.Hand`."""
+        self._need_connection()
+        return HandState(self._width_m, self._grip.holds, self._homed)
+
+    def home(self) -> None:
+        """See `hw.ports.Hand`."""
+        self._need_connection()
+        if self._grip.offered or self._grip.holds:
+            raise HandError(
+                "the hand could not be homed: something is between its fingers; take it out and home it again"
+            )
+        self._homed, self._width_m = True, WIDEST_M
+
+    def move(self, width_m: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._need_homing()
+        if not 0.0 <= width_m <= WIDEST_M:
+            raise HandError(
+                f"the fingers cannot open to {1e3 * width_m:.1f} mm: the range is 0 to {1e3 * WIDEST_M:.0f} mm"
+            )
+        if self._grip.offered and width_m < self._grip.handle_m:
+            raise HandError(f"the fingers met something {1e3 * self._grip.handle_m:.1f} mm wide; grasp it instead")
+        self._width_m, self._grip.holds, self._grip.force_N = width_m, False, 0.0
+
+    def grasp(self, width_m: float, force_N: float) -> None:
+        """See `hw.ports.Hand`."""
+        self._need_homing()
+        if not 0.0 < force_N <= STRONGEST_N:
+            raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
+        found_m = self._grip.handle_m if self._grip.offered else 0.0
+        if not fits(found_m, width_m):
+            self._width_m = found_m
+            raise HandError(
+                f"the fingers closed to {1e3 * found_m:.1f} mm, {1e3 * width_m:.1f} mm were expected: hold the tool's "
+                "handle between them, or correct the width"
+            )
+        self._width_m, self._grip.holds, self._grip.force_N = found_m, True, force_N
+
+    def _need_homing(self) -> None:
+        self._need_connection()
+        if not self._homed:
+            raise HandError("the hand has not been homed since it was switched on; empty it and home it first")
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the lab's hand is not connected: use it inside a `with` block")

@@ -7,11 +7,12 @@ is needed: the arm is where its joints are, plus the errors of its joints.
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hw.errors import ArmFault, CameraError, DeviceUnavailable
 from hw.kinematics import link_poses
@@ -20,17 +21,52 @@ from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import SimError
+from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.cell import Cell
-from sim.lab.chance import camera_stream, joint_zeros, view_stream
+from sim.lab.chance import calibration_stream, camera_stream, joint_zeros, view_stream
 from sim.lab.film import SLICES
-from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
-from sim.lab.world import World
+from sim.lab.world import Sensing, World
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD
 from sim.tasks.task import Task
 from sim.types import Visual
+
+
+@dataclass(frozen=True, eq=False)
+class NominalCalibration:
+    """The fields of a `calib.types.HandEye`, because `sim` may not import `calib`."""
+
+    X_BC: Array  # (4, 4)
+    sigma_mm: float
+    sigma_deg: float
+    source: str
+    created: str
+
+
+def nominal_of(world: World, seed: int) -> NominalCalibration:
+    """The nominal calibration of the lab of `world` and `seed`: with the world's error, and a true sigma."""
+    return nominal_calibration(default_X_BC(), world.sensing, calibration_stream(seed))
+
+
+def nominal_calibration(X_BC: Array, sensing: Sensing, rng: np.random.Generator) -> NominalCalibration:
+    """`X_BC` (4, 4) shifted by `extrinsic_error_mm` and rotated about the camera's centre by `extrinsic_error_deg`.
+
+    Both errors are normal in three directions, with these root mean squares, which are also the stated sigmas.
+    """
+    shift, turn = rng.standard_normal((2, 3)) / np.sqrt(3.0)
+    error = np.eye(4)
+    error[:3, :3] = Rotation.from_rotvec(np.deg2rad(sensing.extrinsic_error_deg) * turn).as_matrix()
+    error[:3, 3] = 1e-3 * sensing.extrinsic_error_mm * shift
+    return NominalCalibration(
+        X_BC=X_BC @ error,
+        sigma_mm=sensing.extrinsic_error_mm,
+        sigma_deg=sensing.extrinsic_error_deg,
+        source="nominal calibration of the simulated lab, with the world's extrinsic error",
+        created="",
+    )
+
 
 FRAME_RATE_HZ = 15.0
 """The camera's slower mode: enough for one swing of the board, with half the pictures."""

@@ -12,8 +12,7 @@ from sim.lab.chance import camera_stream
 from sim.lab.film import Filming
 from sim.lab.kinect import SensorNoise, kinect_model
 from sim.lab.room import Room
-from sim.render.served import Moment, Scene
-from sim.render.studio import ProcessStudio, Studio, ThreadStudio
+from sim.render.studio import Moment, ProcessStudio, Scene, Studio, ThreadStudio
 
 STILL_S = 0.3  # duration of a recording without any motion
 MOST_PROCESSES = 4  # that render; each takes 0.6 GB

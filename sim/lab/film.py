@@ -15,9 +15,8 @@ from sim.lab.chance import Chance
 from sim.lab.kinect import EXPOSURE_S
 from sim.lab.motion import Motion
 from sim.lab.world import Sensing
-from sim.render.poses import held_still
-from sim.render.served import Moment, Picture
-from sim.render.studio import Studio
+from sim.render.rays import held_still
+from sim.render.studio import Moment, Picture, Studio
 
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure

@@ -15,8 +15,8 @@ from pydrake.systems.framework import DiagramBuilder
 from hw.types import Array, JointPath
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
-from sim.tasks.shared import drake_log
-from sim.tasks.shared.drake_types import vector
+from sim.tasks.shared import drake
+from sim.tasks.shared.drake import vector
 from sim.tasks.task import Task
 from sim.types import Visual
 
@@ -36,7 +36,7 @@ class Preview:
             plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None
         )
         plant.Finalize()
-        drake_log.silence()  # it would announce its own address
+        drake.silence()  # it would announce its own address
         self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
         shown = (*visuals(), *bodies.visuals)
         for i, visual in enumerate(shown):

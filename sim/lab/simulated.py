@@ -11,17 +11,30 @@ from typing import Any, Self
 
 import numpy as np
 
+from hw.placing import Placing
 from hw.ports import Arm, Bench, Camera
 from hw.types import Array, Frame, frozen_array
 from hw.workcell import Workcell
 from sim.lab.arm import LabArm
-from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import default_X_BC
 from sim.lab.physics import effects_in
 from sim.lab.room import Room
 from sim.lab.world import World
 from sim.tasks.task import Task
+
+
+class LabBench:
+    """Moves the arm home, then places the object near the wanted place."""
+
+    def __init__(self, room: Room) -> None:
+        self._room = room
+
+    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
+        """See `hw.ports.Bench`."""
+        asked = Placing(xy_m, trial, attempt)
+        self._room.place(asked.xy_m, asked.trial, asked.attempt)
+
 
 READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 """The maker's ready pose."""

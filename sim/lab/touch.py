@@ -19,8 +19,8 @@ from hw.refusal import refuse_unless_safe, refuse_while_stopped
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.lab import mounting
+from sim.lab.arm import Grip, LabHand
 from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, touch_stream
-from sim.lab.hand import Grip, LabHand
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
 from sim.panda.feelers import FINGERTIPS, empty_hand, feeling, touchable

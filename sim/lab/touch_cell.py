@@ -34,7 +34,7 @@ from sim.lab.world import World
 from sim.panda.feelers import FINGERTIPS, Feeler
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.tasks.shared.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
-from sim.tasks.shared.drake_types import vector
+from sim.tasks.shared.drake import vector
 from sim.tasks.task import Task
 
 STEP_S = 0.0025

@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
@@ -18,10 +19,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from hw.bounded import Unreadable, parse_table, read_table
 from hw.types import Array
+from perception.types import ObjectTrack
 from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError, did_you_mean
-from sim.lab.physics import Physics, require_possible
+from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.tasks import files_of, task_names
-from sim.tasks.task import Task
+from sim.tasks.task import Simulate, Task
 from sim.types import Dimension, Space
 
 _Tilt = Annotated[float, Field(ge=-50, le=50)]
@@ -310,3 +312,18 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
         if early:
             raise WorldError(f"{source}: {field.name!r} in [faults] names trial {early[0]}; trials are numbered from 1")
     return faults
+
+
+def rollouts_in(world: World) -> Simulate:
+    """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
+
+    It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
+    """
+    return partial(_simulate, world)
+
+
+def _simulate(
+    world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+) -> ObjectTrack:
+    there = simulate_of(world.task, world.physics)
+    return there(world.parameters, context, action, world.nuisance, world.unmodelled)

@@ -27,9 +27,8 @@ from hw.types import Array, JointPath, frozen_array
 from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
 from sim.panda.carrying import carry_path
-from sim.panda.detours import free_path
-from sim.panda.inverse import inverse, postures
-from sim.panda.moves import join_paths, move_path, time_curve
+from sim.panda.model import inverse, postures
+from sim.panda.moves import free_path, join_paths, move_path, time_curve
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles
 from sim.types import ToolMotion
 

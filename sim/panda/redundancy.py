@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 
 from hw.joint_limits import JointLimits
 from hw.types import Array
-from sim.panda.inverse import BRANCHES, inverse
+from sim.panda.model import BRANCHES, inverse
 
 STEP_S = 0.01
 GOOD_ENOUGH = 0.9

@@ -13,7 +13,7 @@ from hw.kinematics import link_poses
 from hw.types import Array, JointPath, frozen_array
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda import inverse
+from sim.panda import model
 from sim.panda.moves import join_paths, move_path
 
 ROOM_M = 0.03
@@ -30,7 +30,7 @@ def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array |
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
     found: list[Array | None] = []
     for X in X_BF:
-        q = inverse.postures(X, limits, _Q7, _USE)
+        q = model.postures(X, limits, _Q7, _USE)
         q = q[_room(q, true)] if len(q) else q
         found.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
     return found

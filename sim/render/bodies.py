@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import open3d as o3d
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.render.rays import Array32
-from sim.render.textures import paint
+from sim.render.shading import paint
 from sim.types import Visual
 
 
@@ -108,3 +109,47 @@ def _connected(count: int, triangles: NDArray[np.int32]) -> list[NDArray[np.intp
             np.minimum.at(label, triangles[:, corner], label[triangles].min(axis=1))
         if np.array_equal(label, before):
             return [np.flatnonzero(label == one) for one in np.unique(label)]
+
+
+Known = TypeVar("Known")
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """The pixels that show a body, with their values."""
+
+    rows: NDArray[np.intp]  # (m,) in the whole image
+    columns: NDArray[np.intp]  # (m,)
+    t: Array32  # (m,) depth
+    values: tuple[NDArray[Any], ...]  # (m, ...) each, one per picture
+
+    def paint(self, t: Array32, pictures: Sequence[NDArray[Any]], corner: tuple[int, int] = (0, 0)) -> None:
+        """Where the layer is nearer than `t` (h, w), replace `t` and the values of `pictures` (h, w, ...).
+
+        Each picture is contiguous in memory; `corner` is the row and column of the image at which it begins.
+        """
+        flat = t.reshape(-1)
+        at = (self.rows - corner[0]) * t.shape[1] + self.columns - corner[1]
+        nearer = np.flatnonzero(self.t < flat[at])
+        at = at[nearer]
+        flat[at] = self.t[nearer]
+        for picture, value in zip(pictures, self.values, strict=True):
+            picture.reshape(-1, *picture.shape[2:])[at] = value[nearer]
+
+
+class Latest(Generic[Known]):
+    """Caches the last result per key, so that bodies at rest are not rendered again."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, tuple[Hashable, Known]] = {}
+
+    def get(self, what: Hashable, key: Hashable, make: Callable[[], Known]) -> Known:
+        """The last result for `what` if it had the same `key`; otherwise the result of `make`, which is kept.
+
+        `key` holds everything that the result depends on.
+        """
+        known = self._known.get(what)
+        if known is None or known[0] != key:
+            known = key, make()
+            self._known[what] = known
+        return known[1]

@@ -16,12 +16,20 @@ from numpy.typing import NDArray
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render import shading
-from sim.render.bodies import Body
-from sim.render.layers import Latest, Layer
+from sim.render.bodies import Body, Latest, Layer
 from sim.render.outlines import Outline, outline
-from sim.render.poses import holds_still
-from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
-from sim.render.rectangles import Rectangle, coarser, union, within
+from sim.render.rays import (
+    Array32,
+    Rectangle,
+    coarser,
+    field_of_view,
+    holds_still,
+    image_rectangle,
+    pixel_rays,
+    shift_rays,
+    union,
+    within,
+)
 
 JITTER_PX = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 """Offset of each sample within its pixel. The samples differ in time and place, for smooth edges."""

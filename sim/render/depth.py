@@ -9,8 +9,7 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
-from sim.render.bodies import Body, Hits
-from sim.render.layers import Latest, Layer
+from sim.render.bodies import Body, Hits, Latest, Layer
 from sim.render.outlines import Outline, outline
 from sim.render.rays import Array32, field_of_view, pixel_rays
 

@@ -11,8 +11,7 @@ from hw.types import Array, Intrinsics
 from sim.render.bodies import Body
 from sim.render.colour import JITTER_PX
 from sim.render.depth import cosines
-from sim.render.rays import Array32, field_of_view, image_rectangle, pixel_rays, shift_rays
-from sim.render.rectangles import is_empty
+from sim.render.rays import Array32, field_of_view, image_rectangle, is_empty, pixel_rays, shift_rays
 
 
 class InfraredView:

@@ -1,12 +1,90 @@
-"""The rays of a camera with lens distortion, and the projection of points into its image."""
+"""Poses, rays and image rectangles."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
+
+STILL = 5e-6
+"""Tolerance in m, and in rad over 0.2 m: 1/300 of a pixel of the lab's camera."""
+
+
+def held_still(X: Array) -> Array:
+    """Poses (S, 4, 4) over time -> the same, but a pose within `STILL` of an earlier one becomes that one.
+
+    A body at rest moves by nanometres; a renderer needs only one picture of a body that does not move.
+    """
+    held = X.copy()
+    for i in range(1, len(held)):
+        if np.abs(held[i] - held[i - 1]).max() <= STILL:
+            held[i] = held[i - 1]
+    return held
+
+
+def holds_still(X: Array) -> bool:
+    """Whether poses (S, 4, 4) are all the same."""
+    return not np.ptp(X, axis=0).any()
+
+
+def within_exposure(X: Array, fractions: Array) -> Array:
+    """Poses (S, 4, 4) at the middles of S equal slices of an exposure -> (K, 4, 4) at `fractions` (K,) in [0, 1].
+
+    Linear interpolation (rotations are orthonormalised), held beyond the first and last slice. A body that holds still
+    is not interpolated: its poses stay exactly equal.
+    """
+    if holds_still(X):
+        X = X[:1]
+    count = len(X)
+    place = np.clip(fractions * count - 0.5, 0, count - 1)
+    lower = np.minimum(place.astype(int), max(count - 2, 0))
+    upper = np.minimum(lower + 1, count - 1)
+    weight = (place - lower)[:, None, None]
+    mixed: Array = (1 - weight) * X[lower] + weight * X[upper]
+    u, _, vt = np.linalg.svd(mixed[:, :3, :3])
+    mixed[:, :3, :3] = u @ vt
+    return mixed
+
+
+Rectangle = tuple[slice, slice]
+
+
+def is_empty(box: Rectangle) -> bool:
+    """Whether the rectangle has no pixel."""
+    rows, columns = box
+    return bool(rows.stop <= rows.start or columns.stop <= columns.start)
+
+
+def union(boxes: Sequence[Rectangle]) -> Rectangle | None:
+    """The smallest rectangle around all non-empty ones; None if all are empty."""
+    full = [box for box in boxes if not is_empty(box)]
+    if not full:
+        return None
+    rows, columns = zip(*full, strict=True)
+    return (
+        slice(min(s.start for s in rows), max(s.stop for s in rows)),
+        slice(min(s.start for s in columns), max(s.stop for s in columns)),
+    )
+
+
+def within(box: Rectangle, region: Rectangle) -> Rectangle:
+    """The part of `box` inside `region`, in pixels from the first corner of `region`."""
+    rows, columns = (
+        slice(max(side.start - whole.start, 0), max(min(side.stop, whole.stop) - whole.start, 0))
+        for side, whole in zip(box, region, strict=True)
+    )
+    return rows, columns
+
+
+def coarser(box: Rectangle, step: int) -> Rectangle:
+    """`box` in an image reduced to every `step`-th row and column."""
+    rows, columns = box
+    return slice(rows.start // step, -(-rows.stop // step)), slice(columns.start // step, -(-columns.stop // step))
+
 
 Array32 = NDArray[np.float32]
 

@@ -13,7 +13,7 @@ from sim.render.bodies import Body
 from sim.render.colour import SAMPLES, ColourView
 from sim.render.depth import DepthView
 from sim.render.infrared import InfraredView
-from sim.render.poses import within_exposure
+from sim.render.rays import within_exposure
 from sim.render.sensor import SensorNoise, sense_colour, sense_depth, sense_infrared
 from sim.types import Visual
 

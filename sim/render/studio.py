@@ -5,17 +5,65 @@ Threads of one process take turns, because most of the work is Python's: two are
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
+from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hw.child import Child, ChildGone
 from hw.errors import CameraError
+from hw.types import Array, CameraModel
 from sim.render.renderer import Renderer
-from sim.render.served import Moment, Picture, Scene
+from sim.render.sensor import SensorNoise
+from sim.types import Visual
+
+Picture = tuple[NDArray[np.uint8], NDArray[np.uint16]]
+"""Colour and depth, as `Renderer.render` returns them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that the pictures of a camera depend on, except the moment."""
+
+    model: CameraModel
+    X_BC: Array  # (4, 4)
+    visuals: Sequence[Visual]
+    noise: SensorNoise | None
+
+    def renderer(self) -> Renderer:
+        """Its renderer, which takes a second to build."""
+        return Renderer(self.model, self.X_BC, self.visuals)
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One exposure."""
+
+    poses: Mapping[str, Array]  # (S, 4, 4) of every moving body, as `Renderer.render` takes them
+    rng: np.random.Generator  # of its noise
+
+
+def serve(program: Connection) -> None:
+    """Receive a scene, then answer each moment with its picture, until the program hangs up."""
+    with suppress(EOFError, OSError):
+        scene: Scene = program.recv()
+        renderer = scene.renderer()
+        while True:
+            moment: Moment = program.recv()
+            program.send(renderer.render(moment.poses, scene.noise, moment.rng))
+
+
+if __name__ == "__main__":
+    with Connection(int(sys.argv[1])) as connection:
+        serve(connection)
 
 
 class Studio(Protocol):
@@ -79,7 +127,7 @@ class ProcessStudio:
             child.close()
 
     def _started(self) -> Child:
-        child = Child("sim.render.served")
+        child = Child("sim.render.studio")
         self._children.add(child)
         return child
 

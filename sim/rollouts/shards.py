@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import zipfile
 from collections.abc import Collection
-from dataclasses import fields
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,10 @@ import numpy as np
 
 from hw.bounded import Unreadable
 from sim.errors import DatasetError
-from sim.rollouts.run import Requests, Rollouts
+from sim.rollouts.run import Requests, Rollouts, run_many
 from sim.storage.files import read_toml, whole_file
+from sim.tasks.fingerprint import scene_key
+from sim.tasks.task import Task
 
 _REQUEST_FIELDS = tuple(f.name for f in fields(Requests))
 _RESULT_FIELDS = tuple(f.name for f in fields(Rollouts))
@@ -86,3 +90,37 @@ def stored_count(path: Path) -> int:
             return len(file["succeeded"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise DatasetError(f"{path} is damaged ({error}): remove it; its rollouts are then simulated again") from error
+
+
+@dataclass(frozen=True, eq=False)
+class CachedRollouts:
+    """A function requests -> rollouts, which reads from `folder` those simulated earlier in the same scene."""
+
+    task: Task
+    folder: Path
+    executor: Executor
+
+    def __call__(self, requests: Requests) -> Rollouts:
+        """The rollouts of the requests, simulated or read. Raises RolloutError."""
+        path = self.folder / f"{self._scene}-{_key(requests)}.npz"
+        stored = read_rollouts(path, requests)
+        if stored is not None:
+            return stored
+        results = run_many(self.task, requests, self.executor)
+        write_rollouts(path, requests, results)
+        return results
+
+    def count(self) -> int:
+        """Number of rollouts of this scene in the folder. Raises DatasetError on a damaged file."""
+        return sum(stored_count(path) for path in sorted(self.folder.glob(f"{self._scene}-*.npz")))
+
+    @cached_property
+    def _scene(self) -> str:
+        return scene_key(self.task)
+
+
+def _key(requests: Requests) -> str:
+    total = hashlib.sha256()
+    for field in fields(requests):
+        total.update(np.ascontiguousarray(getattr(requests, field.name)).tobytes())
+    return total.hexdigest()[:24]

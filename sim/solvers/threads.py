@@ -1,11 +1,14 @@
-"""The number of threads of torch."""
+"""The number of threads with which numpy and torch compute."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 
 import torch
+from threadpoolctl import ThreadpoolController
 
 
 @contextlib.contextmanager
@@ -17,3 +20,18 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Multiply on one thread inside the `with` block: for small matrices, where waiting threads cost more than they
+    save.
+    """
+    with _libraries().limit(limits=1, user_api="blas"):
+        yield
+
+
+@lru_cache
+def _libraries() -> ThreadpoolController:
+    """Controls of the BLAS libraries that are loaded by now, numpy's among them."""
+    return ThreadpoolController()

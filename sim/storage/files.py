@@ -11,9 +11,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
 
-from hw.bounded import read_table
+from hw.bounded import Unreadable, read_table, require_tensors
+from sim.errors import CheckpointError
 
 TEMPORARY = ".*.writing*"
 """The pattern of temporary names of files and folders."""
@@ -101,3 +106,23 @@ def flush_folder(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+Tensors = Mapping[str, NDArray[Any]]
+
+
+def save_tensors(path: Path, tensors: Tensors) -> None:
+    """Write a safetensors file, whole or not at all. Raises OSError."""
+    with whole_file(path) as temporary:
+        save_file({name: np.asarray(t, order="C") for name, t in tensors.items()}, temporary)
+
+
+def load_tensors(path: Path) -> dict[str, NDArray[Any]]:
+    """The tensors of a file from any source. Raises CheckpointError."""
+    try:
+        require_tensors(path)
+        return dict(load_file(path))
+    except Unreadable as error:
+        raise CheckpointError(f"{path} {error}: make it again") from error
+    except (OSError, SafetensorError) as error:
+        raise CheckpointError(f"{path} cannot be read as safetensors ({error}): make it again") from error

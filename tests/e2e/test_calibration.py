@@ -12,7 +12,7 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.devices.trackers import tracker_of
 from hw.types import Array
-from sim.lab.calibration import nominal_of
+from sim.lab.calibrating import nominal_of
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import load_world

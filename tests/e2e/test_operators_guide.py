@@ -135,7 +135,7 @@ def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code
     assert len(found) > 10
     assert {step.code for step in found} == {0, 3}
     assert sum(bool(step.shown) for step in found) > 8
-    assert hidden(files(text)["quick.toml"]) == hidden((WORLDS / "soft-cheese.toml").read_text())
+    assert hidden(files(text)["quick.toml"]) == hidden((WORLDS / "cucumber.toml").read_text())
 
 
 def test_what_a_guide_shows_is_compared_with_what_was_printed() -> None:

@@ -35,6 +35,15 @@ def test_a_device_that_starts_anew_is_learned_anew() -> None:
     assert clock.is_settled
 
 
+@pytest.mark.parametrize("skip_s", [0.05, 0.3, 120.0, 1.7e9, -0.05, -120.0])
+def test_a_device_whose_clock_is_set_while_it_runs_is_noticed(skip_s: float) -> None:
+    clock = DeviceClock(delay_s=0.030)
+    for i in range(60):
+        clock.add(500.0 + i / 30 + skip_s * (i >= 40), 900.03 + i / 30 + 0.01 * (i % 3))
+    assert clock.jumps == 1
+    assert clock.map().host_s(500.0 + skip_s) == pytest.approx(900.0, abs=1e-3)
+
+
 def test_nothing_is_known_before_the_first_image() -> None:
     with pytest.raises(CameraError, match="not known before the first image"):
         DeviceClock().map()

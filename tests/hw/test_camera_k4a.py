@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
+import fake_k4a
 import numpy as np
 import pytest
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanwhile, running
@@ -55,6 +56,23 @@ def test_images_that_arrive_late_do_not_move_the_clock() -> None:
     assert [frame.t_s for frame in found] == pytest.approx(
         [start_s + i * PERIOD_S for i in range(len(found))], abs=2e-6
     )
+
+
+def test_a_recording_during_which_the_cameras_clock_jumps_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its images would come up to the jump too late, or too early, and nothing would show it."""
+    fake = FakeK4a("A1")
+    with running(fake, latency_s=LATENCY_S) as camera:
+        camera.start_recording()
+        start_s = fake.clock.now_s() + 0.01
+        fake.show(*frames(start_s, 8))
+        monkeypatch.setattr(fake_k4a, "BOOT_S", fake_k4a.BOOT_S - 0.05)
+        fake.show(*frames(start_s + 8 * PERIOD_S, 22))
+        with pytest.raises(CameraError, match="clock jumped during the recording"):
+            meanwhile(fake, camera.stop_recording, *frames(start_s + 30 * PERIOD_S, 3))
+        camera.start_recording()
+        again_s = fake.clock.now_s() + 0.01
+        fake.show(*frames(again_s, 20))
+        assert meanwhile(fake, camera.stop_recording, *frames(again_s + 20 * PERIOD_S, 3))
 
 
 def test_a_library_that_does_not_stamp_arrivals_is_served_by_the_hosts_clock() -> None:

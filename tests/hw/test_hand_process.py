@@ -197,6 +197,16 @@ def test_a_hand_that_takes_one_connection_is_refused(silent: bool) -> None:
         HandProcess("fr3", server.host).__enter__()
 
 
+@pytest.mark.long
+def test_a_hand_serves_one_program_after_the_other_without_end() -> None:
+    """Each takes two connections; a drill that ran a command again and again ended at the eighth."""
+    with gripper() as server:
+        for _ in range(server.most_clients // 2 + 2):
+            with HandProcess("fr3", server.host, silence_s=PATIENT_S) as hand:
+                assert hand.state().width_m == pytest.approx(server.width_m)
+            until(lambda: not server.connected)
+
+
 def test_a_hand_that_is_not_there_is_said() -> None:
     server = GripperServer()
     server.end()

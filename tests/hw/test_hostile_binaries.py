@@ -14,7 +14,7 @@ from hw.bounded import TENSOR_HEADER_BYTES
 from hw.camera.recording import KinectRecording
 from hw.errors import CameraError
 from sim.errors import CheckpointError
-from sim.storage.tensors import load_tensors, save_tensors
+from sim.storage.files import load_tensors, save_tensors
 
 
 def tensors_of(header: bytes, data: bytes = b"", claimed: int | None = None) -> bytes:

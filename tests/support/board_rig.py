@@ -28,8 +28,8 @@ from hw.kinematics import forward
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, Intrinsics, JointPath
 from perception.board.types import Board
 from sim.errors import NotExecutable
+from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import HeldBoard
-from sim.lab.guided_tip import laid_board, touching_q_rad
 from sim.lab.kinect import default_X_BC
 from sim.panda.tool import cell_as_shipped
 from sim.panda.visits import nearest_first, postures

@@ -31,8 +31,8 @@ from sim.render.bodies import Body
 from sim.render.depth import DepthView
 from sim.render.sensor import sense_depth
 from sim.tasks.pushing import HARDWARE, TASK
-from sim.tasks.pushing.looks import bottle_visual
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
+from sim.tasks.pushing.scene import bottle_visual
 from sim.tasks.shared.shapes import box, table_visual
 from sim.tasks.solver import SolvedPolicy
 from sim.types import ToolMotion, Visual

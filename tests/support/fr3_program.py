@@ -29,10 +29,10 @@ from hw.franka.messages import Timing
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath
 from hw.workcell import Workcell
-from sim.lab.bench import LabBench
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import default_X_BC
 from sim.lab.room import Room
+from sim.lab.simulated import LabBench
 from sim.lab.world import load_world
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped

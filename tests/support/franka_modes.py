@@ -194,7 +194,22 @@ RATED_NM = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 class Monitor:
     """What an arm checks of the joints that it is commanded, cycle by cycle, and how it fills in those that are lost.
 
-    Lost commands are taken to go on with the last acceleration, as the maker says of its arms.
+    Each rule and its source in the maker's FCI documentation ("Robot and interface specifications", "Troubleshooting")
+    or in libfranka 0.9.2:
+
+    * a lost command is replaced by one that keeps the last acceleration; 20 lost in a
+      row are a `communication_constraints_violation`;
+    * the first command is where the arm is held, else `joint_position_motion_generator_start_pose_invalid`; how near is
+      not published, `START_RAD` is ours;
+    * position and velocity within the limits, else `..._position_limits_violation`, `..._velocity_limits_violation`:
+      those of the tables, without the margin for lost packets, which is libfranka's own (rate_limiting.h);
+    * acceleration within its limit, else `joint_motion_generator_velocity_discontinuity`, and jerk, else
+      `..._acceleration_discontinuity`: a discontinuity is what a limit of the next derivative forbids;
+    * the flange's speed (`cartesian_velocity_violation`) and the joints' torques (`tau_j_range_violation`) within the
+      limits of the same tables.
+
+    Which mode takes which command is `ANSWERS`; that the limiter chases a jump is `Limiter`. Not imitated, because no
+    number is published: power, instability, the rate of desired torques, and how near a self-collision may come.
     """
 
     model: str

@@ -53,6 +53,11 @@ class GripperServer:
     def moves(self) -> bool:
         return self._moving.locked()
 
+    @property
+    def connected(self) -> int:
+        """How many programs there are."""
+        return len(self._clients)
+
     def end(self) -> None:
         self._over.set()
         for one in (self._listening, *self._clients):
@@ -76,22 +81,33 @@ class GripperServer:
             threading.Thread(target=self._serve, args=(client, address[0]), daemon=True).start()
 
     def _serve(self, client: socket.socket, address: str) -> None:
-        with suppress(OSError, struct.error):
-            while head := _exactly(client, _HEAD.size):
-                command, number, size = _HEAD.unpack(head)
-                content = _exactly(client, size - _HEAD.size)
-                if command == CONNECT:
-                    _, port = struct.unpack_from("<HH", content)
-                    self._states.append((address, port))
-                    _answer(client, command, number, struct.pack("<HH", SUCCESS, VERSION))
-                elif command == STOP:
-                    self._halt.set()
-                    with self._moving:  # what moved has ended
-                        self.stops_s.append(time.monotonic())
-                        self.is_grasped = False
-                        _answer(client, command, number, struct.pack("<H", SUCCESS))
-                else:
-                    threading.Thread(target=self._do, args=(client, command, number, content), daemon=True).start()
+        states: list[tuple[str, int]] = []
+        try:
+            with suppress(OSError, struct.error):
+                self._obey(client, address, states)
+        finally:  # who has hung up makes room for another
+            self._clients.remove(client)
+            client.close()
+            for one in states:
+                self._states.remove(one)
+
+    def _obey(self, client: socket.socket, address: str, states: list[tuple[str, int]]) -> None:
+        while head := _exactly(client, _HEAD.size):
+            command, number, size = _HEAD.unpack(head)
+            content = _exactly(client, size - _HEAD.size)
+            if command == CONNECT:
+                _, port = struct.unpack_from("<HH", content)
+                states.append((address, port))
+                self._states.append(states[-1])
+                _answer(client, command, number, struct.pack("<HH", SUCCESS, VERSION))
+            elif command == STOP:
+                self._halt.set()
+                with self._moving:  # what moved has ended
+                    self.stops_s.append(time.monotonic())
+                    self.is_grasped = False
+                    _answer(client, command, number, struct.pack("<H", SUCCESS))
+            else:
+                threading.Thread(target=self._do, args=(client, command, number, content), daemon=True).start()
 
     def _do(self, client: socket.socket, command: int, number: int, content: bytes) -> None:
         with self._moving:

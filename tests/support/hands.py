@@ -13,7 +13,7 @@ import pytest
 from hw.fake import FakeHand
 from hw.franka.hand import SDKS, FrankaHand, Sdk
 from hw.ports import Hand
-from sim.lab.hand import Grip, LabHand
+from sim.lab.arm import Grip, LabHand
 
 HANDLE_M = 0.012
 

@@ -11,7 +11,7 @@ from hw.joint_limits import LIMITS
 from hw.types import Array, Execution, Frame, JointPath
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing, World
-from sim.panda.inverse import inverse
+from sim.panda.model import inverse
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import load_world
+from sim.lab.world import load_world, rollouts_in
 from sim.rollouts.draws import cover
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.solver import LqrSolver

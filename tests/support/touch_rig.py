@@ -15,7 +15,7 @@ from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
 from sim.panda.feelers import empty_hand, touchable
 from sim.panda.tool import cell_as_shipped
-from sim.panda.touch_plan import table_probes, tool_probes
+from sim.panda.touching import table_probes, tool_probes
 from sim.tasks import get_task
 
 TASK = get_task("scooping")

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.best import assess, final_policy
+from sim.adaptation.judging import assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
@@ -259,14 +259,14 @@ def main() -> None:
     except ValueError as error:
         parser.error(str(error))
     drawn = np.random.default_rng(ORDER).permutation(len(tosses.numbers))[: asked.limit]
-    tosses = tosses.some(drawn)
+    total, tosses = len(tosses.numbers), tosses.some(drawn)
     (asked.out / "table").mkdir(parents=True, exist_ok=True)
     grid = simulated(tosses, asked.out / "table")
     trials = RecordedTrials(TASK, tuple(map(str, tosses.numbers)), None, tosses.actions, tosses.tracks)
     rows = list(rows_of(grid, trials, methods, asked.seeds, asked.out))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]
-        write(rows, methods, tosses, trials.at(held.actions), len(grid.points), asked.page)
+        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), len(grid.points), asked.page)
     mean = partial(_mean, rows)
     print(json.dumps({**{n: mean(n) for n in ("udr", *methods, "best_recorded", "permuted")}, "seeds": len(rows)}))
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hw.types import Array
 from sim.storage.files import whole_file
 from toss import NEAR_M, TASK
 from toss.data import Tosses
@@ -30,9 +29,18 @@ TEMPLATE = Path(__file__).with_name("page.txt")
 
 
 def write(
-    rows: Sequence[dict[str, Any]], methods: Sequence[str], tosses: Tosses, held: Array, points: int, path: Path
+    rows: Sequence[dict[str, Any]],
+    methods: Sequence[str],
+    tosses: Tosses,
+    total: int,
+    held: Sequence[int],
+    points: int,
+    path: Path,
 ) -> None:
-    """Write the page and `figures/tosses.jpg` beside its folder; `held` are the rows of tosses that seed 0 held out."""
+    """Write the page, and `figures/tosses.jpg` beside its folder.
+
+    `total` is the number of tosses in the file, `held` the rows of those that seed 0 held out.
+    """
     known = {**REFERENCES, **{name: f"`{name}`, 20 tosses" for name in methods}}
     order = ("udr", *methods, "average_particle", "authors", "best_of_grid", "best_recorded")
     table = "\n".join(f"| {known[n]} | {_mean(rows, n)} | {_gain(rows, n) if n != 'udr' else ''} |" for n in order)
@@ -43,6 +51,7 @@ def write(
     text = TEMPLATE.read_text(encoding="utf-8").format(
         near_mm=1e3 * NEAR_M,
         tosses=len(tosses.numbers),
+        total=total,
         points=points,
         seeds=len(rows),
         table=table,
@@ -62,7 +71,7 @@ def write(
     figure.parent.mkdir(parents=True, exist_ok=True)
     middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
     first = TASK.parameters.denormalise(np.array(rows[0]["posterior"]))
-    draw(tosses, [int(i) for i in held[:SHOWN]], (("prior", middle), ("posterior", first)), figure)
+    draw(tosses, held[:SHOWN], (("prior", middle), ("posterior", first)), figure)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import World
+from sim.lab.world import World, rollouts_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials

@@ -9,8 +9,8 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field, replace
 
-from sim.adaptation.best import final_policy
 from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.judging import final_policy
 from sim.adaptation.methods import make_method
 from sim.research.benchmark.jobs import BEST_ACTION, UDR, Row, simulations
 from sim.research.benchmark.places import Recorded

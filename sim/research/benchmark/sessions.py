@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.best import final_policy
+from sim.adaptation.judging import final_policy
 from sim.adaptation.method import Iteration, Method, ParticleTrials, Trial, policy_of
 from sim.adaptation.methods import udr
 from sim.errors import OutOfRange

@@ -22,8 +22,7 @@ import numpy as np
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import World
+from sim.lab.world import World, rollouts_in
 from sim.rollouts.draws import cover, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_parts
 from sim.rollouts.shards import read_manifest, read_rollouts, read_shard, write_rollouts

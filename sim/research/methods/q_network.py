@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import CheckpointError
-from sim.solvers.blas import one_blas_thread
-from sim.storage.tensors import Tensors
+from sim.solvers.threads import one_blas_thread
+from sim.storage.files import Tensors
 
 MOVES = 3
 """Choices per parameter: down, stay, up."""

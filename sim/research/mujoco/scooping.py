@@ -15,8 +15,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from hw.types import Array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from perception.types import ObjectTrack
-from sim.research.mujoco.bed import POINT_M, Bed, bed_of
-from sim.research.mujoco.contact import add_pair, set_softness
+from sim.research.mujoco.contact import POINT_M, Bed, add_pair, bed_of, set_softness
 from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, quaternion, run, set_inertia
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import (
@@ -35,7 +34,7 @@ from sim.tasks.scooping.rollout import course_of, rest_pose, track_of
 from sim.tasks.scooping.scene import BLADE_MASS_KG, FLEX_TIME_S, piece_of
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.contact import RELAXATION_TIME_S
-from sim.tasks.shared.drake_types import vector
+from sim.tasks.shared.drake import vector
 from sim.tasks.shared.readings import Readings
 from sim.types import ToolMotion
 

@@ -23,7 +23,7 @@ from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
-from sim.storage.tensors import Tensors
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 CANDIDATES = 256

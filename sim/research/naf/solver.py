@@ -19,13 +19,12 @@ import numpy as np
 
 from hw.types import Array
 from sim.errors import UnknownName
-from sim.research.naf.memory import NafMemory, policy_key
+from sim.research.naf.memory import NafMemory, TrainingPlan, features, plan_training, policy_key
 from sim.research.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
-from sim.research.naf.reuse import TrainingPlan, features, plan_training
-from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.draws import Disturbances, at_reference, trial_requests
 from sim.rollouts.executors import process_pool, serial_executor
 from sim.rollouts.run import Requests, Roll, run_many
+from sim.rollouts.shards import CachedRollouts
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import ReuseRules, Task

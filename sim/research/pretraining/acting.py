@@ -15,7 +15,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hw.types import Array
+from perception.types import Outcome
 from sim.rollouts.draws import cover
+from sim.rollouts.run import OUTCOMES, Requests, Rollouts
+from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Solver, SolverSettings
 from sim.tasks.task import Task
 
@@ -83,3 +86,24 @@ def fill_library(
         if progress is not None:
             progress(min(start + at_once, size), size)
     return Library(solver.task, means, np.concatenate(contexts), np.concatenate(actions))
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatedRolls:
+    """A `Roll`: one member of the ensemble answers each request, with its known residual error."""
+
+    emulator: Emulator
+    rng: np.random.Generator
+
+    def __call__(self, requests: Requests) -> Rollouts:
+        """One possible outcome of each request, without the camera's noise."""
+        task = self.emulator.task
+        drawn = self.emulator.draw(requests.parameters, requests.action, requests.nuisance, self.rng)
+        at_context = task.relocate(drawn.observation, requests.context)
+        succeeded = drawn.success > 0.5
+        return Rollouts(
+            observation=at_context,
+            end_state=np.where(succeeded[:, None], drawn.end_state, np.nan),
+            succeeded=succeeded,
+            outcome=np.full(len(requests), OUTCOMES.index(Outcome.SETTLED), dtype=np.int8),  # not used
+        )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.method import Trial
-from sim.research.methods.memory import MemoryName, Seen, encode, look_back
+from sim.research.methods.q_policy import MemoryName, Seen, encode, look_back
 from sim.research.pretraining.acting import Acting
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Roll

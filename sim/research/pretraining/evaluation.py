@@ -9,8 +9,8 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.best import choose_best
-from sim.adaptation.card import EvaluationReport, MethodScore, Targets
+from sim.adaptation.checkpoint import EvaluationReport, MethodScore, Targets
+from sim.adaptation.judging import choose_best
 from sim.adaptation.method import Iteration, Method, ParticleTrials
 from sim.adaptation.methods.udr import udr_policies
 from sim.research.pretraining.episodes import simulated_trials

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.card import Targets
-from sim.research.methods.memory import MemoryName
+from sim.adaptation.checkpoint import Targets
 from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.episodes import Running, Simulator, visit
 from sim.research.pretraining.meta_training import sample_targets
 from sim.tasks.task import Task

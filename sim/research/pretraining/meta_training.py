@@ -1,7 +1,7 @@
 """Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets.
 
 As in the paper, K counts episodes: its 10,000 are ten times as many steps. Their observations would be 200,000 true
-rollouts. So they come from the emulator's ensemble (`sim.research.pretraining.emulated`), and task policies are reused
+rollouts. So they come from the emulator's ensemble (`sim.research.pretraining.acting`), and task policies are reused
 (`sim.research.pretraining.acting`); a task with an exact solver needs neither.
 """
 
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.card import Targets
-from sim.research.methods.memory import MemoryName, new_policy
+from sim.adaptation.checkpoint import Targets
 from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import MemoryName, new_policy
 from sim.research.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse
 from sim.research.pretraining.logs import Log, silent
 from sim.research.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions

@@ -22,36 +22,31 @@ from typing import Any, get_args
 import numpy as np
 
 from hw.bounded import Unreadable
-from sim.adaptation.card import CARD, Targets
-from sim.adaptation.checkpoint import save_checkpoint
+from sim.adaptation.checkpoint import CARD, Targets, save_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
 from sim.errors import DatasetError
-from sim.research.methods.memory import MemoryName, restore_policy, tensors_of
 from sim.research.methods.q_network import QNetwork
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
 from sim.research.methods.random_search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.acting import Acting, Solved, fill_library
-from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.pretraining.acting import Acting, EmulatedRolls, Solved, fill_library
 from sim.research.pretraining.episodes import Episodes, Simulator
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
 from sim.research.pretraining.gate import Gate, gate_visits, learning_gate
-from sim.research.pretraining.logs import Log, tensorboard
+from sim.research.pretraining.logs import Log, Stopwatch, tensorboard
 from sim.research.pretraining.meta_training import MetaCurve, MetaSettings, train_adaptation
-from sim.research.pretraining.timing import Stopwatch
-from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import Roll, run_many
+from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
 from sim.solvers.solver import Solver
-from sim.storage.files import read_toml, write_toml
-from sim.storage.tensors import load_tensors, save_tensors
+from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 

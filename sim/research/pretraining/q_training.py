@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.research.methods.q_network import QNetwork, Weights, new_network
-from sim.solvers.blas import one_blas_thread
+from sim.solvers.threads import one_blas_thread
 
 FIRST_MOMENT, SECOND_MOMENT, TINY = 0.9, 0.999, 1e-8
 """Adam's usual rates (Kingma & Ba 2015)."""

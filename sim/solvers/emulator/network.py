@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.solvers.blas import one_blas_thread
-from sim.storage.tensors import Tensors
+from sim.solvers.threads import one_blas_thread
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 from sim.types import Space
 

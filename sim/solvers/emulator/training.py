@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,13 +20,38 @@ from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
-from sim.solvers.emulator.mirror import with_mirror_images
 from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, encode
 from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
 from sim.tasks.task import Task
+
+
+def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:
+    """The dataset, and after it all its rollouts mirrored, in the same order; the dataset itself if `Task.mirror` is
+    None.
+
+    Only for learning: row i + N mirrors row i, so denser rollouts do not come last any more.
+    """
+    mirror = task.mirror
+    if mirror is None:
+        return dataset
+    observed = task.observation.denormalise(dataset.observation) * mirror.observed
+    mirrored: dict[str, Any] = {
+        "parameters": dataset.parameters * mirror.parameters,
+        "action": dataset.action * mirror.action,
+        "nuisance": dataset.nuisance * mirror.nuisance,
+        "observation": task.observation.normalise(observed),
+        "end_state": dataset.end_state * mirror.end_state,
+    }
+    both: dict[str, Any] = {}
+    for field in fields(dataset):
+        column = getattr(dataset, field.name)
+        if isinstance(column, np.ndarray):
+            both[field.name] = np.concatenate([column, mirrored.get(field.name, column)])
+    return replace(dataset, **both)
+
 
 Rows = NDArray[np.intp]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.tasks.pushing.looks import pusher_visuals
 from sim.tasks.pushing.mass import TOOL_MASS
 from sim.tasks.pushing.mount import BLOCK_M, GRIP_M, ROOT_M
 from sim.tasks.pushing.params import PATCH_SIZE_M, PATCH_X_M
+from sim.tasks.pushing.scene import pusher_visuals
 from sim.tasks.shared.printing import box, cut, joined, library
 from sim.types import Part
 

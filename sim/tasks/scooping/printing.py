@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.tasks.scooping.looks import ADAPTER_M, HANDLE_SECTION_M
+from sim.tasks.scooping.scene import ADAPTER_M, HANDLE_SECTION_M
 from sim.tasks.shared.printing import box, cut, hole
 from sim.types import Part
 

@@ -17,13 +17,13 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
-from sim.tasks.shared import drake_log
+from sim.tasks.shared import drake
 
 RELAXATION_TIME_S = 0.120
 HUNT_CROSSLEY_S_M = 1.0
 """Default dissipation under "sap" and under "lagged"."""
 
-drake_log.silence()  # every scene uses this module; Drake warns that deformable bodies would not feel half spaces
+drake.silence()  # every scene uses this module; Drake warns that deformable bodies would not feel half spaces
 
 
 def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> None:

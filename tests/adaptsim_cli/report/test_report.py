@@ -80,7 +80,7 @@ def test_the_page_tells_what_the_operator_changed(store: SessionStore) -> None:
 
 def test_the_page_tells_where_the_numbers_come_from(store: SessionStore) -> None:
     html = page.render(store)
-    for fact in ("Converged: reward", "seed", "c" * 16, "h" * 16, "adaptsim 0.1.0", "next proposal"):
+    for fact in ("Converged: estimated reward", "seed", "c" * 16, "h" * 16, "adaptsim 0.1.0", "next proposal"):
         assert fact in html
 
 
@@ -120,7 +120,7 @@ def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store: SessionStore) -> 
 
 
 def test_the_times_of_an_iteration_add_up(store: SessionStore) -> None:
-    table = re.search(r'<table class="times">.*?</table>', page.render(store), re.DOTALL)
+    table = re.search(r'<h2>Time</h2>.*?<table class="times">.*?</table>', page.render(store), re.DOTALL)
     assert table is not None
     cells = re.findall(r'<td>([^<]+)</td><td class="n" data-label="iteration 1">([\d.]+)</td>', table[0])
     spent = {stage: float(seconds) for stage, seconds in cells}

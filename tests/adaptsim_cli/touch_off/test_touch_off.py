@@ -32,9 +32,8 @@ from sim.errors import UnknownName
 from sim.lab.world import Faults, Mount
 from sim.panda.correction import ToolCorrection
 from sim.panda.feelers import touchable
-from sim.panda.inverse import inverse
-from sim.panda.touch_plan import table_probes, tool_probes
-from sim.panda.touching import Probe
+from sim.panda.model import inverse
+from sim.panda.touching import Probe, table_probes, tool_probes
 from sim.tasks import get_task
 from sim.tasks.scooping import HARDWARE
 

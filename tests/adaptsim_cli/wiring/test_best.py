@@ -53,6 +53,22 @@ def test_the_best_policy_runs_and_is_exported_by_name(
     assert policy["quantities"]["parameters"][0]["unit"] == "kg"
 
 
+@pytest.mark.long
+def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    session = api.open_session(NAME)
+    assert "predicted from 2 trials, not yet tried" in session.report().read_text(encoding="utf-8")
+    assert app.run(["rollout", "--session", NAME, "--best", "--trials", "2", "--yes", "--json"]) == 0
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [(one["session"], one["iterations"]) for one in told] == [(NAME, 1)] * 2
+    page = session.report().read_text(encoding="utf-8")
+    assert "trials after the session" in page
+    assert "not yet tried" not in page
+    assert app.run(["rollout", "--task", "pendulum", "--trials", "2", "--yes"]) == 2
+    assert "--session NAME --best --trials" in capsys.readouterr().err
+
+
 def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["rollout", "--session", "own", "--best", "--yes", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)

@@ -15,8 +15,7 @@ from adaptsim_cli.session.on_rig import OnRig
 from hw.types import Array
 from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import load_world
+from sim.lab.world import load_world, rollouts_in
 from sim.research.benchmark.jobs import Job, Row
 from sim.research.benchmark.places import Place
 from sim.research.benchmark.sessions import Conditions

@@ -132,11 +132,15 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
     [
         ({"trials_csv": ""}, "trials.csv is empty"),
         ({"trials_csv": "trial,trial\n"}, "names a column twice"),
-        ({"trials_csv": "trial,outcome\nrun0,settled\n"}, "k11 is missing"),
+        ({"trials_csv": "trial,outcome\nrun0,settled\n"}, "has samples of trial run1, which is not listed"),
+        ({"trials_csv": "trial,outcome\n" + "".join(f"run{i},settled\n" for i in range(8))}, "run0: k11 is missing"),
         ({"trials_csv": "trial,outcome\nrun0\n"}, "line 2: 1 cells instead of 2"),
         ({"trajectories_csv": "trial,t_s,q1\n"}, "has no column 'q2'"),
         ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is no number"),
-        ({"trajectories_csv": HEAD + "run0,0,nan,0,0,0,0\n"}, "run0: state has values that are not finite"),
+        (
+            {"trajectories_csv": HEAD + "".join(f"run{i},0,nan,0,0,0,0\n" for i in range(8))},
+            "run0: state has values that are not finite",
+        ),
         ({"trajectories_csv": HEAD + "other,0,0,0,0,0,0\n"}, "trial run0 has no sample"),
         ({"manifest": 'task = "toss"\n[tables]\nstate = ["q1"]\n'}, "is of task toss, not of pendulum"),
         ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap or sessions"),

@@ -38,6 +38,8 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
     actions = np.array([trial.action_array for trial in session.trials])
     assert len(actions) == 6
     assert len(np.unique(actions, axis=0)) == len(actions)
+    assert app.run(["rollout", "--session", session.name, "--best", "--yes"]) == 2
+    assert "ran on recorded trials" in capsys.readouterr().err
     page = (session.folder / "report.html").read_text()
     assert "Predicted against observed" in page
     assert "16 recorded trials were held out" in page
@@ -88,10 +90,9 @@ def test_a_real_arm_and_another_solver_are_refused(recorded: Path, capsys: pytes
 
 
 def test_the_trials_of_a_session_are_recordings_for_another(home: Path, recorded: Path) -> None:
-    assert (
-        app.run(["run-iteration", "--task", "pendulum", "--world", "wd", "-n", "8", "--yes", "--session", "old"]) == 0
-    )
+    begun = ["run-iteration", "--task", "pendulum", "--world", "wd", "--method", "random", "--session", "old"]
+    assert app.run([*begun, "-n", "4", "--yes"]) == 0
     old = SessionStore.open(home / "data" / "sessions", "old")
-    assert run(old.folder, "-n", "2", "--held-out", "0.5") == 0
+    assert run(old.folder) == 0
     seen = {tuple(t.action.values()) for t in api.open_session("old").trials}
     assert {tuple(t.action.values()) for t in api.open_session("pendulum-old-adaptsim-seed0").trials} <= seen

@@ -10,7 +10,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.wiring.checkpoints import solver_of
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.errors import UnknownName
-from sim.research.methods.memory import new_policy, tensors_of
+from sim.research.methods.q_policy import new_policy, tensors_of
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.rollouts import Requests, Rollouts

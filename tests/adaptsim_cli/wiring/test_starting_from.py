@@ -43,7 +43,7 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
 ) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     run = ["run-iteration", "--task", "pendulum", "--yes", "--world", "wd"]
-    assert app.run([*run, "-n", "3", "--session", "old"]) == 0
+    assert app.run([*run, "--session", "old"]) == 0
     old, new = api.open_session("old"), api.begin("pendulum", start_from="old", name="new")
     before, after = old.posterior(0).quantiles((0.05, 0.95)), new.posterior(0).quantiles((0.05, 0.95))
     assert (after[1] - after[0] <= before[1] - before[0] + 1e-9).all()
@@ -63,7 +63,7 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
 
     assert app.run([*run, "--method", "udr", "--start-from", "old"]) == 2
     assert "udr knows no posterior" in capsys.readouterr().err
-    assert old.run_iteration().number == 4  # from now on its posterior is another one
+    assert old.run_iteration().number == 2  # from now on its posterior is another one
     assert app.run(["run-iteration", "--session", "new", "--yes"]) == 2
     assert "the posterior that it started from has changed" in capsys.readouterr().err
 

@@ -9,7 +9,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +25,19 @@ from hw.franka.settings import FrankaSettings, Payload
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import Array, JointPath
 
+SECOND = """
+import sys
+from hw.errors import DeviceUnavailable
+from fr3_process import RELAXED
+from hw.franka.arm import franka
+from hw.franka.settings import FrankaSettings
+from cells import cell
+if __name__ == "__main__":
+    try:
+        franka(cell("fr3"), FrankaSettings(sys.argv[1]), RELAXED).__enter__()
+    except DeviceUnavailable as error:
+        print(error)
+"""
 CHANGE_RAD = np.array([0.4, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4])
 
 
@@ -237,6 +252,39 @@ def test_an_arm_that_falls_silent_half_way_and_comes_back() -> None:
         timer.join()
         server.signal(signal.SIGCONT)
         recovers_and_moves_only_when_told(arm, "does not answer")
+
+
+@pytest.mark.long
+def test_a_second_program_on_this_computer_is_refused_and_the_first_goes_on(server: Fr3Process) -> None:
+    """In another process, as a second command would be."""
+    with arm_at(server) as arm:
+        second = subprocess.run(
+            [sys.executable, "-c", SECOND, server.host], capture_output=True, text=True, timeout=60.0, check=False
+        )
+        assert "another program on this computer is connected to the arm" in second.stdout, second
+        path = path_from(arm.state().q_rad, -0.1 * CHANGE_RAD, 0.6)
+        arm.execute(path)
+    with arm_at(server) as arm:
+        assert arm.state().fault is None, "the place is free again"
+
+
+@pytest.mark.long
+def test_an_arm_that_stands_still_for_seconds_between_check_and_motion_does_not_move(server: Fr3Process) -> None:
+    """Settings have no time limit of their own: without one for the beginning, the motion was played 5 s late."""
+    timing = replace(RELAXED, start_s=1.0)
+    with arm_at(server, timing=timing) as arm:
+        path = path_from(arm.state().q_rad, -0.1 * CHANGE_RAD, 0.6)
+        assert arm._player is not None
+        play = arm._player.play
+
+        def frozen(*arguments: Any) -> Any:
+            threading.Thread(target=pause, args=(server.pid, 2.5)).start()
+            threading.Event().wait(0.05)
+            return play(*arguments)
+
+        arm._player.play = frozen  # type: ignore[method-assign, assignment]
+        with pytest.raises(ArmFault, match=r"took \d\.\d s to begin the motion \(at most 1 s\); nothing has moved"):
+            arm.execute(path)
 
 
 @pytest.mark.long

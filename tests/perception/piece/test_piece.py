@@ -9,7 +9,7 @@ from table_scenes import AREA, at, box, close_up, food, studio
 
 from perception.errors import ObjectNotFound
 from perception.piece import find_piece, overlay
-from perception.piece.chroma import chromaticity, matte, without_halo
+from perception.piece.detection import chromaticity, matte, without_halo
 from sim.lab.kinect import kinect_model
 from sim.types import Visual
 

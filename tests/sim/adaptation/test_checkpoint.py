@@ -7,15 +7,13 @@ import tomli_w
 from toy_learning import trained
 from toy_task import TOY
 
-from sim.adaptation.card import CARD
-from sim.adaptation.checkpoint import MODEL, list_checkpoints, load_checkpoint, read_card, save_checkpoint
+from sim.adaptation.checkpoint import CARD, MODEL, list_checkpoints, load_checkpoint, read_card, save_checkpoint
 from sim.adaptation.methods import make_method
 from sim.errors import CheckpointError
-from sim.research.methods.memory import MemoryName, networks_of, new_policy, tensors_of
 from sim.research.methods.q_network import QNetwork
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import MemoryName, QPolicy, networks_of, new_policy, tensors_of
 from sim.solvers.emulator.solver import EmulatorSolver
-from sim.storage.tensors import load_tensors
+from sim.storage.files import load_tensors
 from sim.tasks import files_of, get_task
 from sim.types import Dimension, Space
 

@@ -6,14 +6,12 @@ import pytest
 from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
-from sim.adaptation.best import choose_best
-from sim.adaptation.judging import judge
+from sim.adaptation.judging import choose_best, judge
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
 from sim.adaptation.verdict import Kind
 from sim.errors import CheckpointError, UnknownName
-from sim.research.methods.memory import encode, inputs, look_back, new_policy, seen_in_session
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import QPolicy, encode, inputs, look_back, new_policy, seen_in_session
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 

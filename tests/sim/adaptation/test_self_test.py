@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hw.types import Array
 from sim.adaptation import checkpoint
-from sim.adaptation.card import CARD
+from sim.adaptation.checkpoint import CARD
 from sim.errors import CheckpointError
-from sim.storage.files import read_toml, sha256, write_toml
-from sim.storage.tensors import load_tensors, save_tensors
+from sim.storage.files import load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, get_task
-from sim.types import Array
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ from hw.types import Array, Frame, Intrinsics
 from perception.board import detect, draw, locate
 from perception.board.types import Board
 from sim.errors import SimError
+from sim.lab.arm import AIM_STD_M, TIP_M, touching_q_rad
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
-from sim.lab.guided_tip import AIM_STD_M, TIP_M, touching_q_rad
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing, World, load_world

@@ -19,8 +19,7 @@ from sim.lab.motion import Motion
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing
 from sim.panda.moves import move_path
-from sim.render.served import Moment, Picture
-from sim.render.studio import ThreadStudio
+from sim.render.studio import Moment, Picture, ThreadStudio
 
 T_PLACED_S, T_START_S = 1000.0, 1003.21
 

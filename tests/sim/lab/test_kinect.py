@@ -12,8 +12,7 @@ import pytest
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
-from sim.render.poses import STILL, held_still, within_exposure
-from sim.render.rays import pixel_rays
+from sim.render.rays import STILL, held_still, pixel_rays, within_exposure
 from sim.render.sensor import sense_colour
 from sim.types import Visual
 

@@ -16,7 +16,7 @@ from hw.errors import CameraError
 from hw.joint_limits import LIMITS
 from hw.types import ContactWindow, JointPath
 from sim.errors import NoHardware
-from sim.lab.calibration import nominal_of
+from sim.lab.calibrating import nominal_of
 from sim.lab.cell import Cell
 from sim.lab.chance import Chance
 from sim.lab.kinect import default_X_BC

@@ -6,8 +6,7 @@ import pickle
 
 import numpy as np
 
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import load_world
+from sim.lab.world import load_world, rollouts_in
 from sim.tasks import get_task
 
 TASK = get_task("pendulum")

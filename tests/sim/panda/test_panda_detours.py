@@ -12,8 +12,7 @@ from hw.joint_limits import LIMITS
 from hw.types import Array, JointPath
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda.detours import free_path
-from sim.panda.moves import move_path
+from sim.panda.moves import free_path, move_path
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
-from sim.panda.inverse import BRANCHES, inverse
+from sim.panda.model import BRANCHES, inverse
 
 
 def postures(n: int) -> np.ndarray:

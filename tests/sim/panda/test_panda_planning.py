@@ -11,7 +11,7 @@ from hw.mass import NOTHING
 from hw.types import Array, ContactWindow, JointPath
 from hw.workcell import Workcell
 from sim.errors import NotExecutable
-from sim.panda.inverse import inverse
+from sim.panda.model import inverse
 from sim.panda.moves import join_paths, move_path
 from sim.panda.planning import CLEAR_M, home, task_paths, trial_paths, vertical
 from sim.panda.redundancy import ALLOWED, GOOD_ENOUGH, profiles

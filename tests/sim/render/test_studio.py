@@ -13,8 +13,7 @@ import pytest
 from hw.errors import CameraError
 from hw.types import CameraModel, Intrinsics
 from sim.render.sensor import SensorNoise
-from sim.render.served import Moment, Picture, Scene
-from sim.render.studio import ProcessStudio, Studio, ThreadStudio
+from sim.render.studio import Moment, Picture, ProcessStudio, Scene, Studio, ThreadStudio
 from sim.types import Visual
 
 SQUARE = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])

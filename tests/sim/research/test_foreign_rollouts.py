@@ -14,8 +14,7 @@ from pydrake.planning import RobotDiagramBuilder
 from perception.types import Outcome
 from sim.lab.drawn import draw_world
 from sim.lab.physics import effects_in
-from sim.lab.rollouts import rollouts_in
-from sim.lab.world import load_world
+from sim.lab.world import load_world, rollouts_in
 from sim.research.mujoco import pushing, scooping, stepping
 from sim.tasks import get_task
 from sim.tasks.shared.carriage import drive_of

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.research.naf.reuse import features, plan_training
+from sim.research.naf.memory import features, plan_training
 from sim.tasks import get_task
 from sim.tasks.task import ReuseRules
 

@@ -5,11 +5,9 @@ import pytest
 from toy_learning import roll, train_naf
 from toy_task import PARAMETERS, TOY, best_action
 
-from sim.adaptation.card import CARD
-from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
+from sim.adaptation.checkpoint import CARD, load_checkpoint, save_checkpoint
 from sim.errors import CheckpointError, NotExecutable, UnknownName
-from sim.research.methods.memory import new_policy, tensors_of
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import QPolicy, new_policy, tensors_of
 from sim.research.naf.memory import RECORD, NafMemory
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.research.naf.solver import NafSolver, in_session, measure_misfit_limit, naf_facts, rules_of

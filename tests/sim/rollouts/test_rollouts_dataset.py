@@ -8,9 +8,9 @@ from toy_task import ACTION, TOY, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
-from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Denser, dataset_requests
 from sim.rollouts.draws import cover, sobol
+from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 

@@ -12,7 +12,7 @@ from sim.rollouts import Requests, process_pool, run_many, run_parts, serial_exe
 from sim.rollouts.dataset import dataset_requests
 from sim.rollouts.run import OUTCOMES
 from sim.tasks import get_task
-from sim.tasks.scene_key import scene_key
+from sim.tasks.fingerprint import scene_key
 from sim.tasks.scooping import rollout as scooping_rollout
 from sim.tasks.scooping import scene as scooping_scene
 

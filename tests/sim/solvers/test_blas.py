@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from sim.solvers.blas import one_blas_thread
+from sim.solvers.threads import one_blas_thread
 
 
 def threads() -> set[int]:

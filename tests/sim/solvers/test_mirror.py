@@ -8,8 +8,7 @@ from toy_learning import SETTINGS, dataset
 from toy_task import TOY
 
 from sim.rollouts import Dataset
-from sim.solvers.emulator.mirror import with_mirror_images
-from sim.solvers.emulator.training import train_emulator
+from sim.solvers.emulator.training import train_emulator, with_mirror_images
 from sim.tasks import get_task
 from sim.tasks.own_object import OwnObject, with_ranges
 from sim.tasks.task import Mirror

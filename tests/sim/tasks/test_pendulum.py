@@ -11,9 +11,8 @@ from sim.errors import NoHardware
 from sim.lab.world import list_worlds, load_world
 from sim.solvers.misfit import misfit
 from sim.tasks.pendulum import TASK
-from sim.tasks.pendulum.dynamics import GRAVITY_M_S2, exponential, linearise
-from sim.tasks.pendulum.lqr import closed_loop, cost, excess, optimal, riccati
 from sim.tasks.pendulum.params import START
+from sim.tasks.pendulum.rollout import GRAVITY_M_S2, closed_loop, cost, excess, exponential, linearise, optimal, riccati
 from sim.tasks.pendulum.solver import LqrSolver, rewards
 
 NOTHING = np.zeros(0)

@@ -14,8 +14,7 @@ from typing import Literal
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.card import Card, EvaluationReport
-from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Card, Checkpoint, EvaluationReport
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session

@@ -12,10 +12,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from hw.types import Array
-from sim.research.methods.memory import MemoryName
 from sim.research.methods.q_network import QNetwork
-from sim.research.pretraining.acting import LIBRARY
-from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.methods.q_policy import MemoryName
+from sim.research.pretraining.acting import LIBRARY, EmulatedRolls
 from sim.research.pretraining.episodes import Episodes, sparse
 from sim.research.pretraining.verification.statistics import Estimate, clustered
 from sim.rollouts.draws import trial_requests

@@ -14,27 +14,26 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from sim.adaptation.card import CARD, Card, EvaluationReport
-from sim.adaptation.checkpoint import read_card
+from sim.adaptation.checkpoint import CARD, Card, EvaluationReport, read_card
 from sim.errors import DatasetError
-from sim.research.methods.memory import MemoryName, restore_policy
 from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import MemoryName, restore_policy
 from sim.research.pretraining.episodes import Episodes
 from sim.research.pretraining.gate import gate_visits
+from sim.research.pretraining.logs import wall_times_s
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import MEMORIES, STAGES, policy_files, read_report, stage_seeds
-from sim.research.pretraining.timing import wall_times_s
 from sim.research.pretraining.verification.emulator import HeldOut, held_out
 from sim.research.pretraining.verification.policies import Pairs, PairSettings, compare_policies
 from sim.research.pretraining.verification.replays import Replays, replay
-from sim.rollouts.cache import CachedRollouts
 from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Roll, roll_in_parts, run_many
+from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.solvers.solver import Solver
-from sim.storage.tensors import load_tensors
+from sim.storage.files import load_tensors
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 

@@ -38,6 +38,9 @@ class Recorded:
         self.inner = Simulated(load_checkpoint(PENDULUM).solver, load_world("wd", PENDULUM))
         self.draws = []
 
+    def take(self, action):
+        self.inner.take(action)
+
     def play(self, contexts, actions, rng):
         self.draws.append(rng.bit_generator.state["state"]["state"])
         return self.inner.play(contexts, actions, rng)

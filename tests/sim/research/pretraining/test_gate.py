@@ -8,8 +8,7 @@ from toy_learning import trained
 from toy_task import TOY
 
 from sim.research.methods.q_network import QNetwork
-from sim.research.pretraining.acting import Solved
-from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.pretraining.acting import EmulatedRolls, Solved
 from sim.research.pretraining.episodes import Simulator
 from sim.research.pretraining.gate import learning_gate
 from sim.solvers.emulator.solver import EmulatorSolver

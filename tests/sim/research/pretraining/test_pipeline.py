@@ -13,11 +13,9 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
-from sim.research.methods.memory import networks_of, new_policy
-from sim.research.methods.q_policy import QPolicy
+from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.random_search import RandomSearch
-from sim.research.pretraining.acting import Library, Solved, fill_library
-from sim.research.pretraining.emulated import EmulatedRolls
+from sim.research.pretraining.acting import EmulatedRolls, Library, Solved, fill_library
 from sim.research.pretraining.episodes import Simulator, sparse, visit
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.gate import learning_gate

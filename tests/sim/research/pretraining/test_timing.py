@@ -1,7 +1,7 @@
 import pytest
 
 from sim.errors import DatasetError
-from sim.research.pretraining.timing import TIMINGS, Stopwatch, wall_times_s
+from sim.research.pretraining.logs import TIMINGS, Stopwatch, wall_times_s
 
 
 def test_time_counts_for_the_stage_that_is_reported_and_goes_on_after_a_kill(tmp_path):

@@ -14,9 +14,9 @@ from toy_task import ACTION, PARAMETERS, TOY, best_action, simulate
 from sim.adaptation.prospects import ProspectSettings
 from sim.errors import DatasetError
 from sim.research.pretraining.evaluation import EvaluationSettings
+from sim.research.pretraining.logs import TIMINGS
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import STAGES, PretrainBudget, pretrain
-from sim.research.pretraining.timing import TIMINGS
 from sim.research.pretraining.verification.emulator import reliability_bins
 from sim.research.pretraining.verification.policies import PairSettings, compare_policies, search_policies
 from sim.research.pretraining.verification.verify import (

@@ -13,7 +13,7 @@ import real_views
 
 from adaptsim_cli.calibration import arm_picture, conduct
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
-from calib.errors import UnusableViews
+from calib.errors import CalibrationRejected, UnusableViews
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +71,15 @@ def test_the_command_writes_the_pictures(folder: Path, tmp_path: Path, capsys: p
 
 
 def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Path) -> None:
-    conduct.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
-    assert (tmp_path / arm_picture.PICTURE).is_file()
+    with pytest.raises(CalibrationRejected, match="Solve again with --refine-intrinsics"):  # they state no distortion
+        conduct.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
+    with pytest.raises(
+        CalibrationRejected, match=r"stated error: \d\.\d+ mm, at most 5 mm"
+    ):  # a third of the former one
+        conduct.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), as_json=False)
+    for name in ("report", "refined"):
+        assert (tmp_path / name).with_suffix(".arm.jpg").is_file()
+        assert (tmp_path / name).with_suffix(".residuals.csv").is_file()
 
 
 def test_an_arm_of_unknown_looks_is_not_drawn(tmp_path: Path) -> None:

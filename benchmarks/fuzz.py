@@ -48,11 +48,10 @@ from calib.saved import SavedCalibration
 from hw.bounded import Unreadable, read_table
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
-from sim.adaptation.card import CARD
-from sim.adaptation.checkpoint import read_card
+from sim.adaptation.checkpoint import CARD, read_card
 from sim.errors import SimError
 from sim.lab.world import load_world
-from sim.storage.tensors import load_tensors
+from sim.storage.files import load_tensors
 from sim.tasks import files_of, get_task
 from sim.tasks.own_object import load_object
 

@@ -85,7 +85,7 @@ def views_of(target: str, number: int, setup: Setup, common_px: float, seed: int
         ids, px = view.corners.ids, view.corners.px
         if target == "board":
             ids = np.arange(setup.board.corners)
-            X = inverse(solution.X_AC) @ view.X_BF @ solution.X_HM
+            X = inverse(solution.X_AC) @ np.asarray(view.X_BF) @ solution.X_HM
             px = project(setup.colour, X[None], setup.board.p_MK_m[None])[0] + WHITE_PX * rng.standard_normal(
                 (len(ids), 2)
             )
@@ -103,7 +103,7 @@ def warp(p_m: Array, rng: np.random.Generator) -> Array:
 
 def plain(views: Sequence[View], setup: Setup) -> tuple[Array, Array]:
     """X_AC and X_HM by a soft-L1 bundle adjustment over pixels."""
-    X_AH = np.stack([view.X_BF for view in views])
+    X_AH = np.stack([np.asarray(view.X_BF) for view in views])
     sight = condense([v.name for v in views], [v.corners for v in views], setup.board, setup.colour)
     X_AC, X_HM = robust_start(X_AH, sight.X_CM[0])
     there = sight.weight > 0
@@ -119,7 +119,7 @@ def plain(views: Sequence[View], setup: Setup) -> tuple[Array, Array]:
 def predicted_px(X_AC: Array, X_HM: Array, views: Sequence[View], setup: Setup) -> float:
     off = []
     for view in views:
-        X = inverse(X_AC) @ view.X_BF @ X_HM
+        X = inverse(X_AC) @ np.asarray(view.X_BF) @ X_HM
         off.append(project(setup.colour, X[None], setup.board.p_MK_m[view.corners.ids][None])[0] - view.corners.px)
     return float(np.sqrt(np.mean([np.mean(np.sum(o**2, axis=1)) for o in off])))
 
@@ -158,7 +158,7 @@ def case(target: str, common_px: float, lens: bool, number: int, seed: int) -> R
         good = [worst_mm(s.X_AC, X_true, points) <= w for s, w in zip(solved, stated, strict=True)]
         wrong = rms([distance_mm(s.X_AC, X_true) for s in solved])
     else:
-        good = [worst_mm(solved[0].X_AC, solved[1].X_AC, points) <= float(np.hypot(*stated))]
+        good = [worst_mm(solved[0].X_AC, solved[1].X_AC, points) <= float(np.hypot(stated[0], stated[1]))]
         wrong = nan
     apart = distance_mm(solved[0].X_AC, solved[1].X_AC)
     said = "; ".join(s.choice.sentence for s in solved)

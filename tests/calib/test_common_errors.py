@@ -69,7 +69,9 @@ def test_halves_agree_as_well_as_by_a_plain_fit_over_pixels(common_px: float) ->
         ours.append(distance_mm(solved[0].X_AC, solved[1].X_AC))
         plain.append(distance_mm(*(by_pixels(half) for half in halves)))
         assert all(not s.rejected for s in solved)
-    assert np.hypot(*ours) < 2.0 * np.hypot(*plain) + 0.1  # weighed by the arm alone: three to five times
+    assert (
+        np.hypot(ours[0], ours[1]) < 2.0 * np.hypot(plain[0], plain[1]) + 0.1
+    )  # weighed by the arm alone: three to five times
 
 
 def test_the_common_error_is_told_from_errors_of_the_arm() -> None:

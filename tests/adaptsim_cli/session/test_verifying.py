@@ -32,7 +32,7 @@ def root(complete: SessionStore, tmp_path: Path) -> Path:
 
 
 def files_of(root: Path) -> list[Path]:
-    """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, with its end, and the lock."""
+    """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, and the lock."""
     files = [path for path in (root / NAME).rglob("*") if path.is_file() and not path.name.startswith(".")]
     return sorted(path for path in files if path.name not in ("report.html", "log.jsonl", "log.end"))
 

@@ -24,7 +24,7 @@ VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "
 class ToySession:
     def run(self, home: Path) -> None:
         with Path(os.devnull).open("w") as nothing:
-            vars(console)["Console"] = lambda **_: Console(file=nothing)
+            vars(console)["CleanConsole"] = lambda **_: Console(file=nothing)
             request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)
             settings = config.load({"task": "toy", "particles": 1}, {"ADAPTSIM_HOME": str(home)}, home)
             conduct.conduct(settings, request, opener(ToyLab(7)), page.write)

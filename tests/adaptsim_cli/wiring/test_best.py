@@ -58,7 +58,7 @@ def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     session = api.open_session(NAME)
-    assert "predicted from 2 trials, not yet tried" in session.report().read_text(encoding="utf-8")
+    assert "predicted from 2 trials" in session.report().read_text(encoding="utf-8")
     assert app.run(["rollout", "--session", NAME, "--best", "--trials", "2", "--yes", "--json"]) == 0
     told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [(one["session"], one["iterations"]) for one in told] == [(NAME, 1)] * 2

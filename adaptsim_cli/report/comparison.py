@@ -208,13 +208,18 @@ def _compared(store: SessionStore) -> Compared:
 
 
 def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
-    first, count = c.iterations[0], c.iterations[0].trials
-    told = f"first policy, {count} trial{'s' * (count != 1)}"
-    rows = [Level(c.title, "first", told, first.mean, first.low, first.high, colour, is_open=True)]
-    if c.result is not None:
-        best = c.result.best
-        told = f"adapted policy, {best.trials} trial{'s' * (best.trials != 1)}"
-        rows.append(Level(c.title, "adapted", told, best.mean_reward, *best.ci95, colour))
+    """First and last iteration as measured, and the policy that the session would go with as predicted."""
+    numbered = {"first": (1, c.iterations[0]), "last": (len(c.iterations), c.iterations[-1])}
+    if len(c.iterations) == 1:
+        del numbered["last"]
+    rows = [
+        Level(c.title, short, f"iteration {n}, {m.trials} trials", m.mean, m.low, m.high, colour)
+        for short, (n, m) in numbered.items()
+    ]
+    if c.result is not None and c.facts.method != "udr":
+        best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
+        told = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        rows.append(Level(c.title, kind, told, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 
 

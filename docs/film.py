@@ -41,7 +41,7 @@ Written by `python docs/film.py`, which types these commands into a terminal of 
 [The film](../figures/first-session.cast) plays with `asciinema play first-session.cast`; waits are cut to one second. [The same as a picture](../figures/first-session.svg).
 `make setup` is left out: it downloads for minutes. The address of the clone stands for that of the project.
 The task is the pendulum, which needs no arm and takes seconds. [The first session](first-session.md) does the same with the simulated robot.
-*Best so far* is the reward expected of the next policy, not one that was earned. The verdict is right that no parameters in the ranges explain this pendulum: `ood-1` lies outside of them, and `adaptsim` corrects the action for that.
+The verdict is right that no parameters in the ranges explain this pendulum: `ood-1` lies outside of them, and `adaptsim` corrects the action for that. The last trials confirm what was predicted.
 
 """
 
@@ -55,7 +55,7 @@ def commands(clone: Path) -> tuple[str, ...]:
         "adaptsim run-iteration --task pendulum --world ood-1 --session first --yes",
         "adaptsim run-iteration --session first --yes",
         "adaptsim sessions show first",
-        "adaptsim rollout --session first --best --yes",
+        "adaptsim rollout --session first --best --trials 2 --yes",
         "adaptsim report first",
     )
 

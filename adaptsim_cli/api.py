@@ -187,9 +187,9 @@ def begin(
 ) -> Session:
     """Begin a session in the simulated lab, or with the trials `recorded` in a folder; nothing is executed yet.
 
-    Of recorded trials, the share `held_out` only scores. `start_from` names a session whose posterior this one begins
-    with. Without a name it gets the default name of `adaptsim run-iteration`. Raises UsageError if a session of this
-    name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
+    `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
+    this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
+    UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.session import conduct
     from adaptsim_cli.wiring import session as wiring

@@ -1,4 +1,4 @@
-"""The checks of the checklist: each judges what was read and says what to do. Pure."""
+"""The checks of the checklist: each judges one reading and names the remedy. Pure."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Agreement:
     bias: float  # mean of observed minus predicted
     bias_low: float  # 95 % interval of it
     bias_high: float
-    unit: str  # of the errors: "mm", or that of what is observed
+    unit: str  # of the errors: "mm" for a place, else the unit of the observed quantity
 
     @property
     def inside(self) -> int:

@@ -34,7 +34,7 @@ class Believed:
 
 
 def disagreements(found: Sequence[Believed]) -> tuple[str, ...]:
-    """A sentence for each parameter of which two sessions have 90 % intervals apart; one sentence if there is none."""
+    """One sentence for each parameter whose 90 % intervals in two sessions do not overlap, or one if all overlap."""
     told = []
     for parameter in dict.fromkeys(one.parameter for one in found):
         mine = [one for one in found if one.parameter == parameter]

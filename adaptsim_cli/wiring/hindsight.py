@@ -15,7 +15,7 @@ from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import SessionStore, history_of, names, particles_of
+from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of
 from adaptsim_cli.session.summary import ROLLOUTS, rollout_names, rollout_record
 from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
@@ -168,13 +168,18 @@ def _is_place(task: Task) -> bool:
 
 
 def confirmed(store: SessionStore) -> tuple[float, ...]:
-    """Rewards of the rollouts of the session's present best policy. Unreadable ones are skipped."""
+    """Rewards of the rollouts of the session's present best policy: those since its newest result.
+
+    Older ones are not opened; unreadable ones are skipped.
+    """
     root, found = store.folder.parents[1] / ROLLOUTS, list[float]()
-    complete = sum(store.result(i) is not None for i in range(store.iterations()))
-    for name in rollout_names(root):
+    results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
+    for name in rollout_names(root) if results else ():
+        if (root / name).stat().st_mtime_ns < max(results):
+            continue
         with suppress(SessionError):
             record = rollout_record(root, name)
-            if (record.session, record.iterations) == (store.facts.name, complete):
+            if record.session == store.facts.name:
                 found.append(record.reward)
     return tuple(found)
 

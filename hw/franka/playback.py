@@ -197,8 +197,9 @@ class Playback:
         if i == len(self._stop_at):  # the end comes before the next moment to brake
             return
         self._stop_tick = self._stop_at[i]
-        self._last = self._stop_tick + self._stop_ticks[i]
-        self._slowed = self._all_slowed[i].tolist()
+        slowed = self._all_slowed[i].tolist()
+        self._slowed = [*slowed, slowed[-1]]
+        self._last = self._stop_tick + self._stop_ticks[i] + 1  # in the last millisecond of a stop it still moves
 
     def _stands(self, row: int, held: int) -> bool:
         still = max(map(abs, self._dq[row].tolist())) < STILL_RAD_S

@@ -60,7 +60,7 @@ def by_pixels(some: Sequence[View]) -> Array:
 
 
 @pytest.mark.parametrize("common_px", [0.2, 0.5, 1.0])
-def test_halves_agree_as_well_as_by_a_plain_fit_over_pixels(common_px: float) -> None:
+def test_halves_agree_nearly_as_well_as_by_a_plain_fit_over_pixels(common_px: float) -> None:
     ours, plain = [], []
     for seed in range(2):
         some = views(common_px, seed)
@@ -69,9 +69,8 @@ def test_halves_agree_as_well_as_by_a_plain_fit_over_pixels(common_px: float) ->
         ours.append(distance_mm(solved[0].X_AC, solved[1].X_AC))
         plain.append(distance_mm(*(by_pixels(half) for half in halves)))
         assert all(not s.rejected for s in solved)
-    assert (
-        np.hypot(ours[0], ours[1]) < 2.0 * np.hypot(plain[0], plain[1]) + 0.1
-    )  # weighed by the arm alone: three to five times
+    # 1.4 to 1.5 times, where a fit that knows no common errors has three to five times. The plain fit is not reached.
+    assert np.hypot(ours[0], ours[1]) < 1.6 * np.hypot(plain[0], plain[1])
 
 
 def test_the_common_error_is_told_from_errors_of_the_arm() -> None:

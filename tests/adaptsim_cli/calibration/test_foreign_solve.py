@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import json
 from pathlib import Path
@@ -93,7 +92,7 @@ def test_together_judges_names_what_it_drops_and_mends_an_exchange(
     assert not told["accepted"]
     assert set(told["cameras"][2]["views_rejected"]) == {"05", "12"}
     assert "05 and 12 look swapped" in told["cameras"][2]["faults"][0]["what"]
-    with contextlib.suppress(CalibrationRejected):
+    with pytest.raises(CalibrationRejected, match="stated error"):
         conduct.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
     mended = json.loads(capsys.readouterr().out)
     assert not mended["cameras"][2]["views_rejected"]
@@ -117,7 +116,7 @@ def test_one_repeated_pose_is_refused_in_words(tmp_path: Path) -> None:
 def test_reports_with_names_of_their_own_do_not_share_a_table(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path / "views")
     for name in ("one", "two"):
-        with contextlib.suppress(CalibrationRejected):
+        with pytest.raises(CalibrationRejected, match="stated error"):
             conduct.solve(folder, tmp_path / f"{name}.html", Wishes(), as_json=False)
     assert (tmp_path / "one.residuals.csv").exists()
     assert (tmp_path / "two.residuals.csv").exists()

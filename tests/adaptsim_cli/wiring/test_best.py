@@ -65,6 +65,8 @@ def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(
     page = session.report().read_text(encoding="utf-8")
     assert "trials after the session" in page
     assert "not yet tried" not in page
+    session.run_iteration()  # another policy
+    assert "predicted from 4 trials, not yet tried" in session.report().read_text(encoding="utf-8")
     assert app.run(["rollout", "--task", "pendulum", "--trials", "2", "--yes"]) == 2
     assert "--session NAME --best --trials" in capsys.readouterr().err
 

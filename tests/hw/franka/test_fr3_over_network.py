@@ -224,7 +224,7 @@ def test_a_program_that_ends_lets_the_arm_brake(server: Fr3Process) -> None:
         threading.Event().wait(0.05)
     got = server.commanded()
     assert 50 < len(got) < 2500, "it did not play to the end"
-    assert np.abs(np.diff(got[-20:], axis=0)).max() < 1e-8
+    assert np.abs(np.diff(got[-20:], axis=0)).max() < 1e-9
     assert np.abs(derivatives(got)[1]).max() <= LIMITS["fr3"].ddq_max_rad_s2.max()
 
 
